@@ -428,6 +428,7 @@ def _exports(parser: _Parser) -> None:
         action=_ExportPart,
         kinds="model",
         help="write the model: out.tra,sta,lab,srew,trew; out.all; out.dot; out.drn; out.umb; "
+        "out.jani; "
         "'stdout' for out prints. "
         "OPTIONS: actions, headers, rows, states, proplabels (=false), precision=N",
     )
@@ -442,6 +443,7 @@ def _exports(parser: _Parser) -> None:
         ("sccs", "sccs", "strongly connected components"),
         ("bsccs", "bsccs", "bottom strongly connected components"),
         ("mecs", "mecs", "maximal end components of an MDP"),
+        ("jani", "jani", "model with the values of its constants, and the properties, as JANI"),
     ):
         parser.add(
             f"export{name}",

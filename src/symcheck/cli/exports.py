@@ -16,6 +16,7 @@ from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path
 from symcheck.constant_values import combinations, parse_constants
 from symcheck.engines.base import Engine
 from symcheck.errors import UnsupportedError, UsageError
+from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.expressions.literals import format_state
 from symcheck.syntax.declarations import Program, PropertiesFile
 
@@ -116,13 +117,14 @@ def export_model(
     output: Output,
     model: Model,
     file: PropertiesFile,
+    indices: Sequence[int],
     constants: Mapping[str, Sequence[str]],
     varying: ConstantTexts = NO_CONSTANTS,
 ) -> None:
     """Write the parts of the model that switches name, and print the name of each file.
 
     file, constants: the properties, whose labels may be written too, with the first of the values
-    of each constant.
+    of each constant. indices: those that are written to a JANI file.
     """
     if a.exportdot is not None:
         _export_dot(a.exportdot, output, model.engine, varying)
@@ -135,9 +137,15 @@ def export_model(
         return
     from symcheck.exchange.api_io import export_targets
 
-    labels = model.properties(file, {n: v[0] for n, v in constants.items()}).labels
+    given = {n: v[0] for n, v in constants.items()}
+    labels = model.properties(file, given).labels
     output.line()
-    for path in export_targets(model, targets, output.out, labels):
+
+    def asked(exact: Model) -> list[BoundProperty]:
+        bound = exact.properties(file, given).properties
+        return [bound[i] for i in indices]
+
+    for path in export_targets(model, targets, output.out, labels, asked):
         output.exported(path)
 
 

@@ -85,7 +85,7 @@ def _check_instance(
     shared = None
     if plan is None:
         exports.export_constants(a, state.output, model, varying)
-        exports.export_model(a, state.output, model, file, of_properties, varying)
+        exports.export_model(a, state.output, model, file, indices, of_properties, varying)
         exports.report_distributions(a, state.output, model, varying)
         shared = model.shared_quotient(asked)
         if shared is not None:

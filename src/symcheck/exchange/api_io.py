@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TextIO, Unpack
 
-from symcheck.api import Model, ModelTypeName, model_type, takes_options
+from symcheck.api import Model, ModelTypeName, model_type, properties_file, takes_options
 from symcheck.check.context import Context
 from symcheck.check.state_formulas import satisfying
 from symcheck.engines.base import Engine, StateSet
@@ -17,10 +18,14 @@ from symcheck.errors import UnsupportedError, converts_memory_error
 from symcheck.exchange import export as targets
 from symcheck.exchange.explicit_data import ExplicitData, build_imported, imported_program
 from symcheck.exchange.explicit_export import explicit_export
+from symcheck.exchange.formats.jani_writer import jani_text
 from symcheck.exchange.formats.prism_reader import ModelFiles, read_files, read_model
+from symcheck.exchange.text import write_text
 from symcheck.options import Options, OptionValues, make_options
+from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, LabelReference, ModelType
+from symcheck.syntax.declarations import PropertiesFile
 
 if TYPE_CHECKING:
     from symcheck.simulate.steps import Steps
@@ -73,13 +78,17 @@ class ImportedModel(Model):
 
 
 @converts_memory_error()
-def export(model: Model, target: str) -> list[str]:
-    """Write a built model to files.
+def export(
+    model: Model, target: str, properties: str | Path | PropertiesFile | None = None
+) -> list[str]:
+    """Write a model to files. It is built, unless the format is JANI.
 
     Args:
         model: the model.
         target: FILES[:OPTIONS] as for -exportmodel: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`,
-            `die.umb`.
+            `die.umb`, `die.jani`.
+        properties: those that a JANI file holds, as for `Model.check_all`. The other formats have
+            none.
 
     Returns:
         The names of the files.
@@ -92,7 +101,13 @@ def export(model: Model, target: str) -> list[str]:
         >>> symcheck.export(model, "die.tra,sta")  # doctest: +SKIP
         ['die.tra', 'die.sta']
     """
-    return list(export_targets(model, targets.parse_target(target, "model"), sys.stdout))
+    parts = targets.parse_target(target, "model")
+    file = PropertiesFile() if properties is None else properties_file(properties)
+    return list(
+        export_targets(
+            model, parts, sys.stdout, properties=lambda exact: exact.properties(file).properties
+        )
+    )
 
 
 def export_targets(
@@ -100,15 +115,25 @@ def export_targets(
     parts: Sequence[targets.Target],
     out: TextIO,
     labels: Mapping[str, Expression] | None = None,
+    properties: Callable[[Model], Sequence[BoundProperty]] = lambda _: (),
 ) -> Iterator[str]:
-    """Write parts of a built model one after the other, and yield the names of the files.
+    """Write parts of a model one after the other, and yield the names of the files.
 
     Args:
         model: the model.
         parts: what is written where.
         out: the stream that 'stdout' stands for.
         labels: those of the model and of properties, if the latter may be written too.
+        properties: those that a JANI file holds, bound to the model with exact numbers.
     """
+    for part in parts:
+        if part.kind == "jani":
+            exact = replace(model, options=replace(model.options, exact=True))
+            write_text(part.path, jani_text(exact.bound, properties(exact)), out)
+            yield part.path
+    parts = [part for part in parts if part.kind != "jani"]
+    if not parts:
+        return
     engine = model.engine
     if model.bound.builder is not None:  # diagrams have no rewards of single transitions
         engine = build(model.bound, replace(model.options, engine="explicit"))

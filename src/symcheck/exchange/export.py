@@ -15,11 +15,12 @@ from symcheck.exchange.text import FULL_PRECISION, write_text
 
 __all__ = ["EXTENSIONS", "ExportOptions", "Target", "export", "file_options", "parse_target"]
 
-EXTENSIONS = ("tra", "sta", "lab", "srew", "trew", "dot", "drn", "umb")
+EXTENSIONS = ("tra", "sta", "lab", "srew", "trew", "dot", "drn", "umb", "jani")
 _ALL = ("tra", "sta", "lab", "srew", "trew")
 _SWITCHES = ("actions", "headers", "states", "proplabels", "rows", "rewards", "labels", "matlab")
 _IGNORED = ("obs", "zip")
-_FORMATS = ("explicit", "matlab", "dot", "drn", "umb")
+_WHOLE = ("dot", "drn", "umb", "jani")
+_FORMATS = ("explicit", "matlab", *_WHOLE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +78,7 @@ def parse_target(argument: str, model: str, options: ExportOptions | None = None
     """
     names, options, layout = _options(argument, options or ExportOptions())
     base, dotted, listed = names.rpartition(".")
-    if layout in ("dot", "drn", "umb"):
+    if layout in _WHOLE:
         return [Target(layout, names, options)]
     if listed == "m":
         options = replace(options, matlab=True)

@@ -24,7 +24,9 @@ from symcheck.syntax.operators import Function, Operator, UnaryOperator
 from symcheck.syntax.traversal import Tree, transform
 
 __all__ = [
+    "FUNCTIONS",
     "ONE",
+    "OPERATORS",
     "TRUE",
     "ZERO",
     "ExpressionReader",

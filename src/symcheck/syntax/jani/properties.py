@@ -48,9 +48,9 @@ from symcheck.syntax.jani.rewards import RewardRequest, has_branching_rewards, i
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import names, substitute
 
-__all__ = ["PropertyReader", "default_requests", "state_labels"]
+__all__ = ["FILTERS", "PropertyReader", "default_requests", "state_labels"]
 
-_FILTERS = {
+FILTERS = {
     "min": "min",
     "max": "max",
     "sum": "sum",
@@ -149,14 +149,14 @@ class PropertyReader(ExpressionReader):
 
     def _filter(self, node: Json) -> Expression:
         function = node["fun"]
-        if function.text not in _FILTERS:
+        if function.text not in FILTERS:
             raise function.fault(
-                f"'{function.text}' is no filter", f"filters are {' '.join(_FILTERS)}"
+                f"'{function.text}' is no filter", f"filters are {' '.join(FILTERS)}"
             )
         values, states = self.read(node["values"]), self.read(node["states"])
         if function.text == "values" and states == LabelReference("init"):
             return values
-        return Filter(_FILTERS[function.text], values, states, span=node.span)
+        return Filter(FILTERS[function.text], values, states, span=node.span)
 
     # ----------------------------------------------------------------------------------- measures
 
