@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -149,42 +149,11 @@ class Context:
 
     def type(self, expression: Expression) -> Type:
         """The type of a formula."""
-        return type_of(expression, self._names, _LabelTypes(self))
+        return type_of(expression, self._names, self._label_type)
 
-
-@dataclass(frozen=True)
-class _LabelTypes(Mapping[str, Type]):
-    """The types of references: a label is a bool, a property has the type of its formula."""
-
-    context: Context
-
-    def __getitem__(self, name: str) -> Type:
-        context = self.context
-        if (
-            name in ("init", "deadlock")
-            or name in context.labels
-            or name in context.engine.model.labels
-        ):
+    def _label_type(self, reference: LabelReference) -> Type:
+        """The type of a reference: a label is a bool, a property has the type of its formula."""
+        labels = (*self.labels, *self.engine.model.labels, "init", "deadlock")
+        if reference.name in labels:
             return Type.BOOL
-        reference = LabelReference(name)
-        return context.inside(reference).type(context.referred(reference))
-
-    def __contains__(self, name: object) -> bool:
-        return True  # looking up an unknown name reports it, with the known ones
-
-    def __iter__(self) -> Iterator[str]:
-        yield from (
-            "init",
-            "deadlock",
-            *self.context.labels,
-            *self.context.engine.model.labels,
-            *self.context.properties,
-        )
-
-    def __len__(self) -> int:
-        return (
-            len(self.context.labels)
-            + len(self.context.engine.model.labels)
-            + len(self.context.properties)
-            + 2
-        )
+        return self.inside(reference).type(self.referred(reference))

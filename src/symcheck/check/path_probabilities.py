@@ -21,6 +21,7 @@ from symcheck.check.path_formulas import (
 )
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, Values
+from symcheck.syntax.operators import OPERATOR_BY_TOKEN
 
 __all__ = ["complement", "probability", "qualitative"]
 
@@ -157,10 +158,8 @@ def qualitative(
     None if the probabilities themselves are needed.
     """
     if path.negative and isinstance(path, UntilPath):
-        mirrored = {"<": ">", "<=": ">=", ">": "<", ">=": "<="}[operator]
-        return qualitative(
-            context, negated(path), mirrored, 1 - threshold, direction and direction.dual
-        )
+        mirrored, dual = OPERATOR_BY_TOKEN[operator].mirrored, direction and direction.dual
+        return qualitative(context, negated(path), mirrored, 1 - threshold, dual)
     if threshold < 0 or threshold > 1:
         return (
             context.engine.all

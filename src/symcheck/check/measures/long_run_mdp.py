@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.measures.step_bounded import per_row
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
+from symcheck.engines.linear_system import per_row
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
 from symcheck.matrices.rows import Bools
@@ -31,17 +31,14 @@ def steady_probability(context: Context, states: StateSet, direction: Direction 
     """Least or greatest long-run fraction of the steps that are spent in `states`, certified."""
     system = context.engine.system(context.engine.all)
     return _average(
-        context, system, per_row(system, system.restrict(states)), direction, share=True
+        context, system, per_row(system.groups, system.restrict(states)), direction, share=True
     )
 
 
 def steady_reward(context: Context, reward: Reward, direction: Direction | None) -> Values:
     """Least or greatest long-run average of the reward per step, certified."""
     system = context.engine.system(context.engine.all)
-    states, rows = system.rewards(reward)
-    return _average(
-        context, system, np.asarray(per_row(system, states) + rows), direction, share=False
-    )
+    return _average(context, system, system.step_rewards(reward), direction, share=False)
 
 
 def _average(

@@ -18,11 +18,12 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.measures.reward_scaling import ScaledBound, dimension_order, scale_bound
-from symcheck.check.measures.step_bounded import best, per_row
+from symcheck.check.measures.step_bounded import best
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.engines.capabilities import HasBlocks
+from symcheck.engines.linear_system import per_row
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools
@@ -116,7 +117,7 @@ def reward_bounded_next(
     if engine.model.type is ModelType.CTMC:
         chances = chances / system.row_sums()
     sure = engine.to_bools(engine.graph.all_successors_in(target))
-    chances[per_row(system, sure)] = Fraction(1)
+    chances[per_row(system.groups, sure)] = Fraction(1)
     chances[~allowed] = Fraction(0)
     values = best(chances, system, direction)
     context.log.runs.append(SolverRun("steps", "one step", system.n, 1))
@@ -147,7 +148,7 @@ def row_rewards(context: Context, system: System, count: RewardWindow) -> Number
     check_uniform_rewards(context, count.reward, paying=bool(rows.any()))
     if kind is ModelType.CTMC:
         rows = rows / system.row_sums()
-    return np.asarray(per_row(system, states) + rows)
+    return np.asarray(per_row(system.groups, states) + rows)
 
 
 def check_uniform_rewards(context: Context, reward: Reward, *, paying: bool) -> None:

@@ -7,7 +7,7 @@ thousands of steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 
 import numpy as np
@@ -29,7 +29,6 @@ __all__ = [
     "cumulative_reward",
     "instantaneous_reward",
     "next_probability",
-    "per_row",
     "prob_greater_zero",
 ]
 
@@ -79,7 +78,16 @@ def bounded_until(
         possible = context.engine.graph.exists_until(left, path.right)
         goal = ~possible if path.negative else path.right
         between = (left - path.right) & possible
-        values = _within(context, between, goal, steps.upper - steps.lower, direction, end)
+        system = context.engine.system(between)
+        values = _repeat(
+            context,
+            system,
+            [system.full(end)],
+            steps.upper - steps.lower,
+            direction,
+            system.one_step_probability(goal),
+            [(goal, 1.0)],
+        )
     return (
         values if steps.lower == 0 else _delayed(context, left, values, steps.lower, direction, end)
     )
@@ -90,33 +98,6 @@ def prob_greater_zero(
 ) -> StateSet | None:
     """None: the values decide, as products of positive numbers are positive and zeros are exact."""
     return None
-
-
-def _within(
-    context: Context,
-    between: StateSet,
-    goal: StateSet,
-    steps: int,
-    direction: Direction | None,
-    end: int,
-) -> Values:
-    """Probability of reaching `goal` through `between` within `steps` steps.
-
-    Runs that are still in `between` then count as `end`.
-    """
-    engine = context.engine
-    system = engine.system(between)
-    enter = system.one_step_probability(goal)
-    x = system.full(end)
-    taken = 0
-    for taken in range(1, steps + 1):
-        y = best(system.operator.multiply(x) + enter, system, direction)
-        _observe(context, system, taken)
-        if np.array_equal(x, y):
-            break
-        x = y
-    _note(context, system.n, taken)
-    return _lift(context, system, x, x, [(goal, 1.0)], taken)
 
 
 def _delayed(
@@ -131,24 +112,12 @@ def _delayed(
     system = context.engine.system(left)
     lost = outside * system.one_step_probability(~left)
 
-    def step(x: Numbers, enter: Numbers | float = 0.0) -> Numbers:
-        return best(system.operator.multiply(x) + enter, system, direction)
-
     sides = [
-        step(inside, enter)
+        best(system.operator.multiply(inside) + enter, system, direction)
         for inside, enter in zip(values.at(left), system.one_step_values(values), strict=True)
     ]
-    if values.exact:
-        sides = sides[:1]
-    taken = 1
-    for taken in range(2, steps + 1):
-        following = [step(x, lost) for x in sides]
-        _observe(context, system, taken)
-        if all(map(np.array_equal, sides, following)):
-            break
-        sides = following
-    _note(context, system.n, taken)
-    return _lift(context, system, sides[0], sides[-1], [(~left, outside)], taken)
+    sides = sides[:1] if values.exact else sides
+    return _repeat(context, system, sides, steps, direction, lost, [(~left, outside)], taken=1)
 
 
 def cumulative_reward(
@@ -159,9 +128,7 @@ def cumulative_reward(
     assert steps is not None
     engine = context.engine
     system = engine.system(engine.all)
-    states, rows = system.rewards(reward)
-    per_step = per_row(system, states) + rows
-    return _repeat(context, system, system.full(0), steps, direction, per_step)
+    return _repeat(context, system, [system.full(0)], steps, direction, system.step_rewards(reward))
 
 
 def instantaneous_reward(
@@ -172,32 +139,33 @@ def instantaneous_reward(
     steps = Window(upper=time).steps().upper
     assert steps is not None
     system = engine.system(engine.all)
-    return _repeat(context, system, system.rewards(reward)[0], steps, direction, None)
-
-
-def per_row(system: System, states: Numbers) -> Numbers:
-    """A value per state spread over its rows."""
-    return states if system.groups is None else np.repeat(states, np.diff(system.groups))
+    return _repeat(context, system, [system.rewards(reward)[0]], steps, direction)
 
 
 def _repeat(
     context: Context,
     system: System,
-    x: Numbers,
+    sides: list[Numbers],
     steps: int,
     direction: Direction | None,
-    add: Numbers | None,
+    add: Numbers | int = 0,
+    rest: Sequence[tuple[StateSet, float]] = (),
+    taken: int = 0,
 ) -> Values:
-    taken = 0
-    for taken in range(1, steps + 1):
-        y = system.operator.multiply(x)
-        y = best(y if add is None else y + add, system, direction)
-        _observe(context, system, taken)
-        if np.array_equal(x, y):
+    """The values after `steps` steps, of which `taken` were taken; `add` is added in each.
+
+    sides: the values so far, or their lower and their upper bounds. rest: values of other states.
+    """
+    while taken < steps:
+        taken += 1
+        following = [best(system.operator.multiply(x) + add, system, direction) for x in sides]
+        if context.observer is not None:
+            context.observer(Progress("step by step", taken, 0.0, system.n))
+        if all(map(np.array_equal, sides, following)):
             break
-        x = y
+        sides = following
     _note(context, system.n, taken)
-    return _lift(context, system, x, x, [], taken)
+    return _lift(context, system, sides[0], sides[-1], rest, taken)
 
 
 def _lift(
@@ -205,7 +173,7 @@ def _lift(
     system: System,
     low: Numbers,
     high: Numbers,
-    rest: list[tuple[StateSet, float]],
+    rest: Sequence[tuple[StateSet, float]],
     steps: int,
 ) -> Values:
     """Values that include the rounding error of the given number of steps."""
@@ -214,11 +182,6 @@ def _lift(
     if context.engine.exact or rounding <= ROUNDING:
         return system.lift(low, None if high is low else high, rest, exact=high is low)
     return system.lift(low - rounding * np.abs(low), high + rounding * np.abs(high), rest)
-
-
-def _observe(context: Context, system: System, taken: int) -> None:
-    if context.observer is not None:
-        context.observer(Progress("step by step", taken, 0.0, system.n))
 
 
 def _note(context: Context, unknowns: int, steps: int) -> None:

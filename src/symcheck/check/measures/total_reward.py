@@ -6,7 +6,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.measures.reachability import reach_reward
-from symcheck.check.measures.step_bounded import best, per_row
+from symcheck.check.measures.step_bounded import best
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
@@ -31,8 +31,7 @@ def total_reward(context: Context, reward: Reward, direction: Direction | None) 
     """
     engine = context.engine
     whole = engine.system(engine.all)
-    states, rows = whole.rewards(reward)
-    per_step = per_row(whole, states) + rows
+    per_step = whole.step_rewards(reward)
     if len(per_step) and per_step.min() < 0:
         raise UnsupportedError("a total reward with negative rewards is not supported; C<=k is")
     if direction is Direction.MAX:

@@ -10,7 +10,6 @@ from math import inf
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.measures.step_bounded import per_row
 from symcheck.check.omega_regular.ltl import linear_product
 from symcheck.check.path_formulas import StatesOf, TemporalPath, temporal
 from symcheck.check.reward_queries import reward_of
@@ -20,7 +19,6 @@ from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, Int32s
 from symcheck.numerics.graph import Incidence
 from symcheck.numerics.multi_objective import linear_program as numerics
-from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import window
 from symcheck.syntax.ast import CumulativeReward, ProbabilityOperator, RewardOperator
 
@@ -109,13 +107,11 @@ def _equations(
     for o, k in zip(objectives, limits, strict=True):
         own = full(matrix.rows, 0, exact=engine.exact)
         if isinstance(o.formula, RewardOperator):
-            own = _row_rewards(engine, reward_of(chain.context, o.formula))
+            own = engine.system(engine.all).step_rewards(reward_of(chain.context, o.formula))
             if (own < 0).any():
                 raise UnsupportedError("negative rewards in multi(...) are not supported")
             if k is not None:
-                own = np.where(
-                    np.repeat(engine.to_bools(counts[k]), np.diff(matrix.groups)), own, 0 * own
-                )
+                own = np.where(matrix.rows_of(engine.to_bools(counts[k])), own, 0 * own)
             if o.sign < 0:
                 costless &= np.asarray(own == 0, dtype=np.bool_)
         rewards.append(o.sign * own)
@@ -134,13 +130,6 @@ def _equations(
     return numerics.Flow(
         matrix, initial, np.array(rewards, dtype=kind).reshape(-1, matrix.rows), stays
     )
-
-
-def _row_rewards(engine: Engine, reward: Reward) -> Numbers:
-    """The reward of each row."""
-    system = engine.system(engine.all)
-    states, rows = system.rewards(reward)
-    return np.asarray(per_row(system, states) + rows)
 
 
 def _lifted(product: Product, pairs: list[list[StateSet]] | None) -> list[list[StateSet]] | None:

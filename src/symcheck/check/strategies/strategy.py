@@ -42,7 +42,7 @@ from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import is_infinite
-from symcheck.matrices.rows import Bools, Int64s, spans
+from symcheck.matrices.rows import Bools, Int64s, first_best, spans
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.semantics.rewards import Reward
@@ -180,9 +180,7 @@ class _StrategyBuilder:
         """Choose rows with maximal (minimal) probability of entering the target."""
         values = self.engine.system(self.engine.all).one_step_probability(target)
         values = values if self.direction is Direction.MAX else -values
-        best = np.maximum.reduceat(values, self.edges.groups[:-1])
-        first = np.flatnonzero(values == np.repeat(best, np.diff(self.edges.groups)))
-        self.rows[self.edges.owner[first[::-1]]] = first[::-1]
+        self.rows = first_best(values, self.edges.groups)
 
     def until(self, left: StateSet, right: StateSet) -> None:
         """Choose rows with maximal (minimal) probability of left U right."""

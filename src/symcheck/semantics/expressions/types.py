@@ -62,13 +62,15 @@ _BOOLEAN_FILTERS = frozenset({"count", "forall", "exists"})
 
 @with_deep_recursion
 def type_of(
-    expression: Expression, lookup: Mapping[str, Type], labels: Mapping[str, Type] | None = None
+    expression: Expression,
+    lookup: Mapping[str, Type],
+    label: Callable[[LabelReference], Type | None] | None = None,
 ) -> Type:
     """The type of a state expression.
 
     Args:
         lookup: types of names.
-        labels: types of labels and properties; None: no references and no operators such as P are
+        label: the type of a label or property; None: no references and no operators such as P are
             allowed.
 
     Raises:
@@ -81,12 +83,7 @@ def type_of(
             report.name("unknown-name", f"unknown name {node.name}", node.span)
         return lookup.get(node.name)
 
-    def label(node: LabelReference) -> Type | None:
-        if labels is not None and node.name not in labels:
-            report.name("unknown-label", f'unknown label "{node.name}"', node.span)
-        return (labels or {}).get(node.name)
-
-    actual = Typer(report, name, None if labels is None else label).state(expression)
+    actual = Typer(report, name, label).state(expression)
     report.raise_all()
     assert actual is not None
     return actual
