@@ -10,6 +10,7 @@ import pytest
 
 MODULES = (
     "symcheck.api",
+    "symcheck.check.result",
     "symcheck.dd.cudd.extension",
     "symcheck.dd.manager",
     "symcheck.engines.states",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from math import isinf, isnan
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -43,6 +44,7 @@ from symcheck.syntax.declarations import Property
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
     from symcheck.check.bisimulation.quotient import Quotient
+    from symcheck.check.counterexample import Counterexample
     from symcheck.engines.explicit.strategy import Strategy
 
 __all__ = ["check"]
@@ -122,7 +124,14 @@ def check(
         witness=log.witness,
         seconds=perf_counter() - started,
         engine=engine,
+        explain=partial(_explanation, replace(context, log=CheckLog()), formula),
     )
+
+
+def _explanation(context: Context, formula: Expression, paths: int | None) -> Counterexample:
+    from symcheck.check.explanation.find import find_counterexample
+
+    return find_counterexample(context, formula, paths)
 
 
 def _check_on_quotient(

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING, assert_never
 
 from symcheck.engines.base import Engine
 from symcheck.engines.states import States, StateValues
-from symcheck.errors import UnsupportedError
+from symcheck.errors import UnsupportedError, UsageError
 from symcheck.semantics.expressions.literals import format_state, format_value, to_float
 from symcheck.tables import Table
 
 if TYPE_CHECKING:
+    from symcheck.check.counterexample import Counterexample
     from symcheck.engines.explicit.strategy import Strategy
 
 __all__ = [
@@ -141,6 +142,7 @@ class Result:
         warnings: one sentence each.
         seconds: time of the check.
         engine: on which the property was checked.
+        explain: finds a counterexample with at most so many paths.
     """
 
     value: Answer
@@ -155,6 +157,31 @@ class Result:
     warnings: tuple[str, ...] = ()
     seconds: float = field(default=0.0, repr=False)
     engine: Engine | None = field(default=None, repr=False)
+    explain: Callable[[int | None], Counterexample] | None = field(default=None, repr=False)
+
+    def counterexample(self, paths: int | None = None) -> Counterexample:
+        """Likeliest paths, and few commands, that show why a bound `P<=p [ … ]` is false, or true.
+
+        See `symcheck.check.explanation.find.find_counterexample`.
+
+        Args:
+            paths: the most paths; None for 1000.
+
+        Raises:
+            UnsupportedError: the property is no bound on a probability, or no set of paths shows
+                its value.
+
+        Examples:
+            >>> import symcheck
+            >>> die = symcheck.load("models/die/die.pm")
+            >>> print(die.check("P<=0.13 [ F d=6 ]").counterexample().paths[0])
+            (s=0, d=0) -> (s=2, d=0) -> (s=6, d=0) -> (s=7, d=6)
+        """
+        if paths is not None and paths < 0:
+            raise UsageError(f"paths={paths}: expected a number of paths from 0")
+        if self.explain is None:
+            raise UnsupportedError("this result is not that of a check: there are no paths")
+        return self.explain(paths)
 
     @property
     def bounds(self) -> tuple[Number, Number]:

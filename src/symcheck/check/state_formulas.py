@@ -47,7 +47,15 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.operators import Operator, UnaryOperator, connect
 
-__all__ = ["applied_filter", "is_plain", "modern_filter", "numbers", "satisfying", "states_of"]
+__all__ = [
+    "applied_filter",
+    "is_plain",
+    "modern_filter",
+    "numbers",
+    "satisfying",
+    "states_of",
+    "threshold_of",
+]
 
 
 def is_plain(expression: Expression) -> bool:
@@ -215,7 +223,7 @@ def _comparison(context: Context, formula: Binary, matter: StateSet) -> StateSet
 
 def _bounded(context: Context, formula: AnyMeasure, bound: Bound, matter: StateSet) -> StateSet:
     """The states that satisfy a measure with a bound, by graph analysis where it decides."""
-    operator, threshold = bound.operator.value, _threshold(bound)
+    operator, threshold = bound.operator.value, threshold_of(bound)
     direction = _direction(context, formula, operator)
     compute: Callable[[Context], Values]
     if isinstance(formula, ProbabilityOperator):
@@ -266,7 +274,8 @@ def _exactly(context: Context, formula: Expression, matter: StateSet) -> StateSe
     return context.engine.from_bools(exact.engine.to_bools(satisfying(exact, twin, asked)))
 
 
-def _threshold(bound: Bound) -> Fraction:
+def threshold_of(bound: Bound) -> Fraction:
+    """The threshold of a bound. Raises InputError if it is infinite."""
     value = evaluate(bound.threshold, {}, exact=True)
     if isinstance(value, float):
         raise InputError(

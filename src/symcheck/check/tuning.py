@@ -50,3 +50,13 @@ LUMPING_OPERATIONS = 40_000_000
 the hardest one that was measured, takes 35 million."""
 LUMPING_OPERATIONS_WITHOUT_ALTERNATIVE = 1_000_000_000
 """Likewise without an alternative: some ten minutes."""
+
+# Counterexamples (explanation/).
+COUNTEREXAMPLE_PATHS = 1000
+"""Paths of a counterexample, unless another number is asked for."""
+PATH_STEPS = 20_000_000
+"""The most states times steps of a bounded path formula: two numbers are stored for each."""
+COMMAND_STATES = 20_000
+"""The most states of a model whose commands are found again, state by state, in Python."""
+COMMAND_SET_CHECKS = 2000
+"""Sets of commands that are checked before a small set takes the place of a smallest one."""

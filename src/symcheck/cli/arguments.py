@@ -110,6 +110,8 @@ class Arguments(argparse.Namespace):
     exportstrat: str | None
     importstrat: str | None
     exportvector: str | None
+    counterexample: bool
+    exportcounterexample: str | None
     nobuild: bool
     test: bool
     testall: bool
@@ -571,6 +573,17 @@ def _output(parser: _Parser) -> None:
         metavar="FILE",
         action=_BuiltModel,
         help="write the value of each property in every state, a line per state",
+    )
+    parser.add(
+        "counterexample",
+        action="store_true",
+        help="show why a bound P<=p [...] is false or true: likeliest paths, and few commands",
+    )
+    parser.add(
+        "exportcounterexample",
+        metavar="FILE",
+        action=_BuiltModel,
+        help="write them: .txt, .json or .dot",
     )
     parser.add("nobuild", action="store_true", help="only read the model")
     parser.add(

@@ -19,7 +19,13 @@ from symcheck.cli.output import Output
 from symcheck.cli.output_paths import ConstantTexts, instance_path
 from symcheck.cli.properties_input import UnparsedProperty
 from symcheck.cli.run_state import RunState
-from symcheck.errors import InternalError, OutputError, ResourceError, SymcheckError
+from symcheck.errors import (
+    InternalError,
+    OutputError,
+    ResourceError,
+    SymcheckError,
+    UnsupportedError,
+)
 from symcheck.experiments.rows import Row, error_text, row_of
 from symcheck.machine import memory_ended
 
@@ -149,9 +155,27 @@ def internal_error(error: Exception) -> InternalError:
 def _write_files(a: Arguments, output: Output, result: Result, varying: ConstantTexts) -> None:
     if result.strategy is not None and a.exportstrat is not None:
         _write_strategy(a.exportstrat, output, result, varying)
+    if a.counterexample or a.exportcounterexample is not None:
+        _explain(a, output, result, varying)
     if a.exportvector is not None:
         path = instance_path(a.exportvector, varying)
         _write_vector(path, output, result, a.exportprecision)
+
+
+def _explain(a: Arguments, output: Output, result: Result, varying: ConstantTexts) -> None:
+    """Print and write a counterexample."""
+    try:
+        found = result.counterexample()
+    except UnsupportedError as error:
+        output.warn(f"no counterexample: {error}")
+        return
+    if a.counterexample:
+        output.line()
+        output.line(str(found))
+    if a.exportcounterexample is not None:
+        path = instance_path(a.exportcounterexample, varying)
+        found.save(path)
+        output.exported(path)
 
 
 def _write_strategy(argument: str, output: Output, result: Result, varying: ConstantTexts) -> None:

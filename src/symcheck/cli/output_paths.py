@@ -68,6 +68,14 @@ def check_files(a: Arguments) -> None:
         if not (a.test or a.testall):
             raise UsageError("-exporttests needs tests\n  hint: add -testall")
         _check_folder("-exporttests", Path(a.exporttests))
+    if a.exportcounterexample is not None:
+        from symcheck.check.counterexample import check_counterexample_file
+
+        try:
+            check_counterexample_file(a.exportcounterexample)
+        except UsageError as error:
+            raise UsageError(f"-exportcounterexample: {error}") from None
+        _check_folder("-exportcounterexample", Path(a.exportcounterexample))
     if a.exportpage is not None:
         page = Path(a.exportpage)
         if page.suffix.lower() not in (".html", ".htm"):

@@ -13,13 +13,12 @@ from symcheck.engines.transition_actions import transition_parts
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.states import StateLayout
 from symcheck.matrices.contributions import TransitionParts
+from symcheck.semantics.command_text import command_text
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.interpreter import State, choices, state_rewards, valuation
 from symcheck.semantics.model import BoundCommand, BoundModel, Value
 from symcheck.simulate.path import PathStep
 from symcheck.syntax.ast import ModelType
-from symcheck.syntax.declarations import RenamedModule
-from symcheck.syntax.printer import pretty
 
 __all__ = ["Branch", "Choice", "Steps", "TableSteps"]
 
@@ -54,24 +53,8 @@ class Choice:
     def text(self) -> str:
         """The commands as they stand in the model; `[action]` if there are none."""
         model = self.model
-        texts = [] if model is None else [_command_text(model, c) for c in self.commands]
+        texts = [] if model is None else [command_text(model, c) for c in self.commands]
         return " || ".join(texts) or f"[{self.action or ''}]"
-
-
-def _command_text(model: BoundModel, command: BoundCommand) -> str:
-    """The text of a command; that of a renamed module has the new names.
-
-    An edge of a JANI model, which is an object { … }, is printed as a command.
-    """
-    name, text = model.modules[command.module].name, " ".join(command.span.text.split())
-    renamed = any(isinstance(m, RenamedModule) and m.name == name for m in model.program.modules)
-    if not renamed and not text.startswith("{"):
-        return text.rstrip("; ")
-    updates = []
-    for update in command.updates:
-        sets = [f"({model.variables[i].name}'={pretty(e)})" for i, e in update.assignments]
-        updates.append(f"{pretty(update.probability)} : {' & '.join(sets) or 'true'}")
-    return f"[{command.action or ''}] {pretty(command.guard)} -> {' + '.join(updates)}"
 
 
 class Steps:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from symcheck.check.counterexample import Counterexample
 from symcheck.check.result import Result
 from symcheck.engines.base import Engine, erased
 from symcheck.errors import UsageError
@@ -44,7 +45,7 @@ def state_graph(
     values: Result | Sequence[float] | None = None,
     strategy: Strategy | Result | None = None,
     sets: Mapping[str, States] | None = None,
-    path: StatesOnPath | None = None,
+    path: StatesOnPath | Counterexample | None = None,
     around: States | None = None,
     radius: int = 2,
     marked: States | None = None,
@@ -61,7 +62,8 @@ def state_graph(
             is drawn on the product of the model with its memory.
         sets: sets of states by name, each in a colour of its own: formulas such as "d=6", sets of
             the engine, bool[n], or numbers of states.
-        path: states whose transitions are red: a random path, a witness, or states as tuples.
+        path: states whose transitions are red: a random path, a witness, states as tuples, or a
+            counterexample, of which all paths are drawn.
         around: draw only states within `radius` steps, forward or backward, of these.
         radius: see `around`.
         marked: states that are drawn in green.
@@ -101,7 +103,7 @@ def state_graph(
         numbers=None if values is None else [_value(v) for v in graph.numbers(values)],
         rows=None if chosen is None else np.where(chosen.matters, chosen.rows, -1),
         sets=coloured,
-        steps=() if path is None else tuple(pairwise(graph.number(s) for s in path)),
+        steps=() if path is None else _steps(graph, path),
         marked=None if marked is None else graph.members(marked),
         names=names,
         title=title,
@@ -124,6 +126,13 @@ def _part(
     if len(drawn) > max_states:
         raise refuse(len(drawn), max_states)
     return drawn, graph.distances(start, radius, 0, back=False)
+
+
+def _steps(graph: ChoiceGraph, path: StatesOnPath | Counterexample) -> tuple[tuple[int, int], ...]:
+    """The transitions of a path, or of all paths of a counterexample."""
+    if isinstance(path, Counterexample):
+        return tuple((graph.number(a), graph.number(b)) for a, b in path.steps)
+    return tuple(pairwise(graph.number(s) for s in path))
 
 
 def _value(value: object) -> str:

@@ -1,0 +1,1 @@
+"""Counterexamples and witnesses of bounds on probabilities: likeliest paths, and few commands."""
