@@ -1,22 +1,82 @@
-"""Write a file completely or not at all."""
+"""Read and write whole files, compressed if their names end in .gz or .xz.
+
+A file is written completely or not at all.
+"""
 
 from __future__ import annotations
 
 import errno
+import gzip
+import io
+import lzma
 import os
-from collections.abc import Callable
-from contextlib import suppress
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import TextIO
 
 from symcheck.errors import OutputError, SymcheckError, UsageError
 
-__all__ = ["output_fault", "remove_unfinished", "write_whole"]
+__all__ = [
+    "COMPRESSED",
+    "open_for_text",
+    "output_fault",
+    "read_whole",
+    "remove_unfinished",
+    "uncompressed_name",
+    "write_whole",
+]
+
+COMPRESSED = (".gz", ".xz")
+"""The endings of compressed files."""
 
 _UNFINISHED: set[Path] = set()
 """The temporary files of this process."""
 
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE)
 """What is wrong with a medium, and not with the name of a file."""
+
+
+def uncompressed_name(path: str | Path) -> tuple[str, str]:
+    """The name of a file without `.gz` or `.xz`, and that ending ("" if there is none)."""
+    name = str(path)
+    ending = name[-3:] if name.endswith(COMPRESSED) else ""
+    return name.removesuffix(ending), ending
+
+
+def read_whole(path: str | Path) -> bytes:
+    """The bytes of a file, uncompressed. Raises UsageError if it cannot be read."""
+    if not str(path):
+        raise UsageError("the name of a file is empty")
+    _, ending = uncompressed_name(path)
+    try:
+        data = Path(path).read_bytes()
+        return {".gz": gzip.decompress, ".xz": lzma.decompress}.get(ending, bytes)(data)
+    except (EOFError, zlib.error, lzma.LZMAError, gzip.BadGzipFile) as error:
+        raise UsageError(f"cannot read {path}: not a whole {ending} file: {error}") from None
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+@contextmanager
+def open_for_text(path: Path, name: str | Path) -> Iterator[TextIO]:
+    """Open a file for writing text, compressed as a name asks for."""
+    match uncompressed_name(name)[1]:
+        case ".gz":
+            # Without a time and a name, the same text gives the same file.
+            with (
+                path.open("wb") as whole,
+                gzip.GzipFile("", "wb", fileobj=whole, mtime=0) as packed,
+                io.TextIOWrapper(packed, encoding="utf-8") as file,
+            ):
+                yield file
+        case ".xz":
+            with lzma.open(path, "wt", encoding="utf-8") as file:
+                yield file
+        case _:
+            with path.open("w", encoding="utf-8") as file:
+                yield file
 
 
 def write_whole(target: str | Path, write: Callable[[Path], object], ending: str = ".part") -> None:

@@ -400,7 +400,8 @@ def _imports(parser: _Parser) -> None:
     parser.add(
         "importmodel",
         metavar="BASE.all",
-        help="read the model from BASE.tra, .sta, .lab, .srew, .trew (or BASE.tra,sta,…)",
+        help="read the model from BASE.tra, .sta, .lab, .srew, .trew (or BASE.tra,sta,…), from a "
+        "file .drn or .umb; files .gz and .xz are compressed",
     )
     for name, what in (
         ("trans", "transitions (.tra)"),

@@ -8,24 +8,30 @@ from symcheck.api import Model
 from symcheck.cli.arguments import Arguments
 from symcheck.errors import UsageError
 from symcheck.syntax.parse import is_jani, parse_model_file
+from symcheck.whole_file import uncompressed_name
 
 __all__ = ["choose_model_file", "read_model"]
 
 _MODEL_ENDINGS = (".pm", ".sm", ".nm", ".prism", ".jani")
-_EXPLICIT_ENDINGS = (".all", ".umb")
+_EXPLICIT_ENDINGS = (".all", ".umb", ".drn")
+
+
+def _ends(path: str, endings: tuple[str, ...]) -> bool:
+    """Whether the name of a file, compressed or not, has one of the endings."""
+    return uncompressed_name(path)[0].endswith(endings)
 
 
 def choose_model_file(a: Arguments) -> str:
     """The file of the model. The files without a switch become the model and the properties.
 
-    A first file `*.all` or `*.umb` is an explicit model. If an -import switch names the model, the
-    first file is that of the properties. A JANI file has properties of its own, which are checked
-    if no others are given.
+    A first file `*.all`, `*.umb` or `*.drn` is an explicit model. If an -import switch names the
+    model, the first file is that of the properties. A JANI file has properties of its own, which
+    are checked if no others are given.
 
     Raises:
         UsageError: there is no model, or there are two.
     """
-    if a.importmodel is None and a.model is not None and a.model.endswith(_EXPLICIT_ENDINGS):
+    if a.importmodel is None and a.model is not None and _ends(a.model, _EXPLICIT_ENDINGS):
         a.model, a.properties, a.importmodel = a.properties, None, a.model
     if a.importmodel is not None and a.importtrans is not None:
         raise UsageError("-importmodel and -importtrans both name a model to read")
@@ -38,11 +44,11 @@ def choose_model_file(a: Arguments) -> str:
         if file is not None and not a.imports_model:
             raise UsageError(f"-{switch} needs -importtrans, which names the transitions")
     if a.imports_model and a.properties is None:
-        if a.model is not None and a.model.endswith(_MODEL_ENDINGS):
+        if a.model is not None and _ends(a.model, _MODEL_ENDINGS):
             raise UsageError(f"'{a.model}' and -import… both name a model to read")
         a.model, a.properties = None, a.model
-    if a.model is not None and not a.model.endswith(_MODEL_ENDINGS):
-        if a.properties is not None and a.properties.endswith(_MODEL_ENDINGS):
+    if a.model is not None and not _ends(a.model, _MODEL_ENDINGS):
+        if a.properties is not None and _ends(a.properties, _MODEL_ENDINGS):
             raise UsageError(
                 f"'{a.model}' stands in the place of the model, and '{a.properties}' in that of "
                 "the properties\n  hint: symcheck MODEL PROPERTIES"

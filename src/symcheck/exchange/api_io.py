@@ -155,7 +155,9 @@ def export_targets(
 def load_explicit(
     files: str, *, type: ModelType | ModelTypeName | None = None, **options: Unpack[OptionValues]
 ) -> Model:
-    """Read a model from explicit files: `die.all` or `die.tra,lab` as in PRISM, or `die.umb`.
+    """Read a model from explicit files: `die.all`, `die.tra,lab`, `die.drn` or `die.umb`.
+
+    Files that end in .gz or .xz are compressed (`die.all.gz`).
 
     Args:
         files: the files, as for -importmodel.

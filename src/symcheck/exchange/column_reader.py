@@ -16,8 +16,9 @@ import numpy as np
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault, UsageError
 from symcheck.matrices.rows import Floats, Int64s
+from symcheck.whole_file import read_whole
 
-__all__ = ["Columns", "number_table", "read_columns"]
+__all__ = ["Columns", "number_table", "read_columns", "read_file"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,14 +187,17 @@ def _real(text: str) -> Fraction | float:
     return Fraction(text) if "/" in text else float(text)
 
 
-def read_columns(path: Path) -> Columns:
-    """Read a file. Raises UsageError if it cannot be read or is not UTF-8 text."""
+def read_file(path: Path) -> str:
+    """The text of a file. Raises UsageError if it cannot be read or is not UTF-8 text."""
     try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
+        return read_whole(path).decode("utf-8").replace("\r\n", "\n")
     except UnicodeDecodeError:
         raise UsageError(f"cannot read '{path}': not a UTF-8 text file") from None
+
+
+def read_columns(path: Path) -> Columns:
+    """Read a file. Raises UsageError if it cannot be read or is not UTF-8 text."""
+    text = read_file(path)
     comments: list[str] = []
     first: list[str] = []
     start = 0

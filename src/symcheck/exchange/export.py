@@ -12,6 +12,7 @@ from symcheck.exchange import components
 from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.formats import dot, drn, matlab, prism_writer, umb_writer
 from symcheck.exchange.text import FULL_PRECISION, write_text
+from symcheck.whole_file import uncompressed_name
 
 __all__ = ["EXTENSIONS", "ExportOptions", "Target", "export", "file_options", "parse_target"]
 
@@ -77,7 +78,8 @@ def parse_target(argument: str, model: str, options: ExportOptions | None = None
         UsageError: an extension or an option is unknown.
     """
     names, options, layout = _options(argument, options or ExportOptions())
-    base, dotted, listed = names.rpartition(".")
+    plain, packed = uncompressed_name(names)
+    base, dotted, listed = plain.rpartition(".")
     if layout in _WHOLE:
         return [Target(layout, names, options)]
     if listed == "m":
@@ -98,7 +100,7 @@ def parse_target(argument: str, model: str, options: ExportOptions | None = None
     dropped = {"srew", "trew"} if not options.rewards else set()
     dropped |= {"lab"} if not options.labels else set()
     return [
-        Target(k, "stdout" if base == "stdout" else f"{base}.{k}", options)
+        Target(k, "stdout" if base == "stdout" else f"{base}.{k}{packed}", options)
         for k in dict.fromkeys(kinds)
         if k not in dropped
     ]
@@ -150,6 +152,8 @@ def export(model: ExplicitExport, targets: Sequence[Target], out: TextIO) -> Ite
         if target.kind == "umb":
             if target.path == "stdout":
                 raise UsageError("a UMB file is binary and cannot go to the standard output")
+            if uncompressed_name(target.path)[1]:
+                raise UsageError("a UMB file is compressed already: write it without .gz or .xz")
             umb_writer.write_umb(_part(model, target.options), target.path)
             yield target.path
             continue
@@ -230,9 +234,14 @@ def _each(
 ) -> Iterator[tuple[str, Iterable[str]]]:
     """One file per reward structure, numbered from 1 if there are several."""
     several = len(model.rewards) > 1 and path != "stdout"
-    whole = Path(path)
+    name, packed = uncompressed_name(path)
+    whole = Path(name)
     for i in range(len(model.rewards)):
         yield (
-            (str(whole.with_name(f"{whole.stem}{i + 1}{whole.suffix}")) if several else path),
+            (
+                str(whole.with_name(f"{whole.stem}{i + 1}{whole.suffix}{packed}"))
+                if several
+                else path
+            ),
             text(i),
         )

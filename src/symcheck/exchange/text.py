@@ -10,7 +10,7 @@ from typing import TextIO
 import numpy as np
 
 from symcheck.matrices.numbers import Numbers
-from symcheck.whole_file import write_whole
+from symcheck.whole_file import open_for_text, write_whole
 
 __all__ = [
     "CHUNK",
@@ -82,6 +82,8 @@ def _part(column: Column, start: int, stop: int, precision: int) -> Sequence[obj
 def write_text(target: str, chunks: Iterable[str], out: TextIO) -> None:
     """Write to a file, or to `out` if the target is 'stdout'. The file appears when it is complete.
 
+    A name that ends in .gz or .xz names a compressed file.
+
     Raises:
         UsageError: the file cannot be written.
     """
@@ -90,7 +92,7 @@ def write_text(target: str, chunks: Iterable[str], out: TextIO) -> None:
         return
 
     def write(temporary: Path) -> None:
-        with temporary.open("w", encoding="utf-8") as file:
+        with open_for_text(temporary, target) as file:
             file.writelines(chunks)
 
     write_whole(target, write)

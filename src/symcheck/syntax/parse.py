@@ -20,6 +20,7 @@ from symcheck.errors import NO_SPAN, Diagnostic, Source, SyntaxFault, UsageError
 from symcheck.syntax.ast import Expression
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.grammars import load, load_interactive
+from symcheck.whole_file import read_whole, uncompressed_name
 
 if TYPE_CHECKING:
     from symcheck.syntax.jani.read import JaniFile
@@ -34,7 +35,7 @@ __all__ = [
     "parse_properties_file",
 ]
 
-_EXPLICIT_FILES = (".all", ".tra", ".sta", ".lab", ".srew", ".trew", ".umb")
+_EXPLICIT_FILES = (".all", ".tra", ".sta", ".lab", ".srew", ".trew", ".umb", ".drn")
 """Extensions of files that are no text of a model."""
 
 _EASY_NESTING = 100
@@ -117,7 +118,7 @@ def parse_model_file(path: str | Path) -> Program:
         UnsupportedError: a JANI model is of a kind that is not supported.
         UsageError: the file is unreadable.
     """
-    if str(path).endswith(_EXPLICIT_FILES):
+    if uncompressed_name(path)[0].endswith(_EXPLICIT_FILES):
         hint = "-importmodel reads such files, in Python symcheck.load_explicit"
         raise UsageError(f"{path} lists states or transitions\n  hint: {hint}")
     if is_jani(path):
@@ -143,7 +144,7 @@ def parse_properties_file(path: str | Path) -> PropertiesFile:
 
 def is_jani(path: str | Path) -> bool:
     """Whether the name of a file is that of a model in the JANI format."""
-    return str(path).endswith(".jani")
+    return uncompressed_name(path)[0].endswith(".jani")
 
 
 def parse_jani_file(path: str | Path) -> JaniFile:
@@ -160,12 +161,7 @@ def parse_jani_file(path: str | Path) -> JaniFile:
 
 
 def _read(path: str | Path) -> str:
-    if not str(path):
-        raise UsageError("the name of a file is empty")
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise UsageError(f"cannot read {path}: {error.strerror or error}") from error
+    data = read_whole(path)
     if b"\0" in data[:1000]:
         hint = "-import… reads models of other tools; see symcheck --help"
         raise UsageError(f"cannot read {path}: not a UTF-8 text file\n  hint: {hint}")

@@ -17,6 +17,7 @@ from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.state_faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType, Type
+from symcheck.whole_file import uncompressed_name
 
 __all__ = ["ModelFiles", "model_files", "read_files", "read_model"]
 
@@ -53,17 +54,18 @@ class _Transitions:
 def model_files(argument: str) -> ModelFiles:
     """The files that `base.all` or `base.tra,sta,…` name.
 
-    `.all` takes the files that exist. Rewards are in `base.srew` and `base.trew`, or, for several
-    structures, in `base1.srew`, `base2.srew`, ….
+    `.all` takes the files that exist, `.all.gz` and `.all.xz` compressed ones. Rewards are in
+    `base.srew` and `base.trew`, or, for several structures, in `base1.srew`, `base2.srew`, ….
 
     Raises:
         UsageError: an extension is unknown, or a file is missing.
     """
-    base, dot, listed = argument.rpartition(".")
+    named, packed = uncompressed_name(argument)
+    base, dot, listed = named.rpartition(".")
     kinds = set(listed.split(","))
     if not dot or not kinds <= {*_KINDS, "rew", "all"}:
         raise UsageError(
-            f"-importmodel: '{argument}' does not end in .all, .umb, "
+            f"-importmodel: '{argument}' does not end in .all, .umb, .drn, "
             f"or some of .{',.'.join(_KINDS)}"
         )
     everything = "all" in kinds
@@ -71,13 +73,13 @@ def model_files(argument: str) -> ModelFiles:
         kinds |= {"srew", "trew"}
 
     def one(kind: str) -> Path | None:
-        path = Path(f"{base}.{kind}")
+        path = Path(f"{base}.{kind}{packed}")
         return path if kind in kinds or (everything and path.is_file()) else None
 
     def pair(number: object) -> tuple[Path | None, Path | None]:
-        paths = (Path(f"{base}{number}.{kind}") for kind in ("srew", "trew") if kind in kinds)
-        existing = {path.suffix: path for path in paths if path.is_file()}
-        return existing.get(".srew"), existing.get(".trew")
+        paths = {k: Path(f"{base}{number}.{k}{packed}") for k in ("srew", "trew") if k in kinds}
+        existing = {kind: path for kind, path in paths.items() if path.is_file()}
+        return existing.get("srew"), existing.get("trew")
 
     rewards = [*filter(any, [pair("")]), *takewhile(any, map(pair, count(1)))]
     if not rewards and not everything and kinds & {"srew", "trew"}:
@@ -85,13 +87,13 @@ def model_files(argument: str) -> ModelFiles:
             f"-importmodel: there is no reward file '{base}.srew', '{base}1.srew', "
             "or the same with .trew"
         )
-    return ModelFiles(Path(f"{base}.tra"), one("sta"), one("lab"), tuple(rewards))
+    return ModelFiles(Path(f"{base}.tra{packed}"), one("sta"), one("lab"), tuple(rewards))
 
 
 def read_files(
     argument: str, kind: ModelType | None = None, *, check_sums: bool = True
 ) -> ExplicitData:
-    """The model that `-importmodel` names: `base.all` (see `model_files`) or `file.umb`.
+    """The model that `-importmodel` names: `base.all` (see `model_files`), `file.umb`, `file.drn`.
 
     Raises:
         UsageError: a file is missing or cannot be read.
@@ -105,6 +107,11 @@ def read_files(
         return read_umb(
             Path(names if options == "format=umb" else argument), kind, check_sums=check_sums
         )
+    if options == "format=drn" or uncompressed_name(argument)[0].endswith(".drn"):
+        from symcheck.exchange.formats.drn_reader import read_drn
+
+        path = Path(names if options == "format=drn" else argument)
+        return read_drn(path, kind, check_sums=check_sums)
     files = model_files(names if options == "format=explicit" else argument)
     return read_model(files, kind, check_sums=check_sums)
 

@@ -1,0 +1,345 @@
+"""Read Storm's DRN format: one text holds the whole model (see drn.py)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from math import inf
+from pathlib import Path
+
+import numpy as np
+
+from symcheck.errors import Diagnostic, Source, Span, SyntaxFault
+from symcheck.exchange.column_reader import read_file
+from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards
+from symcheck.matrices.contributions import Contributions
+from symcheck.matrices.rows import Bools, Floats, SparseMatrix, starts_of
+from symcheck.semantics.state_faults import SUM_TOLERANCE
+from symcheck.syntax.ast import ModelType, Type
+
+__all__ = ["read_drn"]
+
+_STATE = re.compile(
+    r"state\s+(?P<number>\d+)(?:\s+!(?P<rate>\S+))?(?P<player>\s+<\S*>)?(?P<observation>\s+\{.*?\})?"
+    r"(?:\s+\[(?P<rewards>[^]]*)\])?(?P<labels>.*)"
+)
+_ACTION = re.compile(r"action\s+(?P<name>.*?)(?:\s+\[(?P<rewards>[^]]*)\])?")
+_TRANSITION = re.compile(r"(\d+)\s*:\s*(\S+)")
+_LABEL = re.compile(r'"([^"]*)"|(\S+)')
+_NONE = "__NOLABEL__"
+_TYPES = {kind.name: kind for kind in ModelType}
+
+
+@dataclass
+class _Parts:
+    """What the lines of states, actions and transitions say.
+
+    rates: per state, NaN where none is told. first_rows: per state. first_entries: per row.
+    """
+
+    rates: list[float] = field(default_factory=list)
+    first_rows: list[int] = field(default_factory=list)
+    first_entries: list[int] = field(default_factory=list)
+    actions: list[str] = field(default_factory=list)
+    targets: list[int] = field(default_factory=list)
+    values: list[float] = field(default_factory=list)
+    labels: dict[str, list[int]] = field(default_factory=dict)
+    state_rewards: list[list[float]] = field(default_factory=list)
+    row_rewards: list[list[float]] = field(default_factory=list)
+    lines: list[int] = field(default_factory=list)
+
+
+def read_drn(path: Path, kind: ModelType | None = None, *, check_sums: bool = True) -> ExplicitData:
+    """The model in a file. Characters of labels that names do not have become underscores.
+
+    Args:
+        path: the file.
+        kind: the model type that the file should have; None for any.
+        check_sums: check that probabilities sum to 1.
+
+    Raises:
+        UsageError: the file cannot be read.
+        SyntaxFault: the file is faulty; the error points at the place.
+
+    Source: https://www.stormchecker.org/documentation/background/drn.html
+    """
+    return _Reader(Source(str(path), read_file(path))).model(kind, check_sums)
+
+
+class _Reader:
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.lines = source.text.split("\n")
+        self.at = 0
+
+    def fault(self, line: int, message: str, hint: str | None = None) -> SyntaxFault:
+        """The error for a line, from 0."""
+        start = sum(len(text) + 1 for text in self.lines[:line])
+        text = self.lines[line] if line < len(self.lines) else ""
+        lead = len(text) - len(text.lstrip())
+        place = Span(self.source, start + lead, start + max(len(text), 1))
+        return SyntaxFault(Diagnostic(message, place, "drn", hint))
+
+    def model(self, kind: ModelType | None, check_sums: bool) -> ExplicitData:
+        told, names, n = self._header(kind)
+        parts = self._parts(n)
+        rows = len(parts.first_entries)
+        lengths = np.diff([*parts.first_entries, len(parts.targets)])
+        groups = np.array([*parts.first_rows, rows], np.int64)
+        counts = np.diff(groups)
+        values = np.array(parts.values, np.float64)
+        targets = np.array(parts.targets, np.int32)
+        if told is not ModelType.MDP:
+            for i in np.flatnonzero(counts > 1)[:1].tolist():
+                row = int(groups[i]) + 1
+                raise self.fault(parts.lines[row], f"a state of a {told.name} has one action")
+            row_lengths = np.zeros(n, np.int64)
+            row_lengths[np.flatnonzero(counts)] = lengths
+        else:
+            row_lengths = lengths
+        indptr = starts_of(row_lengths)
+        row_of = np.repeat(np.arange(rows), lengths)
+        if told is not ModelType.CTMC and check_sums:
+            sums = np.bincount(row_of, values, rows)
+            for i in np.flatnonzero(np.abs(sums - 1) > SUM_TOLERANCE)[:1].tolist():
+                message = f"the probabilities of this action sum to {sums[i]:.12g}, not to 1"
+                raise self.fault(parts.lines[i], message)
+        matrix = self._matrix(indptr, targets, values, n, groups, told, parts)
+        actions, codes = self._actions(parts, groups)
+        contributions = None
+        row_actions = codes if told is ModelType.MDP else np.full(n, -1, np.int32)
+        if told is not ModelType.MDP and actions:
+            state_of_row = np.flatnonzero(counts)
+            contributions = Contributions(
+                state_of_row[row_of], targets.astype(np.int64), codes[row_of], values
+            )
+        return ExplicitData(
+            told,
+            [("x", Type.INT, np.arange(n))],
+            matrix,
+            actions,
+            row_actions,
+            {name: _members(states, n) for name, states in parts.labels.items()},
+            self._rewards(names, parts, told, matrix, counts),
+            contributions,
+        )
+
+    # ------------------------------------------------------------------------------------- header
+
+    def _header(self, kind: ModelType | None) -> tuple[ModelType, list[str], int]:
+        """The model type, the names of the rewards, and the number of states."""
+        told: ModelType | None = None
+        names: list[str] = []
+        n = 0
+        for line, text in self._significant():
+            word, _, rest = text.partition(":") if text.startswith("@type") else (text, "", "")
+            rest = rest.strip()
+            match word.strip():
+                case "@type":
+                    if rest not in _TYPES:
+                        raise self.fault(line, f"a model of type {rest} is not supported", _hint())
+                    told = _TYPES[rest]
+                    if kind is not None and kind is not told:
+                        raise self.fault(
+                            line, f"the file holds a {rest}, and a {kind.name} is asked for"
+                        )
+                case "@parameters":
+                    if self._next_line():
+                        raise self.fault(self.at - 1, "parametric models are not supported")
+                case "@reward_models":
+                    names = self._next_line().split()
+                case "@nr_states":
+                    n = self._count("the number of states")
+                case "@nr_choices":
+                    self._count("the number of choices")
+                case "@model":
+                    if told is None or not n:
+                        raise self.fault(line, "@type and @nr_states stand before @model")
+                    return told, names, n
+                case other if other.startswith("@value_type"):
+                    if "interval" in other or "parametric" in other:
+                        raise self.fault(line, "values that are no numbers are not supported")
+                case "@placeholders":
+                    if self._next_line():
+                        raise self.fault(self.at - 1, "placeholders are not supported")
+                case _:
+                    raise self.fault(line, "a line of the header starts with @", _hint())
+        raise self.fault(len(self.lines) - 1, "the file has no @model", _hint())
+
+    def _significant(self) -> Iterator[tuple[int, str]]:
+        """The lines from the current one on that are not empty and no comments."""
+        while self.at < len(self.lines):
+            line, text = self.at, self.lines[self.at].strip()
+            self.at += 1
+            if text and not text.startswith("//"):
+                yield line, text
+
+    def _next_line(self) -> str:
+        """The line that belongs to the one before; it may be empty."""
+        if self.at >= len(self.lines) or self.lines[self.at].lstrip().startswith("@"):
+            return ""
+        self.at += 1
+        return self.lines[self.at - 1].strip()
+
+    def _count(self, what: str) -> int:
+        text = self._next_line()
+        if not text.isdigit():
+            raise self.fault(self.at - 1, f"{what} is expected here")
+        return int(text)
+
+    # ------------------------------------------------------------------------------------- states
+
+    def _parts(self, n: int) -> _Parts:
+        found = _Parts()
+        for line, text in self._significant():
+            if text.startswith("state"):
+                self._state(found, line, text, n)
+            elif text.startswith("action"):
+                self._action(found, line, text)
+            else:
+                self._transition(found, line, text, n)
+        if len(found.first_rows) != n:
+            raise self.fault(
+                len(self.lines) - 1,
+                f"the header announces {n} states, but {len(found.first_rows)} follow",
+            )
+        return found
+
+    def _state(self, found: _Parts, line: int, text: str, n: int) -> None:
+        match = _STATE.fullmatch(text)
+        if match is None:
+            raise self.fault(line, "a state is written as: state NUMBER [rewards] labels")
+        if match["observation"] is not None or match["player"] is not None:
+            raise self.fault(line, "observations and players are not supported", _hint())
+        number = len(found.first_rows)
+        if int(match["number"]) != number or number >= n:
+            raise self.fault(
+                line, f"state {number} is expected here" if number < n else "one state more"
+            )
+        found.first_rows.append(len(found.first_entries))
+        found.rates.append(np.nan if match["rate"] is None else self._number(line, match["rate"]))
+        found.state_rewards.append(self._numbers(line, match["rewards"]))
+        for quoted, plain in _LABEL.findall(match["labels"]):
+            label = re.sub(r"\W", "_", quoted or plain)  # a name that properties can refer to
+            found.labels.setdefault(label, []).append(number)
+
+    def _action(self, found: _Parts, line: int, text: str) -> None:
+        match = _ACTION.fullmatch(text)
+        if match is None or not found.first_rows:
+            raise self.fault(
+                line, "an action is written as: action NAME [rewards], after its state"
+            )
+        found.first_entries.append(len(found.targets))
+        found.lines.append(line)
+        found.actions.append(match["name"])
+        found.row_rewards.append(self._numbers(line, match["rewards"]))
+
+    def _transition(self, found: _Parts, line: int, text: str, n: int) -> None:
+        match = _TRANSITION.fullmatch(text)
+        if match is None:
+            raise self.fault(line, "a transition is written as: STATE : PROBABILITY")
+        if not found.first_entries or found.first_rows[-1] == len(found.first_entries):
+            raise self.fault(line, "an action is expected before this transition")
+        target, value = int(match[1]), self._number(line, match[2])
+        if target >= n:
+            raise self.fault(line, f"state {target} does not exist: there are {n}, numbered from 0")
+        if not 0 <= value < inf:
+            raise self.fault(line, "a probability or rate must be finite and not negative")
+        if value > 0:
+            if target in found.targets[found.first_entries[-1] :]:
+                raise self.fault(line, "this transition is in the action already")
+            found.targets.append(target)
+            found.values.append(value)
+
+    def _numbers(self, line: int, text: str | None) -> list[float]:
+        return [self._number(line, part.strip()) for part in text.split(",")] if text else []
+
+    def _number(self, line: int, text: str) -> float:
+        try:
+            return float(Fraction(text)) if "/" in text else float(text)
+        except (ValueError, ZeroDivisionError):
+            raise self.fault(line, f"'{text}' is not a number") from None
+
+    # -------------------------------------------------------------------------------------- parts
+
+    def _matrix(
+        self,
+        indptr: np.ndarray[tuple[int], np.dtype[np.int64]],
+        targets: np.ndarray[tuple[int], np.dtype[np.int32]],
+        values: Floats,
+        n: int,
+        groups: np.ndarray[tuple[int], np.dtype[np.int64]],
+        told: ModelType,
+        parts: _Parts,
+    ) -> SparseMatrix:
+        row = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
+        order = np.lexsort((targets, row))
+        matrix = SparseMatrix(
+            indptr,
+            targets[order],
+            values[order],
+            n,
+            groups if told is ModelType.MDP else None,
+        )
+        if told is ModelType.CTMC:
+            rates, sums = np.array(parts.rates), np.bincount(row, values, n)
+            differ = np.abs(rates - sums) > 1e-6 * np.maximum(rates, sums)
+            for i in np.flatnonzero(differ)[:1].tolist():
+                message = f"the rates of state {i} sum to {sums[i]:g}, not to {rates[i]:g}"
+                raise self.fault(
+                    parts.lines[min(parts.first_rows[i], len(parts.lines) - 1)], message
+                )
+        return matrix
+
+    def _actions(
+        self, parts: _Parts, groups: np.ndarray[tuple[int], np.dtype[np.int64]]
+    ) -> tuple[tuple[str, ...], np.ndarray[tuple[int], np.dtype[np.int32]]]:
+        """The names of the actions, and the index of that of each row. A number is no name."""
+        place = np.arange(len(parts.actions)) - np.repeat(groups[:-1], np.diff(groups))
+        own = [
+            "" if name in (_NONE, str(i)) else name
+            for name, i in zip(parts.actions, place.tolist(), strict=True)
+        ]
+        names = tuple(dict.fromkeys(name for name in own if name))
+        index = {"": -1} | {name: i for i, name in enumerate(names)}
+        return names, np.array([index[name] for name in own], np.int32)
+
+    def _rewards(
+        self,
+        names: list[str],
+        parts: _Parts,
+        told: ModelType,
+        matrix: SparseMatrix,
+        counts: np.ndarray[tuple[int], np.dtype[np.int64]],
+    ) -> list[ExplicitRewards]:
+        """The reward structures. In a CTMC those of actions are earned by each transition."""
+        count = max((len(r) for r in (*parts.state_rewards, *parts.row_rewards)), default=0)
+        if len(names) > count:
+            count = len(names)
+        names = [*[""] * (count - len(names)), *names]
+        states, rows = np.zeros((count, matrix.states)), np.zeros((count, matrix.rows))
+        for i, own in enumerate(parts.state_rewards):
+            states[: len(own), i] = own
+        place = np.arange(matrix.rows) if told is ModelType.MDP else np.flatnonzero(counts)
+        for i, own in zip(place.tolist(), parts.row_rewards, strict=True):
+            rows[: len(own), i] = own
+        if told is ModelType.CTMC:
+            rows *= np.bincount(
+                np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr)), matrix.data, matrix.rows
+            )
+        return [
+            ExplicitRewards(name or None, s, r)
+            for name, s, r in zip(names, states, rows, strict=True)
+        ]
+
+
+def _members(states: list[int], n: int) -> Bools:
+    found = np.zeros(n, bool)
+    found[states] = True
+    return found
+
+
+def _hint() -> str:
+    return "DTMCs, CTMCs and MDPs are supported"
