@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
@@ -154,7 +154,7 @@ class Columns:
         return np.array([float(_real(x)) for x in column], np.float64)
 
     def _first(
-        self, column: Sequence[str], good: Callable[[str], Any], word: int, message: str
+        self, column: Sequence[str], good: Callable[[str], bool], word: int, message: str
     ) -> None:
         for i, text in enumerate(column):
             if not good(text):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 
@@ -16,7 +15,8 @@ from symcheck.engines.base import Engine
 from symcheck.engines.transition_actions import commands_apart
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
-from symcheck.semantics.model import BoundModel
+from symcheck.semantics.interpreter import State, choices
+from symcheck.semantics.model import BoundModel, Value
 
 __all__ = ["transition_rewards"]
 
@@ -85,12 +85,12 @@ def _rational(engine: Engine, matrix: SparseMatrix) -> list[Numbers]:
     return found
 
 
-def _means_of_states(model: BoundModel, states: Sequence[Any]) -> Iterator[dict[Any, list[Any]]]:
-    from symcheck.semantics.interpreter import choices
-
+def _means_of_states(
+    model: BoundModel, states: Sequence[State]
+) -> Iterator[dict[State, list[Value]]]:
     for state in states:
-        total: dict[Any, Any] = {}
-        weighted: dict[Any, list[Any]] = {}
+        total: dict[State, Value] = {}
+        weighted: dict[State, list[Value]] = {}
         for choice in choices(model, state, check_sums=False):
             for weight, target in choice.branches:
                 total[target] = total.get(target, 0) + weight

@@ -19,6 +19,7 @@ from symcheck.syntax.ast import (
     Conditional,
     Eventually,
     Expression,
+    ExpressionNode,
     Globally,
     Literal,
     Next,
@@ -143,8 +144,10 @@ def normal_form(path: PathFormula, model: BoundModel) -> NormalForm:
                 Connected(Operator.IMPLIES, chosen, yes),
                 Connected(Operator.OR, chosen, no),
             )
-        case _:  # all other formulas are about one state
+        case ExpressionNode():  # all other formulas are about one state
             return StateFormula(path)
+        case _:
+            assert_never(path)
 
 
 def state_formulas(form: NormalForm) -> Iterator[Expression]:

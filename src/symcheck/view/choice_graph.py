@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol, cast, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
 
 import numpy as np
 
@@ -51,7 +51,7 @@ States = str | StateSet | Bools | Sequence[int]
 """A set of states: a formula such as 'd=6' or '"done"', a set of the model or of the engine,
 bool[states], or numbers of states.
 """
-StatesOnPath = Iterable[PathStep | State | Mapping[str, Any] | int]
+StatesOnPath = Iterable[PathStep | State | Mapping[str, bool | int] | int]
 
 
 @runtime_checkable
@@ -226,7 +226,7 @@ class ChoiceGraph:
             found.append(Choice(row, action, tuple(successors)))
         return found
 
-    def number(self, state: PathStep | State | Mapping[str, Any] | int) -> int:
+    def number(self, state: PathStep | State | Mapping[str, bool | int] | int) -> int:
         """The number of a state. Raises UsageError if it is not reachable."""
         match state:
             case int():
@@ -262,7 +262,7 @@ class ChoiceGraph:
             UsageError: there are none, or they belong to other states.
         """
         if not isinstance(values, Result):
-            found: list[Any] = list(values)
+            found: list[float | Fraction | bool] = list(values)
             if len(found) == self.engine.states:
                 return found
             raise UsageError(f"{self.engine.states:,} values are expected, not {len(found):,}")

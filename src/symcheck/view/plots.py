@@ -7,13 +7,18 @@ UnsupportedError if matplotlib is not installed.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import IO, TYPE_CHECKING, Any, Protocol, runtime_checkable
+from types import ModuleType
+from typing import IO, TYPE_CHECKING, Protocol, runtime_checkable
 
 from symcheck.errors import UnsupportedError, UsageError
 from symcheck.matrices.rows import Int64s
 from symcheck.tables import optional_package
 
 if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+    from numpy.typing import NDArray
+
     from symcheck.numerics.linear.problem import Progress
     from symcheck.symbolic.model import Iteration
 
@@ -36,22 +41,23 @@ class Ordered(Protocol):
     def matrix_nodes(self) -> int: ...
 
 
-def _pyplot() -> Any:
+def _pyplot() -> ModuleType:
     optional_package("matplotlib", "plot")
     from matplotlib import pyplot
 
     return pyplot
 
 
-def axes_of(axes: Any, size: tuple[float, float] = (6.4, 4.0)) -> Any:
+def axes_of(axes: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Axes:
     """The given axes, or new ones of a size in inches."""
     pyplot = _pyplot()
     return pyplot.subplots(figsize=size, layout="constrained")[1] if axes is None else axes
 
 
-def read_image(file: IO[bytes]) -> Any:
+def read_image(file: IO[bytes]) -> NDArray[np.float32]:
     """The pixels of a PNG image, float32[height, width, 4]."""
-    return _pyplot().imread(file)
+    pixels: NDArray[np.float32] = _pyplot().imread(file)
+    return pixels
 
 
 @runtime_checkable
@@ -67,7 +73,9 @@ def _require_frames(given: object, expected: str) -> None:
         raise UsageError(f"{expected}, not {given!r}")
 
 
-def plot_search(iterations: Iterable[Iteration | Framed], axes: Any = None, title: str = "") -> Any:
+def plot_search(
+    iterations: Iterable[Iteration | Framed], axes: Axes | None = None, title: str = ""
+) -> Axes:
     """Plot BDD nodes of the reached set and of the frontier per iteration, and states on the right.
 
     Args:
@@ -81,11 +89,11 @@ def plot_search(iterations: Iterable[Iteration | Framed], axes: Any = None, titl
     seen = [i for i in counted if i.states is not None]
     axes = axes_of(axes)
     number = [i.number for i in seen]
-    axes.plot(number, [i.nodes for i in seen], color=_BLUE, label="nodes, reached")
-    axes.plot(number, [i.frontier_nodes for i in seen], color=_ORANGE, label="nodes, frontier")
+    axes.plot(number, [i.nodes or 0 for i in seen], color=_BLUE, label="nodes, reached")
+    axes.plot(number, [i.frontier_nodes or 0 for i in seen], color=_ORANGE, label="nodes, frontier")
     axes.set(xlabel="iteration", ylabel="BDD nodes", title=title)
     right = axes.twinx()
-    right.plot(number, [i.states for i in seen], color=_GREEN, linestyle="--", label="states")
+    right.plot(number, [i.states or 0 for i in seen], color=_GREEN, linestyle="--", label="states")
     right.set_ylabel("states", color=_GREEN)
     for side in (axes, right):
         side.set_ylim(bottom=0)
@@ -97,10 +105,10 @@ def plot_search(iterations: Iterable[Iteration | Framed], axes: Any = None, titl
 def plot_bounds(
     steps: Iterable[Progress],
     state: int = 0,
-    axes: Any = None,
+    axes: Axes | None = None,
     truth: float | None = None,
     title: str = "",
-) -> Any:
+) -> Axes:
     """Plot the lower and upper bound of one unknown per iteration, with the gap shaded.
 
     Args:
@@ -127,7 +135,7 @@ def plot_bounds(
     return axes
 
 
-def plot_orders(frames: Sequence[Ordered], axes: Any = None, title: str = "") -> Any:
+def plot_orders(frames: Sequence[Ordered], axes: Axes | None = None, title: str = "") -> Axes:
     """Plot the nodes of reachable states and matrix under each variable order, fewest first."""
     _require_frames(frames, "plot_orders takes the frames of teach.compare_orders(model)")
     best = sorted(frames, key=lambda f: f.matrix_nodes, reverse=True)
@@ -162,7 +170,7 @@ class Blocked(Protocol):
     def occurrences(self) -> Int64s: ...
 
 
-def plot_blocks(matrix: Blocked, axes: Any = None, title: str = "") -> Any:
+def plot_blocks(matrix: Blocked, axes: Axes | None = None, title: str = "") -> Axes:
     """Plot the occurrences of the distinct blocks in the matrix, one colour per block.
 
     Raises:

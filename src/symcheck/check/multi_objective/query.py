@@ -17,7 +17,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf, isfinite, isinf, nan
-from typing import Any
 
 import numpy as np
 
@@ -25,10 +24,10 @@ from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.check.multi_objective.flow import Objective, flow_of
 from symcheck.check.path_formulas import StatesOf
-from symcheck.check.result import Answer, Estimate, Exact, Result, SolverRun
+from symcheck.check.result import Answer, Estimate, Exact, Number, Result, SolverRun
 from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
-from symcheck.matrices.numbers import full, is_infinite, numbers
+from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
 from symcheck.numerics.multi_objective import linear_program as numerics
 from symcheck.numerics.multi_objective.exact_lp import ROWS
 from symcheck.semantics.expressions.evaluate import evaluate
@@ -103,7 +102,7 @@ def _by_rationals(context: Context, formula: MultiObjective, states_of: Pick) ->
     return replace(found, value=_doubles(found.value))
 
 
-def _doubles(value: Any) -> Any:
+def _doubles(value: Answer) -> Answer:
     if isinstance(value, list):
         return [(float(x), float(y)) for x, y in value]
     return float(value) if isinstance(value, Fraction) else value
@@ -225,7 +224,7 @@ def _objective(formula: Expression) -> Objective:
             )
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Number) -> Number:
     """A number without the types of numpy."""
     return value if isinstance(value, Fraction) else float(value)
 
@@ -241,7 +240,7 @@ class _Query:
     objectives: Sequence[Objective]
     asked: Sequence[int]
     flow: numerics.Flow
-    least: Any
+    least: Numbers
     close: bool = False
 
     def answer(self) -> tuple[Answer, str]:
@@ -252,7 +251,7 @@ class _Query:
             if room is None:
                 self.close = not flow.exact  # the margin is unknown
                 return (nan if self.asked else False), _NONE
-            self.close = not flow.exact and abs(room.value) <= _DOUBT
+            self.close = not flow.exact and -_DOUBT <= room.value <= _DOUBT
             if room.value < -flow.tolerance:
                 about = f"{_NONE}: they are missed by {float(-room.value):.3g}"
                 return (nan if self.asked else False), about
@@ -264,7 +263,7 @@ class _Query:
         least = self.least if room is None else np.minimum(self.least, self.least + room.value)
         return self._best(flow, least) if len(self.asked) == 1 else self._curve(flow, least)
 
-    def _best(self, flow: numerics.Flow, least: Any) -> tuple[Answer, str]:
+    def _best(self, flow: numerics.Flow, least: Numbers) -> tuple[Answer, str]:
         (index,) = self.asked
         weights = full(len(self.objectives), 0, exact=flow.exact)
         weights[index] = full(1, 1, exact=flow.exact)[0]
@@ -277,7 +276,7 @@ class _Query:
         about = optimal if flow.exact else f"the dual bound differs by {found.gap:.1E}"
         return _plain(self.objectives[index].shown(found.value)), about
 
-    def _curve(self, flow: numerics.Flow, least: Any) -> tuple[Answer, str]:
+    def _curve(self, flow: numerics.Flow, least: Numbers) -> tuple[Answer, str]:
         first, second = self.asked
         points = numerics.pareto_vertices(flow, first, second, least)
         if points is None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, 
 from symcheck.semantics.state_faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType, Type
 from symcheck.tables import optional_package
+
+if TYPE_CHECKING:
+    from umbi.umb import ExplicitUmb
 
 __all__ = ["read_umb"]
 
@@ -39,7 +42,7 @@ def read_umb(path: Path, kind: ModelType | None = None, *, check_sums: bool = Tr
         raise UsageError(f"'{path}' contradicts itself: {type(error).__name__}: {error}") from None
 
 
-def _raw(path: Path) -> Any:
+def _raw(path: Path) -> ExplicitUmb:
     optional_package("umbi", "umb")
     import umbi.umb
 
@@ -55,7 +58,7 @@ def _raw(path: Path) -> Any:
         raise UsageError(f"cannot read '{path}': {str(error) or type(error).__name__}") from None
 
 
-def _type(raw: Any) -> ModelType:
+def _type(raw: ExplicitUmb) -> ModelType:
     system = raw.index.transition_system
     match str(getattr(system.time, "value", system.time)), system.num_players:
         case "discrete", 0:
@@ -71,7 +74,7 @@ def _type(raw: Any) -> ModelType:
             )
 
 
-def _given(raw: Any, kind: ModelType, path: Path, check_sums: bool) -> ExplicitData:
+def _given(raw: ExplicitUmb, kind: ModelType, path: Path, check_sums: bool) -> ExplicitData:
     n = int(raw.index.transition_system.num_states)
     if n == 0:
         raise UsageError(f"'{path}' has no states")
@@ -113,7 +116,9 @@ class _Branches(NamedTuple):
         return np.asarray(np.bincount(self.entry, self.weight * values) / total, np.float64)
 
 
-def _matrix(raw: Any, kind: ModelType, n: int, path: Path) -> tuple[SparseMatrix, _Branches]:
+def _matrix(
+    raw: ExplicitUmb, kind: ModelType, n: int, path: Path
+) -> tuple[SparseMatrix, _Branches]:
     """The matrix, and the branches in its order.
 
     Branches of a chain to the same state with different actions are parts of one entry.
@@ -165,7 +170,9 @@ def _check_sums(matrix: SparseMatrix, path: Path) -> None:
         )
 
 
-def _actions(raw: Any, matrix: SparseMatrix, kind: ModelType) -> tuple[tuple[str, ...], Int32s]:
+def _actions(
+    raw: ExplicitUmb, matrix: SparseMatrix, kind: ModelType
+) -> tuple[tuple[str, ...], Int32s]:
     none = np.full(matrix.rows, -1, np.int32)
     if kind is not ModelType.MDP or raw.choice_to_choice_action is None:
         return (), none
@@ -180,7 +187,7 @@ def _named(numbers: Sequence[int], texts: Sequence[str] | None) -> tuple[tuple[s
     return kept, index[np.asarray(numbers, np.int64)]
 
 
-def _annotations(raw: Any, group: str) -> Mapping[str, Mapping[str, Any]]:
+def _annotations(raw: ExplicitUmb, group: str) -> Mapping[str, Mapping[str, Any]]:
     """The annotations of a group, by alias where they have one and by name otherwise."""
     result = (raw.annotations or {}).get(group, {})
     told = (raw.index.annotations or {}).get(group, {})
@@ -227,7 +234,7 @@ def _rewards(
     return ExplicitRewards(name, states, row_rewards(kind, matrix, entries), entries)
 
 
-def _columns(raw: Any, n: int) -> list[tuple[str, Type, Int64s]]:
+def _columns(raw: ExplicitUmb, n: int) -> list[tuple[str, Type, Int64s]]:
     valuations = (raw.valuations or {}).get("states")
     if not valuations or not valuations[0]:
         return [("x", Type.INT, np.arange(n))]

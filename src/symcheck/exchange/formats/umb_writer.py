@@ -6,7 +6,7 @@ Source: https://github.com/pmc-tools/umb
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from symcheck.matrices.numbers import Numbers
 from symcheck.syntax.ast import ModelType, Type
 from symcheck.tables import optional_package
 from symcheck.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from umbi.umb import ExplicitUmb
 
 __all__ = ["umb_model", "write_umb"]
 
@@ -38,7 +41,7 @@ def write_umb(model: ExplicitExport, target: str) -> None:
     write_whole(target, lambda path: umbi.umb.write(made, path), ending=".umb")
 
 
-def umb_model(model: ExplicitExport) -> Any:
+def umb_model(model: ExplicitExport) -> ExplicitUmb:
     """The model as a `umbi.umb.ExplicitUmb`. A CTMC is stored as probabilities and exit rates.
 
     The actions of an MDP belong to choices, those of a chain to branches.
@@ -90,7 +93,7 @@ def _numbers(values: Numbers) -> tuple[Any, list[Any]]:
     return SizedType.for_type(kind), result
 
 
-def _annotate(model: ExplicitExport, made: Any) -> None:
+def _annotate(model: ExplicitExport, made: ExplicitUmb) -> None:
     """Add labels and rewards. Transition rewards belong to choices, or to branches if needed."""
     from umbi.binary import SizedType
     from umbi.datatypes import PrimitiveType
@@ -127,7 +130,7 @@ def _transition_rewards(model: ExplicitExport, number: int) -> tuple[str, Number
     return "branches", entries[model.parts.entry]
 
 
-def _valuations(model: ExplicitExport, made: Any) -> None:
+def _valuations(model: ExplicitExport, made: ExplicitUmb) -> None:
     import umbi.binary
     from umbi.binary import SizedType
     from umbi.datatypes import NumericPrimitiveType, PrimitiveType

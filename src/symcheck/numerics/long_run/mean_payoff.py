@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any
+from fractions import Fraction
 
 import numpy as np
 
@@ -40,8 +40,8 @@ class Gain:
     `iterations` counts those of value iteration.
     """
 
-    lower: Any
-    upper: Any
+    lower: float | Fraction
+    upper: float | Fraction
     iterations: int = 0
 
 

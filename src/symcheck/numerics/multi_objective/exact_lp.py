@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from functools import cached_property
 from math import inf
 from typing import Any
@@ -83,7 +84,7 @@ class Program:
 class Optimum:
     """The optimum (inf: unbounded), where it is attained, and the gap to the dual bound."""
 
-    value: Any
+    value: float | Fraction
     x: Numbers | None = None
     gap: float = 0.0
 

@@ -20,7 +20,6 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
 from math import isinf
-from typing import Any
 
 import numpy as np
 
@@ -57,7 +56,7 @@ class Outcome:
         gap: distance to the bound of the dual program; 0 for rationals.
     """
 
-    value: Any
+    value: float | Fraction
     gains: Numbers
     gap: float = 0.0
 
@@ -124,7 +123,7 @@ class Flow:
         return self.matrix.exact
 
     @property
-    def tolerance(self) -> Any:
+    def tolerance(self) -> float | Fraction:
         """What the linear programs leave open: nothing for rationals."""
         return Fraction(0) if self.exact else TOLERANCE
 
@@ -338,7 +337,7 @@ class Flow:
 
 def pareto_vertices(
     flow: Flow, first: int, second: int, least: Numbers
-) -> list[tuple[Any, Any]] | None:
+) -> list[tuple[float | Fraction, float | Fraction]] | None:
     """The vertices of the Pareto curve of two objectives, by decreasing value of the first.
 
     First each objective is maximised (ties are broken by the other), then, between two neighbours,
@@ -402,5 +401,5 @@ def pareto_vertices(
     return [(p[0], p[1]) for p in kept]
 
 
-def _apart(p: Numbers, q: Numbers, tolerance: Any) -> bool:
+def _apart(p: Numbers, q: Numbers, tolerance: float | Fraction) -> bool:
     return bool(np.abs(p - q).max() > 100 * tolerance * max(1, np.abs(p).max()))

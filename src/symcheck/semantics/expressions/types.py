@@ -20,6 +20,7 @@ from symcheck.syntax.ast import (
     CumulativeReward,
     DiscountedReward,
     Expression,
+    ExpressionNode,
     Filter,
     InstantaneousReward,
     LabelReference,
@@ -382,8 +383,10 @@ class Typer:
             case Conditional(condition, then, otherwise):
                 for part in (condition, then, otherwise):
                     self.path(part)
-            case _:
+            case ExpressionNode():
                 self.boolean(formula, "a path formula")
+            case _:
+                assert_never(formula)
 
     def _limits(self, bound: PathBound | None) -> None:
         match bound:
@@ -418,8 +421,10 @@ class Typer:
                 self.numeric(time, "the time of I=")
             case TotalReward() | SteadyStateReward():
                 pass
-            case _:
+            case ExpressionNode() | UnaryTemporal() | BinaryTemporal():
                 self.path(query)
+            case _:
+                assert_never(query)
 
 
 def article(kind: Type) -> str:

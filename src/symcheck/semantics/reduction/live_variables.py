@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from math import inf, isfinite
+from typing import assert_never
 
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.semantics.reduction.control_locations import (
@@ -22,7 +23,17 @@ from symcheck.semantics.reduction.control_locations import (
     control_variables,
     is_false,
 )
-from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.ast import (
+    Binary,
+    Call,
+    Conditional,
+    Expression,
+    ExpressionNode,
+    Literal,
+    Name,
+    Type,
+    Unary,
+)
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 from symcheck.syntax.traversal import names, nodes
 
@@ -225,5 +236,7 @@ def _interval(value: Expression, variables: Mapping[str, Variable]) -> Interval:
             extreme = min if function is Function.MIN else max
             lows, highs = inner(*arguments)
             return extreme(lows), extreme(highs)
-        case _:
+        case ExpressionNode():
             return -inf, inf
+        case _:
+            assert_never(value)
