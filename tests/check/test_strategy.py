@@ -211,7 +211,7 @@ def test_what_is_remembered():
     assert late.strategy.actions[late.strategy.entry[0]] == "go"
 
 
-@pytest.mark.parametrize("text", ['R{"cost"}max=? [ C<=3 ]', "s=1"])
+@pytest.mark.parametrize("text", ['Pmax=? [ X^{rew{"cost"}<=3} s=1 ]', "s=1"])
 def test_unsupported_strategies_leave_the_result(text):
     result = check_text(engine_of(ROUND), text, strategy=True)
     assert result.strategy is None
@@ -222,3 +222,40 @@ def test_unsupported_strategies_leave_the_result(text):
 def test_engines_on_diagrams(engine):
     result = check_text(engine_of(ROUND, engine), "Pmax=? [ F s=2 ]", strategy=True)
     assert result.strategy.actions[:2] == ["go", "out"]
+
+
+SHIFT = """mdp
+module m
+  s : [0..2];
+  [save] s=0 -> (s'=1);
+  [take] s=0 -> true;
+  [on] s=1 -> (s'=2);
+  [stop] s=2 -> true;
+endmodule
+rewards "gain" [take] true : 2; [on] true : 5; endrewards
+"""
+
+
+def test_rewards_of_the_first_steps_need_the_number_of_steps():
+    # With one step left, taking 2 is best; with two, saving earns 5.
+    found = check_text(engine_of(SHIFT), 'R{"gain"}max=? [ C<=3 ]', strategy=True)
+    assert found.value == 7
+    out = StringIO()
+    write_strategy(found.strategy, out)
+    assert out.getvalue() == "(0),0=take\n(0),1=save\n(1),2=on\n"
+
+
+def test_long_run_averages_leave_and_stay():
+    found = check_text(engine_of(SHIFT), 'R{"gain"}max=? [ S ]', strategy=True)
+    assert (found.value, found.strategy.actions[0]) == (2, "take")
+    least = check_text(engine_of(SHIFT), 'R{"gain"}min=? [ S ]', strategy=True)
+    assert (least.value, least.strategy.actions) == (0, ["save", "on", "stop"])
+
+
+def test_a_memory_that_is_too_large_is_refused(monkeypatch):
+    from symcheck.check import tuning
+
+    monkeypatch.setattr(tuning, "STRATEGY_ENTRIES", 100)
+    found = check_text(engine_of(SHIFT), 'R{"gain"}max=? [ C<=50 ]', strategy=True)
+    assert found.strategy is None
+    assert "a strategy would need a memory of 51 values in each of 3 states" in found.warnings[0]

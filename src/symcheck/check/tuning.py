@@ -23,6 +23,9 @@ LARGEST_DENOMINATOR = 1_000_000
 REWARD_LEVELS = 100_000_000
 """The largest bound on a reward, in steps."""
 
+STRATEGY_ENTRIES = 20_000_000
+"""Entries of the product of a model with the counters of a strategy; an entry takes 16 bytes."""
+
 # LTL formulas (omega_regular/).
 ATOMS_AS_LETTERS = 8
 """With at most this many atoms, letters are valuations of the atoms; with more, the valuations that

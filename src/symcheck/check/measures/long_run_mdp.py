@@ -68,7 +68,7 @@ def _average(
     negative = not context.engine.exact and gains.lower.min() < 0
     shift = 2 * np.abs(gains.lower).max() if negative else 0
     shifted = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
-    problem, state = mec_quotient(system.matrix, shifted, direction)
+    problem, state, _ = mec_quotient(system.matrix, shifted, direction)
     gain_error = float(
         ((shifted.upper - shifted.lower) / np.maximum(shifted.upper, 1e-300)).max(initial=0.0)
     )

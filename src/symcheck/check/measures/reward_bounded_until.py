@@ -22,14 +22,14 @@ from symcheck.check.measures.step_bounded import best
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
-from symcheck.engines.capabilities import HasBlocks
+from symcheck.engines.capabilities import HasBlocks, HasImportedStates, HasMatrix
 from symcheck.engines.linear_system import per_row
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.semantics.model import BoundReward
-from symcheck.semantics.rewards import Reward, Steps, reward_items
+from symcheck.semantics.rewards import Reward, Steps, Structure, reward_items
 from symcheck.semantics.time_bounds import RewardWindow
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Type
 from symcheck.syntax.operators import Operator
@@ -167,10 +167,10 @@ def check_uniform_rewards(context: Context, reward: Reward, *, paying: bool) -> 
     model = context.engine.model
     items = [i for i in reward_items(reward, model) if not i.on_states]
     if not items:
-        if paying:
+        if paying and not _uniform_as_read(context, reward):
             raise UnsupportedError(
-                "a bound on the transition rewards of a model without commands is not supported: "
-                "they may differ within a choice"
+                "a bound on the transition rewards of a model without commands is not supported "
+                "where they differ within a choice; the explicit engine knows where they do not"
             )
         return
     if model.type is ModelType.MDP:
@@ -186,6 +186,19 @@ def check_uniform_rewards(context: Context, reward: Reward, *, paying: bool) -> 
             "a bound on a reward that differs between the transitions of one state is not "
             f"supported, as in {where}"
         )
+
+
+def _uniform_as_read(context: Context, reward: Reward) -> bool:
+    """Whether the transitions of each row of a model that was read are known to share a reward."""
+    imported = context.engine.capability(HasImportedStates)
+    rows = context.engine.capability(HasMatrix)
+    if imported is None or rows is None or not isinstance(reward, Structure):
+        return False
+    entries = imported.entry_rewards[reward.index]
+    if entries is None:
+        return True
+    first = entries[rows.matrix.indptr[:-1]]
+    return bool(np.array_equal(np.repeat(first, rows.matrix.lengths), entries))
 
 
 def _uneven(context: Context, items: Sequence[BoundReward]) -> StateSet:

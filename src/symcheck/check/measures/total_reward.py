@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from symcheck.check.context import Context
@@ -15,7 +17,7 @@ from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.semantics.rewards import Reward
 
-__all__ = ["total_reward"]
+__all__ = ["GreatestTotal", "greatest_total", "reward_free_mecs", "total_per_step", "total_reward"]
 
 
 def total_reward(context: Context, reward: Reward, direction: Direction | None) -> Values:
@@ -30,36 +32,70 @@ def total_reward(context: Context, reward: Reward, direction: Direction | None) 
         UnsupportedError: a reward is negative.
     """
     engine = context.engine
-    whole = engine.system(engine.all)
-    per_step = whole.step_rewards(reward)
-    if len(per_step) and per_step.min() < 0:
-        raise UnsupportedError("a total reward with negative rewards is not supported; C<=k is")
+    whole, per_step = total_per_step(context, reward)
     if direction is Direction.MAX:
-        return _greatest(context, reward, whole, per_step)
-    if direction is Direction.MIN:
-        return reach_reward(
-            context, reward, _reward_free_mecs(context, whole, per_step == 0), direction
+        parts = greatest_total(context, whole, per_step)
+        system = engine.system(parts.unknown, Direction.MAX)
+        equations = system.equations(
+            system.step_rewards(reward), probability=False, allow_stay=True
         )
+        return context.solve(equations, known=[(parts.infinite, np.inf)])
+    if direction is Direction.MIN:
+        target = engine.from_bools(reward_free_mecs(whole, per_step).of >= 0)
+        return reach_reward(context, reward, target, direction)
     rewarding = engine.from_bools(per_step > 0)
     return reach_reward(context, reward, ~engine.graph.exists_until(engine.all, rewarding), None)
 
 
-def _reward_free_mecs(context: Context, whole: System, reward_free: Bools) -> StateSet:
-    """States in an end component whose rows carry no reward."""
-    parts = graph.maximal_end_components(whole.matrix, np.ones(whole.n, bool), reward_free)
-    return context.engine.from_bools(parts.of >= 0)
+def total_per_step(context: Context, reward: Reward) -> tuple[System, Numbers]:
+    """The equations over all states, and the reward of each row.
+
+    Raises UnsupportedError: a reward is negative.
+    """
+    whole = context.engine.system(context.engine.all)
+    per_step = whole.step_rewards(reward)
+    if len(per_step) and per_step.min() < 0:
+        raise UnsupportedError("a total reward with negative rewards is not supported; C<=k is")
+    return whole, per_step
 
 
-def _greatest(context: Context, reward: Reward, whole: System, per_step: Numbers) -> Values:
-    """The greatest total reward; a run may stay in end components without reward, with value 0."""
+def reward_free_mecs(whole: System, per_step: Numbers) -> graph.EndComponents:
+    """The maximal end components among the rows without reward."""
+    return graph.maximal_end_components(whole.matrix, np.ones(whole.n, bool), per_step == 0)
+
+
+@dataclass(frozen=True, eq=False)
+class GreatestTotal:
+    """Where the greatest total reward of an MDP is infinite, and where it is unknown.
+
+    Attributes:
+        paying: rows with a reward that stay inside a maximal end component, bool[rows].
+        collecting: the states of the components with such rows, bool[n].
+        infinite: the states that can reach these.
+        unknown: the states that can earn a finite reward.
+    """
+
+    paying: Bools
+    collecting: Bools
+    infinite: StateSet
+    unknown: StateSet
+
+
+def greatest_total(context: Context, whole: System, per_step: Numbers) -> GreatestTotal:
+    """Find the states of infinite greatest total reward; those of finite one are to be solved.
+
+    A run may stay in end components without reward, with value 0.
+    """
     engine = context.engine
     parts = graph.maximal_end_components(whole.matrix, np.ones(whole.n, bool))
-    paying = engine.from_bools(
-        best((parts.rows & (per_step > 0)).astype(np.float64), whole, Direction.MAX) > 0
-    )
-    infinite = engine.graph.exists_until(engine.all, paying)
-    rewarding = engine.from_bools(best(per_step, whole, Direction.MAX) > 0)
+    paying = np.asarray(parts.rows & (per_step > 0), np.bool_)
+    owners = _somewhere(paying, whole)
+    infinite = engine.graph.exists_until(engine.all, engine.from_bools(owners))
+    rewarding = engine.from_bools(_somewhere(np.asarray(per_step > 0, np.bool_), whole))
     nothing = ~engine.graph.exists_until(engine.all, rewarding)
-    system = engine.system(~(infinite | nothing), Direction.MAX)
-    equations = system.equations(system.step_rewards(reward), probability=False, allow_stay=True)
-    return context.solve(equations, known=[(infinite, np.inf)])
+    return GreatestTotal(paying, parts.meeting([owners]), infinite, ~(infinite | nothing))
+
+
+def _somewhere(rows: Bools, whole: System) -> Bools:
+    """The states with one of these rows."""
+    return np.asarray(best(rows.astype(np.float64), whole, Direction.MAX) > 0)

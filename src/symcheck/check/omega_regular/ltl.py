@@ -26,7 +26,13 @@ from symcheck.errors import Diagnostic, InputError, UnsupportedError
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, ModelType
 
-__all__ = ["as_until", "co_safe_reward", "linear_product", "path_probability_ltl"]
+__all__ = [
+    "as_until",
+    "co_safe_product",
+    "co_safe_reward",
+    "linear_product",
+    "path_probability_ltl",
+]
 
 
 def path_probability_ltl(
@@ -121,6 +127,16 @@ def co_safe_reward(
         InputError: the formula has G, W or R in negation normal form.
         UnsupportedError: the automaton would be too large.
     """
+    product, target = co_safe_product(context, path)
+    inner = replace(context, engine=product.engine)
+    return product.project(reach_reward(inner, reward, target, direction))
+
+
+def co_safe_product(context: Context, path: TemporalPath) -> tuple[Product, StateSet]:
+    """The product with the automaton of a co-safe formula, and where a good prefix is complete.
+
+    Raises InputError, UnsupportedError: see `co_safe_reward`.
+    """
     factory = LtlFactory(step=len(path.sets))
     alphabet, formula = _read(context, factory, path)
     formula = factory.negation(formula) if path.negative else formula
@@ -141,9 +157,7 @@ def co_safe_reward(
     )
     automaton = alphabet.automaton(context, factory, formula)
     product: Product = context.engine.product(alphabet.sets, automaton)
-    inner = replace(context, engine=product.engine)
-    target = product.edges(automaton.entering(automaton.accepting))
-    return product.project(reach_reward(inner, reward, target, direction))
+    return product, product.edges(automaton.entering(automaton.accepting))
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
 from symcheck.numerics.linear.rational import solve_chain
 from symcheck.numerics.settings import Accuracy, Settings
 
-__all__ = ["Gain", "Gains", "component_gains", "mec_quotient"]
+__all__ = ["Gain", "Gains", "component_gains", "gain_policy", "mec_quotient"]
 
 
 @dataclass(frozen=True)
@@ -65,10 +65,15 @@ class Gains:
 
 @dataclass(frozen=True, eq=False)
 class _EndComponent:
-    """An end component with the rows that stay inside; rewards, float64[rows], are maximised."""
+    """An end component with the rows that stay inside; rewards, float64[rows], are maximised.
+
+    states, rows_of: its states and rows in the whole matrix.
+    """
 
     matrix: SparseMatrix
     rewards: Numbers = field(repr=False)
+    states: Int32s = field(repr=False)
+    rows_of: Int64s = field(repr=False)
 
     @property
     def groups(self) -> Int64s:
@@ -149,7 +154,40 @@ def _larger_components(
         index[states] = np.arange(len(states), dtype=np.int32)
         inner = matrix.select(rows, index, len(states), starts_of(counts))
         index[states] = -1
-        yield c, _EndComponent(inner, rewards[rows])
+        yield c, _EndComponent(inner, rewards[rows], states, rows)
+
+
+def gain_policy(
+    matrix: SparseMatrix, rewards: Numbers, direction: Direction, gains: Gains, settings: Settings
+) -> Int64s:
+    """A policy that stays in each maximal end component and attains its gain.
+
+    Args:
+        matrix, rewards, direction: see `component_gains`.
+        gains: its result.
+        settings: the accuracy.
+
+    Returns:
+        A row for each state, -1 outside of end components.
+
+    Raises:
+        NumericalError: a component is too large for policy iteration.
+    """
+    signed = -rewards if direction is Direction.MIN else rewards
+    parts, owner = gains.parts, graph.Incidence(matrix).owner_of_rows
+    sizes = np.bincount(parts.of[parts.of >= 0], minlength=parts.count)
+    policy = np.full(matrix.states, -1, np.int64)
+    inside = np.flatnonzero(parts.rows & (sizes[parts.of[owner]] == 1))
+    order = inside[np.argsort(signed[inside], kind="stable")]
+    policy[owner[order]] = order  # the greatest reward is the last
+    for _, part in _larger_components(matrix, signed, parts, sizes, owner):
+        n = part.matrix.states
+        if not matrix.exact and n > tuning.DIRECT_EVALUATION_STATES:
+            raise NumericalError(f"an end component has {n:,} states, too many for a strategy")
+        finest = Accuracy(epsilon=0.0, relative=settings.relative)
+        *_, chosen = _policies(part, full(n, 0, exact=matrix.exact), finest)
+        policy[part.states] = part.rows_of[chosen]
+    return policy
 
 
 def _gain(part: _EndComponent, settings: Settings, observer: Observer | None) -> Gain:
@@ -159,7 +197,7 @@ def _gain(part: _EndComponent, settings: Settings, observer: Observer | None) ->
     if graph.maximal_end_components(part.matrix, everywhere, part.rewards == top).count:
         return Gain(top, top)  # a cycle earns the greatest reward at each step
     if part.matrix.exact:
-        low, high, _ = _policies(part, full(n, 0, exact=True), Accuracy(epsilon=0.0))
+        low, high, *_ = _policies(part, full(n, 0, exact=True), Accuracy(epsilon=0.0))
         if low < high:
             raise NumericalError("policy iteration for a long-run average did not end")
         return Gain(low, high)
@@ -201,8 +239,14 @@ def _close_enough(low: float, high: float, rounding_error: float, settings: Sett
     return high - low <= max(0.25 * settings.epsilon * scale, 4.0 * rounding_error)
 
 
-def _policies(part: _EndComponent, h: Numbers, settings: Settings) -> tuple[float, float, Numbers]:
-    """Policy iteration from the greedy policy of h: bounds on the gain, and the last bias."""
+def _policies(
+    part: _EndComponent, h: Numbers, settings: Settings
+) -> tuple[float, float, Numbers, Int64s]:
+    """Policy iteration from the greedy policy of h.
+
+    Returns:
+        Bounds on the gain, the last bias, and the last policy.
+    """
     low, high = -np.inf, np.inf
     values = part.rows(h)
     policy = first_best(values, part.groups)
@@ -219,7 +263,7 @@ def _policies(part: _EndComponent, h: Numbers, settings: Settings) -> tuple[floa
         if _close_enough(low, high, part.rounding_error(h), settings) or not better.any():
             break
         policy = np.where(better, first_best(values, part.groups), policy)
-    return low, high, h - h[0]
+    return low, high, h - h[0], policy
 
 
 def _unichain(part: _EndComponent, policy: Int64s, settings: Settings) -> Int64s:
@@ -297,7 +341,7 @@ def _floating_bias(chain: SparseMatrix, rewards: Floats, anchor: int) -> Floats 
 
 def mec_quotient(
     matrix: SparseMatrix, gains: Gains, direction: Direction
-) -> tuple[LinearProblem, Int32s]:
+) -> tuple[LinearProblem, Int32s, Int64s]:
     """The equations for the optimal expected gain of the end component in which a run stays.
 
     Each maximal end component is one state of the quotient with one more row, which stops and
@@ -309,7 +353,8 @@ def mec_quotient(
         direction: maximise or minimise.
 
     Returns:
-        The equations, and the state of the quotient of each state, int32[n].
+        The equations, the state of the quotient of each state, int32[n], and the row of the matrix
+        of each row of the equations, -1 for one that stops.
     """
     parts = gains.parts
     state, count = parts.quotient_states()
@@ -326,4 +371,6 @@ def mec_quotient(
     none, one = full(len(rows), 0, exact=matrix.exact), full(parts.count, 1, exact=matrix.exact)
     low, high = (np.concatenate((none, g))[order] for g in (gains.lower, gains.upper))
     leave = np.concatenate((none, one))[order]
-    return LinearProblem(low, whole.choose(order, groups), high, leave, direction, False), state
+    origin = np.concatenate((rows, np.full(parts.count, -1)))[order]
+    problem = LinearProblem(low, whole.choose(order, groups), high, leave, direction, False)
+    return problem, state, origin

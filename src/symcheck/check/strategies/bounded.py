@@ -1,0 +1,90 @@
+"""Strategies whose memory counts steps or rewards."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.measures.reward_bounded_until import row_rewards
+from symcheck.check.measures.reward_scaling import ScaledBound, scale_bound
+from symcheck.check.strategies.builder import StrategyBuilder
+from symcheck.check.strategies.counters import counter_product
+from symcheck.direction import Direction
+from symcheck.engines.base import StateSet, erased
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.explicit.strategy import Strategy
+from symcheck.matrices.numbers import Numbers, full
+from symcheck.matrices.rows import first_best
+from symcheck.semantics.time_bounds import RewardWindow
+
+__all__ = ["first_steps", "within_rewards"]
+
+
+def within_rewards(
+    context: Context,
+    left: StateSet,
+    right: StateSet,
+    counts: Sequence[RewardWindow],
+    towards: Direction,
+    direction: Direction,
+) -> Strategy:
+    """A strategy of the product with a counter for each bounded reward."""
+    explicit = context.engine.capability(ExplicitEngine)
+    assert explicit is not None
+    system = context.engine.system(context.engine.all)
+    product = counter_product(
+        explicit,
+        [scale_bound(context, system, row_rewards(context, system, c), c) for c in counts],
+    )
+    builder = StrategyBuilder(replace(context, engine=erased(product.engine)), towards)
+    to, of = context.engine.to_bools, builder.engine.from_bools
+    builder.until(
+        of(to(left)[product.state] & product.within), of(to(right)[product.state] & product.met)
+    )
+    return replace(builder.strategy(direction), memory=product.code, entry=product.entry)
+
+
+def first_steps(
+    context: Context,
+    rewards: Numbers | None,
+    steps: int,
+    direction: Direction,
+    factor: Fraction = Fraction(1),
+    last: Numbers | None = None,
+) -> Strategy:
+    """A strategy for the reward of the first steps, whose memory is the number of steps so far.
+
+    Args:
+        context: the explicit engine.
+        rewards: the reward of each row; None: no reward.
+        steps: the number of steps that count.
+        direction: minimise or maximise.
+        factor: the discount per step.
+        last: the reward of each state after these steps; None: none.
+    """
+    explicit = context.engine.capability(ExplicitEngine)
+    assert explicit is not None
+    matrix = explicit.matrix
+    assert matrix.groups is not None
+    ones = np.ones(matrix.rows, np.int64)
+    product = counter_product(explicit, [ScaledBound(ones, steps, None)])
+    system = context.engine.system(context.engine.all)
+    sign = 1 if direction is Direction.MAX else -1
+    x = system.full(0) if last is None else last
+    rows = np.tile(matrix.groups[:-1], (steps + 1, 1))
+    discount: Numbers = full(1, factor, exact=context.engine.exact)
+    for left in range(1, steps + 1):
+        y = np.asarray(system.operator.multiply(x)) * discount
+        y = y if rewards is None else y + rewards
+        rows[steps - left] = first_best(sign * y, matrix.groups)
+        x = y[rows[steps - left]]
+    groups = product.engine.matrix.groups
+    assert groups is not None
+    chosen = groups[:-1] + (rows - matrix.groups[:-1]).T.ravel()
+    return Strategy(
+        product.engine, chosen, direction, product.code < steps, product.code, product.entry
+    )

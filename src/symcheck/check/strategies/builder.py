@@ -1,0 +1,241 @@
+"""The choices of a strategy, state by state.
+
+A choice that attains the maximum of the equations for reachability need not reach the target: in an
+end component, staying is as good as leaving, so that the strategy may stay for ever. Therefore
+states with probability 1 take choices that move nearer to the target, states with minimal
+probability 0 take choices that stay among such states, and in the other states each end component
+is treated as a single state with one choice that leaves it.
+Source: Baier & Katoen (2008), 10.6.1.
+
+For a long-run average, a run reaches an end component and follows an optimal policy there.
+Source: Puterman (1994), chapter 9.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.measures.total_reward import greatest_total, reward_free_mecs, total_per_step
+from symcheck.direction import Direction
+from symcheck.engines.base import StateSet
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.explicit.strategy import Strategy
+from symcheck.errors import NumericalError, UnsupportedError
+from symcheck.matrices.numbers import Numbers, is_infinite
+from symcheck.matrices.rows import Bools, Int64s, first_best, spans, starts_of
+from symcheck.numerics import graph
+from symcheck.numerics.linear.problem import LinearProblem
+from symcheck.semantics.rewards import Reward
+
+__all__ = ["StrategyBuilder"]
+
+
+class StrategyBuilder:
+    """Chooses a row for each state; -1 if every row is as good."""
+
+    def __init__(self, context: Context, direction: Direction) -> None:
+        explicit = context.engine.capability(ExplicitEngine)
+        assert explicit is not None
+        assert explicit.matrix.groups is not None
+        self.context, self.explicit, self.direction = context, explicit, direction
+        self.engine = engine = context.engine
+        self.edges = graph.Incidence(explicit.matrix)
+        self.rows: Int64s = np.full(engine.states, -1, dtype=np.int64)
+
+    def strategy(self, direction: Direction) -> Strategy:
+        """The strategy of the chosen rows, and of the first row in other states."""
+        free = self.rows < 0
+        return Strategy(
+            self.explicit, np.where(free, self.edges.groups[:-1], self.rows), direction, ~free
+        )
+
+    def next(self, target: StateSet) -> None:
+        """Choose rows with maximal (minimal) probability of entering the target."""
+        values = self.engine.system(self.engine.all).one_step_probability(target)
+        values = values if self.direction is Direction.MAX else -values
+        self.rows = first_best(values, self.edges.groups)
+
+    def until(self, left: StateSet, right: StateSet) -> None:
+        """Choose rows with maximal (minimal) probability of left U right."""
+        questions = self.engine.graph
+        yes, no = (
+            questions.prob1(left, right, self.direction),
+            questions.prob0(left, right, self.direction),
+        )
+        if self.direction is Direction.MAX:
+            to = self.engine.to_bools
+            _, rows = graph.prob1e_strategy(self.edges, to(left), to(right))
+            self._take(to(yes - right), rows)
+        else:
+            self._stay(self.engine.to_bools(no), self.engine.to_bools(no & (left - right)))
+        system = self.engine.system(~(yes | no), self.direction)
+        self._solve(system.states, system.reachability(yes).problem())
+
+    def accept(self, pairs: Sequence[tuple[StateSet, Sequence[StateSet]]]) -> StateSet:
+        """Choose rows that satisfy one of the pairs (avoid, visits), of at most one visit.
+
+        Returns:
+            The states of accepting end components.
+        """
+        to, known = self.engine.to_bools, np.zeros(self.engine.states, dtype=np.bool_)
+        for avoid, visits in pairs:
+            good = graph.accepting_end_components(
+                self.edges, [(to(avoid), [to(v) for v in visits])]
+            )
+            visited = good.copy()
+            for visit in visits:
+                visited &= to(visit)
+            _, rows = graph.prob1e_strategy(self.edges, good, visited)
+            mine = good & ~known
+            self._take(mine & ~visited, rows)
+            self._stay(good, mine & visited)
+            known |= good
+        return self.engine.from_bools(known)
+
+    def reward(self, reward: Reward, target: StateSet) -> None:
+        """Choose rows with maximal (minimal) expected reward until the target."""
+        everything = self.engine.all
+        questions = self.engine.graph
+        certain = questions.prob1(everything, target, self.direction.dual)
+        system = self.engine.system(certain - target, self.direction)
+        if is_infinite(system.step_rewards(reward)).any():
+            raise UnsupportedError(
+                "strategies are not supported if a reward of a single step is infinite"
+            )
+        equations = system.expected_reward(reward, infinite=~certain)
+        if self.direction is Direction.MAX:
+            self._avoid(target)
+        usable = equations.usable_rows
+        origin = None if usable is None else np.flatnonzero(usable)
+        self._solve(system.states, equations.problem(), origin)
+
+    def total(self, reward: Reward) -> None:
+        """Choose rows with maximal (minimal) expected reward over infinite runs."""
+        whole, per_step = total_per_step(self.context, reward)
+        if self.direction is Direction.MIN:
+            free = reward_free_mecs(whole, per_step)
+            self.reward(reward, self.engine.from_bools(free.of >= 0))
+            self._keep(np.flatnonzero(free.rows))
+            return
+        parts = greatest_total(self.context, whole, per_step)
+        unknown = self.engine.system(parts.unknown, self.direction)
+        rewards = unknown.step_rewards(reward)
+        equations = unknown.equations(rewards, probability=False, allow_stay=True)
+        self._solve(parts.unknown, equations.problem())
+        # From where infinite rewards are possible, a run reaches a component that pays for ever
+        # with positive probability, and stays there.
+        self._approach(parts.collecting, np.zeros_like(parts.collecting))
+        paying = np.flatnonzero(parts.paying)
+        owners = np.zeros_like(parts.collecting)
+        owners[self.edges.owner[paying]] = True
+        _, rows = graph.prob1e_strategy(self.edges, parts.collecting, owners)
+        self._take(parts.collecting & ~owners, rows)
+        self._keep(paying)
+
+    def average(self, rewards: Numbers) -> None:
+        """Choose rows with maximal (minimal) long-run average of the rewards of rows."""
+        from symcheck.numerics.linear.methods import solve_linear
+        from symcheck.numerics.long_run.mean_payoff import (
+            component_gains,
+            gain_policy,
+            mec_quotient,
+        )
+
+        options, matrix = self.context.options, self.explicit.matrix
+        if is_infinite(rewards).any():
+            raise UnsupportedError("long-run averages of infinite rewards are not supported")
+        gains = component_gains(matrix, rewards, self.direction, options)
+        try:
+            self.rows = gain_policy(matrix, rewards, self.direction, gains, options)
+        except NumericalError as error:
+            raise UnsupportedError(str(error)) from error
+        # Gains that may be negative are shifted, as for the values.
+        shift = 2 * np.abs(gains.lower).max() if gains.lower.min() < 0 else 0
+        shifted = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
+        problem, state, origin = mec_quotient(matrix, shifted, self.direction)
+        found = solve_linear(problem, replace(options, method="auto")).strategy
+        assert found is not None
+        chosen = np.where(found >= 0, origin[found], -1)
+        leaving = np.zeros(self.engine.states, np.bool_)
+        leaving[self.edges.owner[chosen[chosen >= 0]]] = True
+        # Within a component that a run leaves, it goes to the state of the row that leaves.
+        inner = np.flatnonzero(gains.parts.rows)
+        counts = np.bincount(self.edges.owner[inner], minlength=self.engine.states)
+        inside = matrix.choose(inner, starts_of(counts))
+        left = chosen[state] >= 0
+        _, rows = graph.prob1e_strategy(inside, left, leaving)
+        self._take(left & ~leaving, np.where(rows >= 0, inner[rows], -1))
+        self._keep(chosen[chosen >= 0])
+
+    def discounted(self, reward: Reward, discount: Fraction) -> None:
+        """Choose rows with maximal (minimal) discounted reward over all steps."""
+        from symcheck.check.measures.discounted import discounted_problem
+
+        system = self.engine.system(self.engine.all, self.direction)
+        rewards = system.step_rewards(reward)
+        problem = discounted_problem(system, rewards, discount, self.direction)
+        self._solve(self.engine.all, problem)
+
+    def _take(self, where: Bools, rows: Int64s) -> None:
+        """Set the rows of some states; -1 for none."""
+        self.rows = np.where(where & (rows >= 0), rows, self.rows)
+
+    def _keep(self, rows: Int64s) -> None:
+        """Choose the first of these rows in each of their states."""
+        self.rows[self.edges.owner[rows[::-1]]] = rows[::-1]
+
+    def _stay(self, within: Bools, where: Bools) -> None:
+        """In the states `where`, choose a row that stays `within` with probability 1."""
+        members = self.engine.from_bools(within)
+        leaves = self.engine.system(self.engine.all).one_step_probability(~members) > 0
+        self._keep(np.flatnonzero(~leaves & where[self.edges.owner]))
+
+    def _avoid(self, target: StateSet) -> None:
+        """In states that can avoid the target, choose rows that do so with positive probability."""
+        to = self.engine.to_bools
+        missed = to(self.engine.graph.prob0(self.engine.all, target, Direction.MIN))
+        self._stay(missed, missed)
+        self._approach(missed, to(target))
+
+    def _approach(self, goal: Bools, without: Bools) -> None:
+        """Outside of two sets, choose rows that reach `goal` with positive probability."""
+        known, frontier, ahead = goal | without, goal, True
+        while ahead:
+            rows = self.edges.rows_in[
+                spans(self.edges.pre[:-1][frontier], self.edges.pre[1:][frontier])
+            ].astype(np.int64)
+            rows = rows[~known[self.edges.owner[rows]]]
+            owners = self.edges.owner[rows]
+            self.rows[owners] = rows
+            frontier = np.zeros_like(known)
+            frontier[owners] = True
+            known = known | frontier
+            ahead = len(rows) > 0
+
+    def _solve(
+        self, states: StateSet, problem: LinearProblem, origin: Int64s | None = None
+    ) -> None:
+        """Choose the rows of a solution.
+
+        origin: the index of each row of the problem among the rows of `states`.
+        """
+        from symcheck.numerics.linear.methods import solve_linear
+
+        members = self.engine.to_bools(states)
+        if not members.any():
+            return
+        found = solve_linear(problem, replace(self.context.options, method="auto"))
+        if found.strategy is None:
+            raise UnsupportedError("this numerical method computes no strategy")
+        mine = np.flatnonzero(np.repeat(members, np.diff(self.edges.groups)))
+        chosen = (
+            found.strategy
+            if origin is None
+            else np.where(found.strategy >= 0, origin[found.strategy], -1)
+        )
+        self.rows[members] = np.where(chosen >= 0, mine[chosen], -1)
