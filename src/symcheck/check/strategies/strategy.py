@@ -36,6 +36,7 @@ from symcheck.semantics.rewards import Reward, Time
 from symcheck.semantics.time_bounds import Window, bound_value, window
 from symcheck.syntax.ast import (
     BinaryTemporal,
+    CostBoundedReward,
     CumulativeReward,
     DiscountedReward,
     Eventually,
@@ -172,6 +173,8 @@ def _reward(
             assert steps is not None
             last = system.rewards(reward)[0]
             return first_steps(context, None, steps, direction, last=last)
+        case CostBoundedReward():
+            raise UnsupportedError("strategies are not supported for rewards within a cost")
         case TotalReward():
             builder.total(reward)
         case SteadyStateReward():
