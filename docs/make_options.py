@@ -1,4 +1,5 @@
-"""Write the table of options in command_line.md, from their declaration in `symcheck.options`.
+"""Write the table of options in command_line.md, and the manual page symcheck.1, from their
+declaration in `symcheck.options`.
 
 .venv/bin/python docs/make_options.py
 """
@@ -8,9 +9,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from symcheck import __version__
+from symcheck.cli.arguments import HELP_EPILOGUE, make_parser
+from symcheck.cli.switch_help import manual_page
 from symcheck.options import OPTIONS, Option
 
 PAGE = Path(__file__).parent / "command_line.md"
+MANUAL = Path(__file__).parent / "symcheck.1"
 TABLE = re.compile(r"(?<=<!-- options -->\n).*?(?=<!-- end of options -->)", re.DOTALL)
 
 
@@ -20,6 +25,13 @@ def table() -> str:
         f"| {_switches(o)} | `{o.name}={o.default!r}` | {_sentence(o)} |\n" for o in OPTIONS
     )
     return f"| switches | `symcheck.load(…)` | |\n|---|---|---|\n{rows}"
+
+
+def manual() -> str:
+    """The manual page."""
+    parser = make_parser()
+    assert parser.description is not None
+    return manual_page(__version__, parser.description, HELP_EPILOGUE, parser.switches())
 
 
 def _sentence(option: Option) -> str:
@@ -39,3 +51,4 @@ def _switches(option: Option) -> str:
 
 if __name__ == "__main__":
     PAGE.write_text(TABLE.sub(lambda _: table(), PAGE.read_text()))
+    MANUAL.write_text(manual())

@@ -6,10 +6,18 @@ import errno
 import os
 import re
 import resource
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-__all__ = ["FREE_MEMORY", "available_memory", "limit_memory", "memory_ended", "read_bytes"]
+__all__ = [
+    "FREE_MEMORY",
+    "available_memory",
+    "below_limit",
+    "limit_memory",
+    "memory_ended",
+    "read_bytes",
+]
 
 FREE_MEMORY = "SYMCHECK_MEMORY"
 """The environment variable with the amount that counts as free, instead of what is measured."""
@@ -106,6 +114,11 @@ def _below_limits() -> Iterator[int]:
             yield limit - taken
 
 
+def below_limit() -> int:
+    """Bytes of data that the process may still take before an allocation fails."""
+    return min(_below_limits(), default=sys.maxsize)
+
+
 def memory_ended(error: BaseException) -> bool:
     """Whether an error means that memory ended: libraries and threads have other words for it."""
     match error:
@@ -114,8 +127,9 @@ def memory_ended(error: BaseException) -> bool:
         case OSError(errno=errno.ENOMEM):
             return True
         case ImportError() | RuntimeError():
-            return any(words in str(error) for words in _WORDS)
-    return False
+            if any(words in str(error) for words in _WORDS):
+                return True
+    return error.__context__ is not None and memory_ended(error.__context__)
 
 
 def _pages() -> tuple[int, int]:

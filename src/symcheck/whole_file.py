@@ -16,10 +16,11 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
 
-from symcheck.errors import OutputError, SymcheckError, UsageError
+from symcheck.errors import OutputError, UsageError
 
 __all__ = [
     "COMPRESSED",
+    "is_output_fault",
     "open_for_text",
     "output_fault",
     "read_whole",
@@ -111,9 +112,14 @@ def write_whole(target: str | Path, write: Callable[[Path], object], ending: str
             _UNFINISHED.discard(temporary)
 
 
-def output_fault(what: str, error: OSError) -> SymcheckError:
+def is_output_fault(error: OSError) -> bool:
+    """Whether the medium is full, or its reader gone."""
+    return error.errno in _FULL
+
+
+def output_fault(what: str, error: OSError) -> OutputError | UsageError:
     """The error for something that cannot be written."""
-    kind = OutputError if error.errno in _FULL else UsageError
+    kind = OutputError if is_output_fault(error) else UsageError
     reason = (
         "its reader has closed the pipe"
         if error.errno == errno.EPIPE

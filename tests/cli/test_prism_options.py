@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+
 import pytest
 
 from symcheck.cli import main
@@ -61,6 +63,9 @@ def test_switches_without_effect_are_taken_and_named(words, queue, capsys):
     ("words", "message"),
     [
         (["-param", "p=0:1"], "parametric model checking is not supported"),
+        (["-paramelimorder", "fw"], "-paramelimorder: parametric model checking is not"),
+        (["-settings"], "-settings: expected a file"),
+        (["-settings", "none"], "-settings: cannot read 'none': No such file"),
         (["-importpepa"], "PEPA is not supported"),
         (["-exportmrmc"], "-exportmodel writes"),
         (
@@ -281,3 +286,68 @@ def test_options_of_model_exports(queue, capsys):
     assert "unknown option 'colour=red'" in err
     assert run(capsys, "q.sm", "-const", "mu=3", "-exportmodel", "o.txt:format=drn")[0] == 0
     assert (queue / "o.txt").read_text().startswith("@type: CTMC")
+
+
+SETTINGS = """# a comment
+PRISM
+prism.engine={engine}
+prism.termCritParam=1.0E-6
+prism.maxIters=10000
+prism.linEqMethod={method}
+model.autoParse=true
+simulator.defaultNumSamples=2000
+{other}
+"""
+
+
+def test_saved_settings(queue, capsys):
+    """A setting with PRISM's default asks for nothing; a switch beats a setting."""
+    file = queue / "prism.settings"
+    words = ["q.sm", "q.csl", "-const", "mu=2", "-prop", "f", "-settings", "prism.settings"]
+    file.write_text(SETTINGS.format(engine="Hybrid", method="Jacobi", other=""))
+    status, out, _ = run(capsys, *words)
+    assert (status, "explicit (chosen automatically" in out, "Note" in out) == (0, True, False)
+    file.write_text(SETTINGS.format(engine="MTBDD", method="Power", other="prism.verbose=true"))
+    status, out, _ = run(capsys, *words)
+    assert (status, "Engine:      mtbdd" in out) == (0, True)
+    assert "Note: prism.linEqMethod has no effect: the method is chosen by structure" in out
+    assert "Engine:      sparse" in run(capsys, *words, "-s")[1]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("prism.param.enabled=true", ":9: prism.param.enabled=true: parametric model checking"),
+        ("prism.symmRedParams=1 2", "symmetry reduction is not supported"),
+        ("prism.fairness=perhaps", "there is no such value of this setting"),
+        ("storm.engine=dd", "there is no such setting of PRISM"),
+        ("prism.termCritParam=two", "-epsilon: 'two' is not a number"),
+    ],
+)
+def test_saved_settings_that_cannot_be_served(line, message, queue, capsys):
+    (queue / "s").write_text(SETTINGS.format(engine="Hybrid", method="Jacobi", other=line))
+    status, out, err = run(capsys, "q.sm", "-settings", "s")
+    assert (status, out) == (2, "")
+    assert message in err
+
+
+def test_the_output_goes_to_a_file(queue, capsys):
+    status, out, err = run(
+        capsys, "q.sm", "-const", "mu=2", "-exporttrans", "stdout", "-mainlog", "log"
+    )
+    assert (status, out, err) == (0, "", "")
+    log = (queue / "log").read_text()
+    assert "Type:        CTMC" in log
+    assert " 1 " in log.partition("Time for model")[2]
+
+
+def test_a_model_from_the_standard_input(queue, capsys, monkeypatch):
+    text = (queue / "q.sm").read_text()
+    monkeypatch.setattr("sys.stdin", io.StringIO(text))
+    status, out, _ = run(capsys, "-", "q.csl", "-const", "mu=2", "-prop", "f")
+    assert status == 0
+    assert "Reading the model from the standard input" in out
+    assert "Result: 0.333333" in out
+    monkeypatch.setattr("sys.stdin", io.StringIO("ctmc module"))
+    assert "<stdin>:1:11: error[syntax]" in run(capsys, "-")[2]
+    assert run(capsys, "-", "-step")[2].startswith("error: -step reads the standard input")

@@ -89,6 +89,7 @@ def test_every_switch_is_explained() -> None:
         "exportadv",
         "exportadvmdp",
         "dir",
+        "settings",
     }
     assert named == own | foreign
 
@@ -98,6 +99,7 @@ def test_the_table_of_options_is_as_they_are_declared() -> None:
     made = runpy.run_path(str(DOCS / "make_options.py"))
     page = (DOCS / "command_line.md").read_text()
     assert made["TABLE"].findall(page) == [made["table"]()]
+    assert (DOCS / "symcheck.1").read_text() == made["manual"]()
 
 
 @pytest.mark.parametrize(

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import gc
 import os
-import signal
 import sys
+from importlib import import_module
 from itertools import pairwise
 from time import perf_counter
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # the module `typing` takes ten milliseconds, in which Ctrl-C is not handled
+if TYPE_CHECKING:  # the module takes ten milliseconds, in which Ctrl-C would be a traceback
     from typing import NoReturn
 
 __all__ = ["main"]
+
+_signal = import_module("_signal")  # `signal` first imports `enum`, which takes milliseconds too
 
 
 def main(words: list[str] | None = None) -> int:
@@ -23,9 +25,9 @@ def main(words: list[str] | None = None) -> int:
     """
     started = perf_counter()
     if words is None:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
-            if signal.getsignal(number) is not signal.SIG_IGN:
-                signal.signal(number, _end)
+        for number in (_signal.SIGINT, _signal.SIGTERM, _signal.SIGALRM):
+            if _signal.getsignal(number) != _signal.SIG_IGN:
+                _signal.signal(number, _end)
         _limit_time(sys.argv[1:])
     # Matrices are small for a BLAS: its threads wait longer than they compute. numpy reads this
     # variable when it is imported.
@@ -49,10 +51,10 @@ def main(words: list[str] | None = None) -> int:
 def _end(number: int, _: object) -> None:
     """End the process at once: before a run and after it, there is nothing to keep."""
     message, status = {
-        signal.SIGINT: ("interrupted by Ctrl-C", 130),
-        signal.SIGTERM: ("interrupted by SIGTERM", 143),
-        signal.SIGALRM: ("the time limit was reached", 3),
-    }[signal.Signals(number)]
+        _signal.SIGINT: ("interrupted by Ctrl-C", 130),
+        _signal.SIGTERM: ("interrupted by SIGTERM", 143),
+        _signal.SIGALRM: ("the time limit was reached", 3),
+    }[number]
     _leave(message, status)
 
 
@@ -72,4 +74,4 @@ def _limit_time(words: list[str]) -> None:
             from symcheck.options import read_seconds
 
             with suppress(ValueError):  # reported with the other switches
-                signal.setitimer(signal.ITIMER_REAL, read_seconds(value))
+                _signal.setitimer(_signal.ITIMER_REAL, read_seconds(value))

@@ -9,11 +9,14 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from typing import Any, NamedTuple, NoReturn, TypeVar
 
+from symcheck import __version__
 from symcheck.cli.prism_options import Adapted, adapt
+from symcheck.cli.switch_help import SHELLS, SwitchDescription, completion, explain
 from symcheck.errors import UsageError
 from symcheck.options import (
     OPTIONS,
@@ -25,9 +28,11 @@ from symcheck.options import (
 )
 from symcheck.syntax.ast import ModelType
 
-__all__ = ["HELP_EPILOGUE", "Arguments", "Export", "make_parser", "parse_arguments"]
+__all__ = ["HELP_EPILOGUE", "Arguments", "Export", "information", "make_parser", "parse_arguments"]
 
 T = TypeVar("T")
+
+_HELP = ("-help", "--help", "-?")
 
 HELP_EPILOGUE = """\
 Examples:
@@ -116,7 +121,11 @@ class Arguments(argparse.Namespace):
     test: bool
     testall: bool
     exporttests: str | None
+    mainlog: str | None
+    help: str | None
+    completion: str | None
     version: bool
+    javaversion: bool
     peer: str | None
 
     def __init__(self, adapted: Adapted) -> None:
@@ -173,6 +182,18 @@ class _Parser(argparse.ArgumentParser):
         names = [f"-{n}" for n in (name, *aliases)]
         names += [f"--{n}" for n in (name, *aliases) if len(n) > 1]
         self.add_argument(*names, **keywords)
+
+    def switches(self) -> list[SwitchDescription]:
+        """The switches, in the order of the help."""
+        found = []
+        for action in self._actions:
+            names = [n for n in action.option_strings if not n.startswith("--")]
+            values = action.metavar if isinstance(action.metavar, tuple) else (action.metavar,)
+            if names:
+                given = () if action.nargs == 0 else tuple(v for v in values if v)
+                option = action.dest if isinstance(action, _SetOption) else ""
+                found.append(SwitchDescription(tuple(names), given, action.help or "", option))
+        return found
 
     def counts(self) -> dict[str, int]:
         """For each switch, how many words follow it; -1 for one that may be missing."""
@@ -282,7 +303,10 @@ def _options(parser: _Parser, group: str) -> None:
 
 def _input(parser: _Parser) -> None:
     parser.add_argument(
-        "model", nargs="?", metavar="MODEL", help="model file (.pm .prism .sm .nm … .jani)"
+        "model",
+        nargs="?",
+        metavar="MODEL",
+        help="model file (.pm .prism .sm .nm … .jani); - reads it from the standard input",
     )
     parser.add_argument(
         "properties", nargs="?", metavar="PROPERTIES", help="properties file (.pctl .csl .props …)"
@@ -315,7 +339,7 @@ def _input(parser: _Parser) -> None:
             dest="model_type",
             action="store_const",
             const=kind,
-            help=f"read the model as a {kind.name}",
+            help=f"read the model as {'an' if kind is ModelType.MDP else 'a'} {kind.name}",
         )
 
 
@@ -607,8 +631,17 @@ def _output(parser: _Parser) -> None:
         help="symcheck compare MODEL PROPERTIES -with PEER: compare the answers with those of "
         "storm or prism, if it is installed ('prism -s' gives it switches)",
     )
-    parser.add("help", "?", action="help", help="this text")
-    parser.add_argument("-version", "--version", action="store_true", help="the version")
+    parser.add("mainlog", metavar="FILE", help="write the output to a file")
+    parser.add(
+        "help", "?", metavar="SWITCH", nargs="?", const="", help="this text, or what a switch does"
+    )
+    parser.add(
+        "completion",
+        metavar="SHELL",
+        help=f"print a script that completes switches in {', '.join(SHELLS)}",
+    )
+    parser.add("version", action="store_true", help="the version")
+    parser.add("javaversion", action="store_true", help="the version of Python: there is no Java")
 
 
 def make_parser() -> _Parser:
@@ -637,9 +670,27 @@ def make_parser() -> _Parser:
     return parser
 
 
-def parse_arguments(words: Sequence[str]) -> Arguments:
-    """The parsed command line. Raises UsageError; `--help` prints the switches and exits with 0."""
+def information(arguments: Arguments) -> str | None:
+    """The text that -help, -completion, -version or -javaversion asks for. Raises UsageError."""
     parser = make_parser()
+    if arguments.help is not None:
+        switch = arguments.help
+        return explain(switch, parser.switches()) if switch else parser.format_help().rstrip()
+    if arguments.completion is not None:
+        return completion(arguments.completion, parser.switches()).rstrip()
+    if arguments.version:
+        return f"symcheck {__version__}"
+    if arguments.javaversion:
+        number = ".".join(map(str, sys.version_info[:3]))
+        return f"Python {number}: symcheck needs no Java virtual machine"
+    return None
+
+
+def parse_arguments(words: Sequence[str]) -> Arguments:
+    """The parsed command line. Raises UsageError."""
+    parser = make_parser()
+    if len(words) == 2 and words[0] in _HELP:
+        words = [f"-help={words[1].lstrip('-')}"]  # also where the switch has its dash
     compares = bool(words) and words[0] == "compare"
     adapted = adapt(words[1:] if compares else words, parser.counts())
     arguments = parser.parse_args(adapted.words, Arguments(adapted))

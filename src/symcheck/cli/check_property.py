@@ -28,6 +28,7 @@ from symcheck.errors import (
 )
 from symcheck.experiments.rows import Row, error_text, row_of
 from symcheck.machine import memory_ended
+from symcheck.whole_file import is_output_fault
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
@@ -70,7 +71,7 @@ def check_property(
     except (ResourceError, OutputError, MemoryError):
         raise
     except Exception as error:  # a defect in one property must not stop the others
-        if memory_ended(error):
+        if memory_ended(error) or (isinstance(error, OSError) and is_output_fault(error)):
             raise
         outcome = error if isinstance(error, SymcheckError) else internal_error(error)
         state.output.error(outcome)

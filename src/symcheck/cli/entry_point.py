@@ -9,10 +9,9 @@ from contextlib import ExitStack, contextmanager, suppress
 from io import TextIOWrapper
 from threading import Lock, Thread
 from time import perf_counter
-from typing import NoReturn
+from typing import NoReturn, TextIO
 
-from symcheck import __version__
-from symcheck.cli.arguments import parse_arguments
+from symcheck.cli.arguments import information, parse_arguments
 from symcheck.cli.check_property import internal_error
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import check_files, check_results_file, write_results
@@ -28,8 +27,8 @@ from symcheck.errors import (
     out_of_memory,
 )
 from symcheck.experiments.rows import error_text
-from symcheck.machine import available_memory, limit_memory, memory_ended
-from symcheck.whole_file import output_fault, remove_unfinished
+from symcheck.machine import available_memory, memory_ended
+from symcheck.whole_file import is_output_fault, output_fault, remove_unfinished
 
 __all__ = ["run_safely"]
 
@@ -57,7 +56,7 @@ def run_safely(words: Sequence[str] | None = None, started: float | None = None)
         with ExitStack() as stack:
             return _Session(StopSignals(), started, own_process=False).run(words, stack)
     if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout = _StandardOutput(sys.stdout)
+        sys.stdout = _CheckedStream(sys.stdout)
     session = _Session(StopSignals(lambda: session.end()), started, own_process=True)
     try:
         status = session.run(sys.argv[1:], ExitStack())
@@ -83,8 +82,8 @@ def _leave(status: int) -> NoReturn:
     os._exit(status)
 
 
-class _StandardOutput(TextIOWrapper):
-    """The standard output. What does not arrive is an OutputError."""
+class _CheckedStream(TextIOWrapper):
+    """A stream of text. What does not arrive is an OutputError."""
 
     def __init__(self, stream: TextIOWrapper) -> None:
         encoding, errors, by_line = stream.encoding, stream.errors, stream.line_buffering
@@ -99,12 +98,20 @@ class _StandardOutput(TextIOWrapper):
             super().flush()
 
 
+def _opened(path: str) -> TextIO:
+    """The file of -mainlog, which has each line at once. Raises UsageError."""
+    try:
+        return _CheckedStream(open(path, "w", buffering=1, encoding="utf-8"))
+    except OSError as error:
+        raise UsageError(f"-mainlog: cannot write '{path}': {error.strerror}") from None
+
+
 @contextmanager
 def _output_faults() -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise OutputError(str(output_fault("the output", error))) from None
+        raise output_fault("the output", error) from None
 
 
 class _Session:
@@ -136,8 +143,8 @@ class _Session:
 
     def _run(self, words: Sequence[str], stack: ExitStack) -> int:
         arguments = parse_arguments(words)
-        if arguments.version:
-            print(f"symcheck {__version__}")
+        if (text := information(arguments)) is not None:
+            print(text)
             return 0
         limit = arguments.options.time_limit
         if limit is not None:
@@ -147,8 +154,10 @@ class _Session:
             check_results_file(arguments.exportresults)
         check_files(arguments)
         if self._own_process:
-            limit_memory(max(available_memory(), arguments.options.max_memory or 0))
-        self._state = RunState(arguments, Output(verbose=arguments.verbose))
+            self.signals.limit_memory(max(available_memory(), arguments.options.max_memory or 0))
+        log = arguments.mainlog
+        out = None if log is None or log == "stdout" else stack.enter_context(_opened(log))
+        self._state = RunState(arguments, Output(out, arguments.verbose))
         status = run(self._state)
         self._export()
         return status
@@ -162,8 +171,6 @@ class _Session:
             error.__traceback__ = error.__context__ = None  # their frames hold the memory
             return self._stopped(out_of_memory(), 3)
         match error:
-            case SystemExit():  # --help
-                return 0
             case Interrupted() | KeyboardInterrupt():
                 return self._stopped(Interrupted("interrupted by Ctrl-C"), 130)
             case ResourceError():
@@ -174,8 +181,8 @@ class _Session:
                 return _fail(self._after_export(error), 1)
             case RecursionError():
                 return _fail(SymcheckError("the input is nested too deeply"), 1)
-            case BrokenPipeError():
-                return _fail(OutputError(str(output_fault("the output", error))), 1)
+            case OSError() if is_output_fault(error):
+                return _fail(self._after_export(output_fault("the output", error)), 1)
             case Exception():  # a defect of symcheck, without a traceback
                 return _fail(self._after_export(internal_error(error)), 1)
         raise error

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 from symcheck.api import Model
 from symcheck.cli.arguments import Arguments
 from symcheck.errors import UsageError
-from symcheck.syntax.parse import is_jani, parse_model_file
+from symcheck.syntax.parse import is_jani, parse_model, parse_model_file
 from symcheck.whole_file import uncompressed_name
 
-__all__ = ["choose_model_file", "read_model"]
+__all__ = ["STANDARD_INPUT", "choose_model_file", "read_model"]
 
 _MODEL_ENDINGS = (".pm", ".sm", ".nm", ".prism", ".jani")
 _EXPLICIT_ENDINGS = (".all", ".umb", ".drn")
@@ -19,6 +20,10 @@ _EXPLICIT_ENDINGS = (".all", ".umb", ".drn")
 def _ends(path: str, endings: tuple[str, ...]) -> bool:
     """Whether the name of a file, compressed or not, has one of the endings."""
     return uncompressed_name(path)[0].endswith(endings)
+
+
+STANDARD_INPUT = "-"
+"""The name of the standard input in the place of the model."""
 
 
 def choose_model_file(a: Arguments) -> str:
@@ -69,6 +74,16 @@ def choose_model_file(a: Arguments) -> str:
     return source
 
 
+def _standard_input(a: Arguments) -> str:
+    """The text of the standard input. Raises UsageError."""
+    if a.step:
+        raise UsageError("-step reads the standard input, which holds the model")
+    try:
+        return sys.stdin.read()
+    except (OSError, UnicodeDecodeError):
+        raise UsageError("cannot read the standard input: not a UTF-8 text") from None
+
+
 def read_model(a: Arguments) -> Model:
     """The model that the arguments name, without values of its constants.
 
@@ -76,6 +91,9 @@ def read_model(a: Arguments) -> Model:
     """
     if not a.imports_model:
         assert a.model is not None
+        if a.model == STANDARD_INPUT:
+            program = parse_model(_standard_input(a), "<stdin>")
+            return Model(program, {}, a.options, a.model_type)
         return Model(parse_model_file(a.model), {}, a.options, a.model_type)
     from symcheck.exchange.api_io import imported_model
     from symcheck.exchange.formats.prism_reader import ModelFiles

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from symcheck.cli.prism_settings import read_settings
 from symcheck.errors import UsageError
 
-__all__ = ["Adapted", "adapt"]
+__all__ = ["Adapted", "adapt", "ignored_switches", "refused_switches"]
 
 _METHODS = "the method is chosen by structure, and results are certified; -method NAME forces one"
 _MEMORY = "there is no Java virtual machine; -cuddmaxmem limits the memory of diagrams"
@@ -41,15 +42,23 @@ _GROUPS: tuple[tuple[str, int, str], ...] = (
     ("nocompact ddsanity extraddinfo extrareachinfo exportordered ordered", 0, _STORAGE),
     ("sbl sbmax gsl sorl gsmax sormax cuddepsilon ddextrastatevars ddextraactionvars", 1, _STORAGE),
     ("pathviaautomata nodasimplify simmanual ng", 0, _OTHER),
-    ("aroptions settings sumroundoff", 1, _OTHER),
+    ("aroptions sumroundoff", 1, _OTHER),
 )
 _WITHOUT_EFFECT: Mapping[str, tuple[int, str]] = {
     name: (count, why) for names, count, why in _GROUPS for name in names.split()
 }
 
+_PARAMETRIC = (
+    "parametric model checking is not supported; "
+    "-const NAME=LOW:STEP:HIGH gives the values at points"
+)
+_PARAMETRIC_SWITCHES = (
+    "param paramprecision paramsplit parambisim paramfunction paramelimorder paramrandompoints "
+    "paramsubsumeregions paramdagmaxerror"
+)
+
 _REFUSED: Mapping[str, str] = {
-    "param": "parametric model checking is not supported; "
-    "-const NAME=LOW:STEP:HIGH gives the values at points",
+    **dict.fromkeys(_PARAMETRIC_SWITCHES.split(), _PARAMETRIC),
     "symm": "symmetry reduction is not supported; "
     "-bisim checks on the quotient by strong bisimulation",
     "importpepa": "PEPA is not supported: models are in the PRISM language",
@@ -66,6 +75,16 @@ _REFUSED: Mapping[str, str] = {
     "exportobs": "partially observable models are not supported",
     "importobs": "partially observable models are not supported",
 }
+
+
+def ignored_switches() -> dict[str, str]:
+    """The switches of PRISM that have no effect, with one dash, and why."""
+    return {f"-{name}": why for name, (_, why) in _WITHOUT_EFFECT.items()}
+
+
+def refused_switches() -> dict[str, str]:
+    """The switches of PRISM that are not supported, with one dash, and what is."""
+    return {f"-{name}": why for name, why in _REFUSED.items()}
 
 
 @dataclass(frozen=True)
@@ -95,8 +114,12 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
     files: list[str] = []
     without: dict[str, str] = {}
     folder = None
+    settings: list[str] = []
     rest = _Words(words)
     while (word := rest.take()) is not None:
+        if word.startswith("-help="):
+            kept.append(word)
+            continue
         name = word.lstrip("-") if word.startswith("-") and not _is_number(word) else None
         if word in values:
             kept += _joined(word, rest.following(values[word]))
@@ -114,6 +137,12 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
             ]
         elif name == "dir":
             folder = rest.take()
+        elif name == "settings":
+            if not (path := rest.take()):
+                raise UsageError("-settings: expected a file of PRISM's settings")
+            saved = read_settings(path)
+            settings += saved.words
+            without |= dict.fromkeys(saved.without_effect, _METHODS)
         elif name in _REFUSED:
             raise UsageError(f"-{name}: {_REFUSED[name]}")
         else:
@@ -127,7 +156,8 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
             "-pf gives more properties"
         )
     # Files come first: argparse does not accept optional positional words between switches.
-    return Adapted([*files, *kept], without, folder)
+    # Saved settings come before the switches, which win.
+    return Adapted([*files, *settings, *kept], without, folder)
 
 
 class _Words:

@@ -9,7 +9,7 @@ from symcheck.api import Model
 from symcheck.cli import exports
 from symcheck.cli.check_property import report_unparsed
 from symcheck.cli.instance import GivenTexts, InstancesTask
-from symcheck.cli.model_input import choose_model_file, read_model
+from symcheck.cli.model_input import STANDARD_INPUT, choose_model_file, read_model
 from symcheck.cli.output_paths import NO_CONSTANTS
 from symcheck.cli.properties_input import PropertiesInput, read_properties
 from symcheck.cli.run_state import RunState, TestFailed
@@ -38,7 +38,11 @@ def run(state: RunState) -> int:
 
         peer = find_peer(a.peer)
     given = parse_constants(a.const)
-    files = [f'Reading model file "{source}"']
+    files = [
+        "Reading the model from the standard input"
+        if source == STANDARD_INPUT
+        else f'Reading model file "{source}"'
+    ]
     if a.properties:
         files.append(f'Reading properties file "{a.properties}"')
     state.output.header(files)

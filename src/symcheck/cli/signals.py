@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 import sys
 import threading
@@ -12,13 +13,16 @@ from time import monotonic
 from types import FrameType
 from typing import Any
 
-from symcheck.errors import Interrupted, ResourceError, TimeLimitError
+from symcheck.errors import Interrupted, ResourceError, TimeLimitError, out_of_memory
+from symcheck.machine import below_limit, limit_memory, memory_ended
 
 __all__ = ["StopSignals"]
 
 _PATIENCE = 0.1  # seconds until a signal without effect is repeated
 _GRACE = 0.5  # seconds until a process that the signal does not stop is ended
 _GRACE_FOR_FILES = 20.0  # the same while finished results are written
+
+_LOW_MEMORY = 32 << 20  # bytes below the limit at which a run is stopped
 
 _HANDLED: dict[signal.Signals, Any] = {
     signal.SIGINT: signal.default_int_handler,
@@ -47,6 +51,8 @@ class StopSignals:
         self._end = end
         self._acknowledged = False
         self._deadline = 0.0
+        self._low_memory = 0
+        self._memory_ended = False
         self._over = threading.Event()
         self._previous: dict[signal.Signals, Any] = {}
 
@@ -64,6 +70,8 @@ class StopSignals:
         self._wakeup = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
         self._unraisable = sys.unraisablehook
         sys.unraisablehook = self._on_unraisable
+        self._thread_fault = threading.excepthook
+        threading.excepthook = self._on_thread_fault
         for number in self._previous:
             signal.signal(number, self._raise)
         return self
@@ -78,11 +86,20 @@ class StopSignals:
             signal.signal(number, handler)
         signal.set_wakeup_fd(self._wakeup)
         sys.unraisablehook = self._unraisable
+        threading.excepthook = self._thread_fault
         self._over.set()
         os.write(self._writer, b"\0")
         self._watcher.join()
         os.close(self._reader)
         os.close(self._writer)
+
+    def limit_memory(self, size: int) -> None:
+        """Let allocations beyond so many more bytes fail, and stop the run a little before.
+
+        Python cannot report that memory ends within its own small objects: it would abort.
+        """
+        limit_memory(size)
+        self._low_memory = min(size // 8, _LOW_MEMORY)
 
     def limit_time(self, seconds: float | None) -> None:
         """Stop the run after so many seconds; None: no limit."""
@@ -103,6 +120,8 @@ class StopSignals:
     @property
     def error(self) -> ResourceError:
         """The error that a signal means."""
+        if self._memory_ended:
+            return out_of_memory()
         if self.signal is signal.SIGALRM:
             return TimeLimitError(
                 "the time limit was reached\n  hint: -timeout gives more; finished results are kept"
@@ -131,17 +150,42 @@ class StopSignals:
         if self.signal is None:
             self._unraisable(event)
 
+    def _on_thread_fault(self, event: threading.ExceptHookArgs) -> None:
+        """Without memory, a thread of a pool of processes ends, and the main thread would wait for
+        it. The futures of a pool that is stopped are in a state that it does not expect.
+        """
+        if event.exc_value is not None and memory_ended(event.exc_value):
+            self._stop_for_memory()
+        elif self.signal is None and event.exc_type.__name__ != "InvalidStateError":
+            self._thread_fault(event)
+
+    def _stop_for_memory(self) -> None:
+        self._memory_ended = True
+        signal.pthread_kill(_main_thread(), signal.SIGALRM)
+
+    def _arrived(self) -> int:
+        """The signal that arrives within a tenth of a second, or 0."""
+        ready, _, _ = select.select([self._reader], [], [], _PATIENCE)
+        return os.read(self._reader, 1)[0] if ready else 0
+
     def _watch(self) -> None:
-        """Wait for a signal, repeat it, and end the process."""
-        while (number := os.read(self._reader, 1)[0]) not in self._previous:
+        """Wait for a signal or the end of the memory, repeat the signal, and end the process."""
+        while (number := self._arrived()) not in self._previous:
             if self._over.is_set():
                 return
+            if self._low_memory and below_limit() < self._low_memory:
+                self._low_memory = 0
+                self._stop_for_memory()
         self.signal = self.signal or signal.Signals(number)
         self._deadline = monotonic() + _GRACE
-        main = threading.main_thread().ident
-        assert main is not None
         while not self._over.wait(_PATIENCE):
             if self._end is not None and monotonic() > self._deadline:
                 self._end()
             elif not self._acknowledged:
-                signal.pthread_kill(main, number)
+                signal.pthread_kill(_main_thread(), number)
+
+
+def _main_thread() -> int:
+    ident = threading.main_thread().ident
+    assert ident is not None
+    return ident

@@ -17,15 +17,19 @@ from concurrent.futures import (
 from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
 from threading import Thread
-from types import ModuleType
+from types import FrameType, ModuleType
 from typing import TypeVar
 
+from symcheck.errors import ResourceError
 from symcheck.machine import available_memory, limit_memory
+from symcheck.whole_file import remove_unfinished
 
 __all__ = ["LOST", "completed"]
 
 T = TypeVar("T")
 R = TypeVar("R")
+
+_PATIENCE = 0.1  # seconds in which a worker removes its temporary files
 
 LOST = "its process was killed, for example because memory was exhausted"
 """What a BrokenExecutor means for a task."""
@@ -110,12 +114,23 @@ def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
 
     A forked process would copy locks that threads hold, and the memory of this process.
     """
-    pool = ProcessPoolExecutor(jobs, get_context("spawn"), _start_worker, (jobs,))
+    # The process that removes the semaphores of the others says so, if they were stopped.
+    sys.warnoptions.append("ignore:resource_tracker")
+    try:
+        pool = ProcessPoolExecutor(jobs, get_context("spawn"), _start_worker, (jobs,))
+    except OSError as error:
+        raise ResourceError(f"no processes can be started: {error.strerror}") from None
+    finally:
+        sys.warnoptions.remove("ignore:resource_tracker")
     try:
         yield pool
     except BaseException:
-        for worker in list((pool._processes or {}).values()):
+        workers = list((pool._processes or {}).values())
+        for worker in workers:
             worker.terminate()
+        for worker in workers:  # a compiled loop does not notice
+            worker.join(_PATIENCE)
+            worker.kill()
         pool.shutdown(cancel_futures=True)
         raise
     pool.shutdown()
@@ -142,9 +157,15 @@ def _clean_start() -> Iterator[None]:
             del os.environ["OPENBLAS_NUM_THREADS"]
 
 
+def _end_worker(_: int, __: FrameType | None) -> None:
+    remove_unfinished()
+    os._exit(1)
+
+
 def _start_worker(jobs: int) -> None:
     """Each of several workers has its share of the memory; without a parent it ends."""
     limit_memory(available_memory() // jobs)
+    signal.signal(signal.SIGTERM, _end_worker)
     parent = parent_process()
     assert parent is not None
 
