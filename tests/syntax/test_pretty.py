@@ -117,6 +117,21 @@ def properties(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expres
             operators,
             inner,
         ),
+        st.builds(
+            ast.Quantile,
+            st.sampled_from(["min", "max"]),
+            st.just("bound"),
+            st.builds(
+                ast.ProbabilityOperator,
+                DIRECTIONS,
+                BOUNDS.filter(lambda b: b is not None),
+                st.builds(
+                    ast.Eventually,
+                    inner,
+                    st.just(ast.TimeBound(upper=ast.Parameter(0, Type.INT, "bound"))),
+                ),
+            ),
+        ),
         st.builds(ast.MultiObjective, st.lists(inner, min_size=1, max_size=3).map(tuple)),
     )
 

@@ -49,6 +49,7 @@ EVERYTHING = [
         'R=? [ C{"a"}<=t ]',
         "R=? [ C<=t discount=q ]",
         "P=? [ F a || F b ]",
+        "quantile(min k, P>q [ F<=k a ])",
         "R{i+1}=? [ G a ]",
         'P=? [ F^{rew{"a"}<=t} b ]',
         "P=? [ F^{rew{s}<=t} b ]",

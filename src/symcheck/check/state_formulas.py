@@ -38,6 +38,7 @@ from symcheck.syntax.ast import (
     Name,
     PathQuantifier,
     ProbabilityOperator,
+    Quantile,
     RewardOperator,
     StateFilter,
     StateOperator,
@@ -107,7 +108,7 @@ def satisfying(context: Context, formula: Expression, matter: StateSet) -> State
             return applied_filter(context, formula, matter).condition().per_state
         case MultiObjective():
             raise _no_multi()
-        case Literal() | Name() | Unary() | Binary() | Call() | Measure():
+        case Literal() | Name() | Unary() | Binary() | Call() | Measure() | Quantile():
             raise _wrong_type(formula, "a number, not a condition")
         case _:
             assert_never(formula)
@@ -135,6 +136,10 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
             return _clipped(context, values) if formula.is_probability else values
         case Filter() | StateFilter():
             return applied_filter(context, formula, matter).number().per_state
+        case Quantile():
+            from symcheck.check.quantile import quantile
+
+            return quantile(context, formula, satisfying, matter)
         case MultiObjective():
             raise _no_multi()
         case Literal() | Name() | Unary() | Call() | PathQuantifier():

@@ -14,6 +14,8 @@ PROVED_EQUATIONS = 300
 """The most equations of a linear program that is proved in rational arithmetic by default."""
 LARGE_MODEL_STATES = 100_000
 """In models with at least so many states, values that are not requested are not computed."""
+QUANTILE_BOUND = 1 << 24
+"""The largest bound that the search for a quantile tries."""
 CONDITIONAL_STATES = 1000
 """The most states of an MDP for which conditional probabilities are computed, one by one."""
 

@@ -44,11 +44,13 @@ __all__ = [
     "Name",
     "Next",
     "Node",
+    "Parameter",
     "PathBound",
     "PathFormula",
     "PathMeasure",
     "PathQuantifier",
     "ProbabilityOperator",
+    "Quantile",
     "Release",
     "RewardBound",
     "RewardBounds",
@@ -106,6 +108,13 @@ class Literal(ExpressionNode):
 
     value: bool | int | Fraction
     type: Type
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter(Literal):
+    """The variable of a quantile where it stands as a bound: a number that is looked for."""
+
+    name: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,6 +300,20 @@ class Filter(StateOperator):
 
 
 @dataclass(frozen=True, slots=True)
+class Quantile(StateOperator):
+    """`quantile(min B, formula)`: the least (greatest) integer B for which a formula holds.
+
+    The formula has a `Parameter` wherever B stands.
+    """
+
+    reads_rewards = False
+
+    optimum: Choice["min", "max"]
+    variable: str
+    formula: Expression
+
+
+@dataclass(frozen=True, slots=True)
 class StateFilter(StateOperator):
     """The older `P=? [ path {states}{min}{max} ]`: the first, least or largest value there."""
 
@@ -458,6 +481,7 @@ AnyMeasure = (
 )
 Expression = (
     Literal
+    | Parameter
     | Name
     | Unary
     | Binary
@@ -468,6 +492,7 @@ Expression = (
     | PathQuantifier
     | Filter
     | StateFilter
+    | Quantile
     | MultiObjective
 )
 PathFormula = Expression | Next | Eventually | Globally | Until | WeakUntil | Release

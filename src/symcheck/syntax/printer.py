@@ -81,6 +81,8 @@ def _text(node: Tree) -> tuple[str, int]:
     match node:
         case ast.Binary():
             return _binary(node), node.operator.precedence
+        case ast.Parameter(name=name):
+            return name, _ATOM
         case ast.Literal(value):
             return _literal(value)
         case ast.Name(name) | decl.ModuleReference(name):
@@ -99,6 +101,8 @@ def _text(node: Tree) -> tuple[str, int]:
             return f"multi({_list(*objectives)})", _ATOM
         case ast.Filter(operator, formula, states):
             return f"filter({operator}, {_list(formula, states)})", _ATOM
+        case ast.Quantile(optimum, variable, formula):
+            return f"quantile({optimum} {variable}, {_tree(formula)})", _ATOM
         case ast.PathQuantifier(quantifier, path):
             return f"{quantifier} [ {_tree(path, _PATH)} ]", _ATOM
         case ast.StateFilter(operators, formula, states):

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial, partialmethod
 from typing import Any, NamedTuple, cast
@@ -600,6 +601,55 @@ class PropertiesBuilder(Builder):
         _, sign, limit, _, _, discount = values
         bound = None if sign is None else self.time_bound([sign, limit])
         return ast.DiscountedReward(bound, discount, span=self._span(values))
+
+    def sought(self, values: Values) -> tuple[Any, ...]:
+        return tuple(values)
+
+    def quantile(self, values: Values) -> ast.Quantile:
+        _, _, (optimum, name), *others, _, formula, _ = values
+        variable, span = name.value, self._words(values)
+        if others:
+            hint = "give the other bounds as constants, and vary them with -const"
+            self._wrong("a quantile has one variable", span, "quantile", hint)
+        path = formula.path if isinstance(formula, ast.ProbabilityOperator) else None
+        if (
+            not isinstance(path, ast.UnaryTemporal | ast.BinaryTemporal)
+            or formula.bound is None
+            or path.bound is None
+        ):
+            hint = 'such as quantile(min B, P>=0.9 [ F{"cost"}<=B "goal" ])'
+            message = "a quantile is over P with a threshold and one path operator with a bound"
+            self._wrong(message, span, "quantile", hint)
+            return ast.Quantile(optimum.value, variable, formula, span=span)
+
+        def limit(value: Expression | None) -> Expression | None:
+            if isinstance(value, ast.Name) and value.name == variable:
+                return ast.Parameter(0, ast.Type.INT, variable, span=value.span)
+            return value
+
+        def limits(part: Any) -> Any:
+            return replace(part, lower=limit(part.lower), upper=limit(part.upper))
+
+        bound: ast.PathBound
+        if isinstance(path.bound, ast.RewardBounds):
+            parts = tuple(map(limits, path.bound.parts))
+            bound = replace(path.bound, parts=parts)
+        else:
+            bound = limits(path.bound)
+            parts = (bound,)
+        found = replace(formula, path=replace(path, bound=bound))
+        proper = [
+            p
+            for p in parts
+            if (isinstance(p.upper, ast.Parameter) and p.lower is None and not p.upper_strict)
+            or (isinstance(p.lower, ast.Parameter) and p.upper is None)
+        ]
+        count = sum(isinstance(n, ast.Parameter) for n in nodes(bound))
+        elsewhere = [n for n in nodes(found) if isinstance(n, ast.Name) and n.name == variable]
+        if len(proper) != 1 or count != 1 or elsewhere:
+            message = f"{variable} stands once, as <={variable}, >={variable} or >{variable}"
+            self._wrong(message, span, "quantile", "other constants may have any expression")
+        return ast.Quantile(optimum.value, variable, found, span=span)
 
     # -------------------------------------------------------------------------------------- filters
 

@@ -31,6 +31,7 @@ from symcheck.syntax.ast import (
     PathFormula,
     PathMeasure,
     PathQuantifier,
+    Quantile,
     RewardBound,
     RewardBounds,
     RewardOperator,
@@ -304,7 +305,7 @@ class Typer:
 
     def _operator(
         self,
-        node: AnyMeasure | PathQuantifier | Filter | StateFilter | MultiObjective,
+        node: AnyMeasure | PathQuantifier | Filter | StateFilter | Quantile | MultiObjective,
     ) -> Type | None:
         match node:
             case PathMeasure(_, bound, path):
@@ -329,6 +330,9 @@ class Typer:
             case StateFilter(_, formula, states):
                 self.boolean(states, "the states of a filter")
                 return self.state(formula)
+            case Quantile(formula=formula):
+                self.boolean(formula, "the formula of a quantile")
+                return Type.INT
             case MultiObjective(objectives):
                 actual = [self.state(o) for o in objectives]
                 return (
