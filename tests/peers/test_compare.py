@@ -88,6 +88,14 @@ def test_a_model_is_given_with_the_type_that_it_is_read_as(text):
     assert symcheck.compare(model, query)[0].agreement is SAME
 
 
+def test_models_in_jani_are_given_in_the_prism_language(tmp_path, monkeypatch):
+    pytest.importorskip("stormpy")
+    stakes, path = MODELS / "gambler/stakes", str(tmp_path / "g.jani")
+    assert main([f"{stakes}.nm", f"{stakes}.pctl", "-exportjani", path]) == 0
+    assert symcheck.compare(symcheck.load(path), "Pmax=? [ F money=8 ]")[0].agreement is SAME
+    assert main(["compare", path, "-with", "storm", "-prop", "1"]) == 0
+
+
 def test_prism_reads_the_files_themselves(prism, tmp_path):
     log = prism("echo 'Result: 0.1666666 (exact floating point)'")
     properties = tmp_path / "p.pctl"

@@ -230,22 +230,28 @@ def compared(
 
 def _question(model: Model, instance: PropertyInstance, folder: Path) -> Question:
     """The files and texts for a peer: the words of the user, as far as it can read them."""
-    program = model.program
-    if model.type is not None and model.type is not program.type:
-        text = pretty(replace(program, type=model.type))
-    else:
-        text = program.span.source.text
+    program, alone = model.program, _standing_alone(model, instance)
+    text = program.span.source.text
+    if _is_foreign(text) or model.type not in (None, program.type):
+        text = pretty(replace(program, type=model.type or program.type))
     model_file, properties = folder / "model.prism", folder / "properties.props"
     model_file.write_text(text, encoding="utf-8")
     asked = instance.file.properties[instance.index]
     source = asked.span.source
-    properties.write_text(source.text, encoding="utf-8")
     own = [p for p in instance.file.properties if p.span.source is source]
+    number, words = own.index(asked) + 1, source.text
+    if _is_foreign(words):
+        number, words = 1, alone
+    properties.write_text(words, encoding="utf-8")
     of_model = {n: str(v) for n, v in model.given_constants.items()}
     of_property = {n: str(v) for n, v in instance.relevant.items()}
-    alone = _standing_alone(model, instance)
     constants = {**of_model, **of_property}
-    return Question(model_file, properties, own.index(asked) + 1, alone, of_model, constants)
+    return Question(model_file, properties, number, alone, of_model, constants)
+
+
+def _is_foreign(text: str) -> bool:
+    """Whether a text is not in the PRISM language: JANI, or none at all."""
+    return not text or text.lstrip().startswith("{")
 
 
 def _standing_alone(model: Model, instance: PropertyInstance) -> str:
@@ -254,7 +260,8 @@ def _standing_alone(model: Model, instance: PropertyInstance) -> str:
     parsed = file.properties[instance.index].formula
     named = {p.name for p in file.properties}
     refers = any(isinstance(n, LabelReference) and n.name in named for n in nodes(parsed))
-    if not (file.constants or file.labels or file.formulas or refers):
+    declares = file.constants or file.labels or file.formulas
+    if not (declares or refers or _is_foreign(instance.text)):
         return instance.text
     bound, labels = instance.bind(model.with_options(exact=True).bound)
     own: dict[str, Expression] = {x.name: labels[x.name] for x in file.labels}
