@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from checking import check_text, engine_of
 from generate import random_model
 from symcheck.engines.explicit.engine import ExplicitEngine
-from symcheck.errors import InputError, UsageError
+from symcheck.errors import InputError, UnsupportedError, UsageError
 from symcheck.exchange.strategies import (
     StrategyTarget,
     strategy_target,
@@ -259,3 +259,12 @@ def test_a_memory_that_is_too_large_is_refused(monkeypatch):
     found = check_text(engine_of(SHIFT), 'R{"gain"}max=? [ C<=50 ]', strategy=True)
     assert found.strategy is None
     assert "a strategy would need a memory of 51 values in each of 3 states" in found.warnings[0]
+
+
+@pytest.mark.parametrize("engine", ["sparse", "mtbdd"])
+def test_a_model_without_room_for_its_rows_is_refused_before_it_is_checked(engine, monkeypatch):
+    built = engine_of(SHIFT, engine)
+    monkeypatch.setenv("SYMCHECK_MEMORY", "0")
+    with pytest.raises(UnsupportedError, match=r"(?s)rows of all 3 states.*without -exportstrat"):
+        check_text(built, 'R{"gain"}max=? [ S ]', strategy=True)
+    assert check_text(built, "Pmax=? [ F s=2 ]").value == 1

@@ -34,6 +34,7 @@ from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
     Expression,
     Filter,
+    ModelType,
     MultiObjective,
     PathQuantifier,
     StateFilter,
@@ -100,6 +101,14 @@ def check(
         observer=observer,
     )
     kind = context.type(formula)
+    if context.options.strategy and engine.model.type is ModelType.MDP:
+        from symcheck.check.strategies.to_explicit import check_rows_fit
+
+        check_rows_fit(
+            engine,
+            "a strategy, which has a choice for every state, needs",
+            "without -exportstrat (strategy=True) the value is computed",
+        )
     lifted = _check_on_quotient(context, formula, kind, shared) if context.options.bisim else None
     if lifted is not None:
         result = lifted

@@ -28,6 +28,11 @@ REWARD_LEVELS = 100_000_000
 STRATEGY_ENTRIES = 20_000_000
 """Entries of the product of a model with the counters of a strategy; an entry takes 16 bytes."""
 
+EXPLICIT_ENTRY_BYTES = 20
+"""Memory of an entry of the matrix and of its transposed graph, for algorithms that need rows."""
+EXPLICIT_ROW_BYTES = 24
+"""Memory of a row, and of a state beside its rows."""
+
 # LTL formulas (omega_regular/).
 ATOMS_AS_LETTERS = 8
 """With at most this many atoms, letters are valuations of the atoms; with more, the valuations that

@@ -4,17 +4,50 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from symcheck.check import tuning
 from symcheck.check.context import Context
+from symcheck.engines.base import Engine
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.registry import build
+from symcheck.errors import UnsupportedError
+from symcheck.machine import available_memory
 
-__all__ = ["to_explicit"]
+__all__ = ["check_rows_fit", "to_explicit"]
+
+
+def check_rows_fit(engine: Engine, what: str, hint: str = "") -> None:
+    """Check that the rows of all states fit into the free memory, before anything is computed.
+
+    Args:
+        engine: the built model.
+        what: what needs the rows, for the message.
+        hint: what to do instead, for the message.
+
+    Raises:
+        UnsupportedError: they do not.
+    """
+    if engine.capability(ExplicitEngine) is not None:
+        return
+    size = tuning.EXPLICIT_ENTRY_BYTES * engine.transitions + tuning.EXPLICIT_ROW_BYTES * (
+        engine.states + engine.choices
+    )
+    free = available_memory()
+    if size > free:
+        raise UnsupportedError(
+            f"{what} the rows of all {engine.states:,} states, which take about "
+            f"{size / 1e9:,.1f} GB, and {free / 1e9:,.1f} GB are free"
+            + (f"\n  hint: {hint}" if hint else "")
+        )
 
 
 def to_explicit(context: Context) -> Context:
-    """The context with an explicit engine; the model is explored again if it has another engine."""
+    """The context with an explicit engine; the model is explored again if it has another engine.
+
+    Raises UnsupportedError: see `check_rows_fit`.
+    """
     if context.engine.capability(ExplicitEngine) is not None:
         return context
+    check_rows_fit(context.engine, "this query needs")
     return replace(
         context,
         engine=build(context.engine.model, replace(context.options, engine="explicit")),
