@@ -182,12 +182,11 @@ def test_a_threshold_on_numbers_that_are_no_distribution_is_left_open(tmp_path):
         model.check("P>=0.3333333 [ F x=1 ]")
 
 
-def test_what_needs_commands_is_refused(tmp_path):
+def test_paths_along_the_rows(tmp_path):
     (tmp_path / "m.tra").write_text("2 2\n0 1 1\n1 1 1\n")
     model = symcheck.load_explicit(str(tmp_path / "m.tra"))
     assert [step.state for step in model.simulate(2)] == [(0,), (1,), (1,)]
-    with pytest.raises(SymcheckError, match="commands"):
-        model.estimate("P=? [ F x=1 ]")
+    assert model.estimate("P=? [ F x=1 ]", samples=100).value == 1
 
 
 def test_other_options_keep_the_states(tmp_path):

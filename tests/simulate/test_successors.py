@@ -21,6 +21,7 @@ from symcheck.semantics.interpreter import state_rewards, transitions
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Structure
 from symcheck.simulate.lazy_chain import LazyChain
+from symcheck.simulate.sources import CommandSource
 from symcheck.simulate.steps import Steps
 from symcheck.simulate.walk import simulate
 from symcheck.syntax.ast import ModelType
@@ -93,12 +94,15 @@ def test_a_chain_that_is_dropped_goes_on_alike(seed: int, kind: str) -> None:
     start = np.array([[int(v.initial or 0)] for v in model.variables], np.int64)
     visited = []
     for limit in (0, 1 << 20):
-        chain, generator = LazyChain(model, max_branches=limit), np.random.default_rng(seed)
-        ids = np.repeat(chain.add(chain.layout.pack(list(start))), 20)
+        chain, generator = (
+            LazyChain(CommandSource(model), max_branches=limit),
+            np.random.default_rng(seed),
+        )
+        ids = np.repeat(chain.add(chain.source.layout.pack(list(start))), 20)
         states = []
         for _ in range(15):
             ids = chain.expand(ids)
-            states.append([chain.layout.unpack(row) for row in chain.states(ids)])
+            states.append([chain.source.layout.unpack(row) for row in chain.states(ids)])
             ids, _ = chain.follow(chain.sample(ids, generator.random(len(ids))))
         visited.append(states)
     assert visited[0] == visited[1]
@@ -111,10 +115,10 @@ def test_sample_is_the_inverse_of_the_distribution() -> None:
         + "; endmodule"
     )
     model = bind(parse_model(text), {})
-    chain = LazyChain(model)
-    ids = chain.expand(np.repeat(chain.add(chain.layout.pack([np.array([0])])), 10))
+    chain = LazyChain(CommandSource(model))
+    ids = chain.expand(np.repeat(chain.add(chain.source.layout.pack([np.array([0])])), 10))
     targets, _ = chain.follow(chain.sample(ids, np.arange(10) / 10 + 0.05))
-    assert [chain.layout.unpack(row)[0] for row in chain.states(targets)] == list(range(10))
+    assert [chain.source.layout.unpack(row)[0] for row in chain.states(targets)] == list(range(10))
 
 
 @pytest.mark.parametrize(

@@ -30,11 +30,6 @@ def sampling_plan(a: Arguments) -> Plan:
     """How -sim samples, by the switches. Raises UsageError."""
     from symcheck.simulate.statistics import METHODS, Plan
 
-    if a.imports_model:
-        raise UsageError(
-            "-sim follows the commands of a model in the PRISM language; "
-            "a model read from explicit files has none"
-        )
     method = next((m for m in METHODS if m == a.simmethod.lower()), None)
     if method is None:
         raise UsageError(f"-simmethod: '{a.simmethod}' is none of {', '.join(METHODS)}")

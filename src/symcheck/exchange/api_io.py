@@ -7,14 +7,14 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, TextIO, Unpack
+from typing import TYPE_CHECKING, TextIO, Unpack
 
 from symcheck.api import Model, ModelTypeName, model_type, properties_file, takes_options
 from symcheck.check.context import Context
 from symcheck.check.state_formulas import satisfying
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.registry import build
-from symcheck.errors import UnsupportedError, converts_memory_error
+from symcheck.errors import converts_memory_error
 from symcheck.exchange import export as targets
 from symcheck.exchange.explicit_data import ExplicitData, build_imported, imported_program
 from symcheck.exchange.explicit_export import explicit_export
@@ -28,6 +28,9 @@ from symcheck.syntax.ast import Expression, LabelReference, ModelType
 from symcheck.syntax.declarations import PropertiesFile
 
 if TYPE_CHECKING:
+    from symcheck.check.property_instance import PropertyInstance
+    from symcheck.check.result import Result
+    from symcheck.simulate.statistics import Plan
     from symcheck.simulate.steps import Steps
 
 __all__ = [
@@ -64,17 +67,22 @@ class ImportedModel(Model):
         return self
 
     @cached_property
+    def _table(self) -> Engine:
+        """The explicit engine."""
+        return build(self.bound, replace(self.options, engine="explicit"))
+
+    @cached_property
     def _steps(self) -> Steps:
         from symcheck.simulate.steps import TableSteps
 
-        return TableSteps(build(self.bound, replace(self.options, engine="explicit")))
+        return TableSteps(self._table)
 
-    def estimate_instance(self, *_: object, **__: object) -> NoReturn:
-        """Not offered. Raises UnsupportedError."""
-        raise UnsupportedError(
-            "sampling follows the commands of a model in the PRISM language, and this model has "
-            "none; check gives the value itself"
-        )
+    def estimate_instance(self, instance: PropertyInstance, plan: Plan) -> Result:
+        """Estimate a property from random paths along the rows. Raises SymcheckError."""
+        from symcheck.simulate.check import check_by_sampling
+
+        bound, labels = instance.bind(self.bound)
+        return check_by_sampling(self.bound, bound.formula, plan, labels=labels, table=self._table)
 
 
 @converts_memory_error()

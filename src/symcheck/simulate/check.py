@@ -16,6 +16,7 @@ from typing import assert_never
 import numpy as np
 
 from symcheck.check.result import Exact, Result, Statistical
+from symcheck.engines.base import Engine
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import format_value
@@ -23,6 +24,7 @@ from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.simulate.monitors import Monitor, path_monitor, reward_monitor
 from symcheck.simulate.sampling import Sampler
+from symcheck.simulate.sources import CommandSource, Source, TableSource
 from symcheck.simulate.statistics import IntervalEstimate, Plan, estimate, sequential_test
 from symcheck.syntax.ast import (
     Bound,
@@ -52,6 +54,7 @@ def check_by_sampling(
     *,
     labels: Mapping[str, Expression] | None = None,
     fix_deadlocks: bool = True,
+    table: Engine | None = None,
 ) -> Result:
     """Estimate the value of a property `P=?` or `R=?` in the initial state, or decide its
     threshold.
@@ -61,6 +64,7 @@ def check_by_sampling(
         plan: method and size of the sample; None: the default plan.
         labels: labels of the properties file.
         fix_deadlocks: give deadlock states a loop; if False, a deadlock raises ModelFault.
+        table: the explicit engine of a model without commands, whose rows are sampled.
 
     Returns:
         A result whose accuracy is `Statistical`.
@@ -85,15 +89,12 @@ def check_by_sampling(
             "them in rational arithmetic"
         )
     seed = int(np.random.SeedSequence().generate_state(1)[0]) if plan.seed is None else plan.seed
-    sampler = Sampler(
-        model,
-        monitor,
-        np.random.default_rng(seed),
-        reward,
-        labels or {},
-        plan.max_steps,
-        fix_deadlocks,
+    source: Source = (
+        CommandSource(model, reward, labels)
+        if table is None
+        else TableSource(table, reward, labels or {})
     )
+    sampler = Sampler(source, monitor, np.random.default_rng(seed), plan.max_steps, fix_deadlocks)
     probability = reward is None
     result = (
         _decide_by_test(sampler, plan, bound, probability)

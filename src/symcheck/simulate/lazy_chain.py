@@ -13,14 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.errors import ModelFault
-from symcheck.explicit.states import Rows, StateLayout
-from symcheck.explicit.successors import SuccessorGenerator
+from symcheck.explicit.states import Rows
 from symcheck.kernels.explore.breadth_first import StateSet
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics import state_faults
-from symcheck.semantics.model import BoundModel
-from symcheck.semantics.rewards import Reward
 from symcheck.simulate import tuning
+from symcheck.simulate.sources import Source
 from symcheck.simulate.state_predicates import StatePredicate
 from symcheck.syntax.ast import ModelType
 
@@ -51,7 +49,7 @@ class LazyChain:
     an MDP are equally likely.
 
     Args:
-        reward: the reward that is sampled; None: rewards are 0.
+        source: the states and their successors.
         predicates: state predicates; `satisfies(i, ids)` tells where number i holds.
         fix_deadlocks: give deadlock states a loop; if False, a deadlock raises ModelFault.
         max_branches: branches beyond which the chain is dropped and begun again.
@@ -59,23 +57,20 @@ class LazyChain:
 
     def __init__(
         self,
-        model: BoundModel,
-        reward: Reward | None = None,
+        source: Source,
         predicates: tuple[StatePredicate, ...] = (),
         *,
         fix_deadlocks: bool = True,
         max_branches: int = tuning.MAX_BRANCHES,
     ) -> None:
-        self.model, self.max_branches = model, max_branches
-        self.continuous = model.type is ModelType.CTMC
-        self.layout = StateLayout.of(model.variables)
+        self.source, self.max_branches = source, max_branches
+        self.continuous = source.model.type is ModelType.CTMC
         self._predicates, self._fix_deadlocks = predicates, fix_deadlocks
-        self._generator = SuccessorGenerator(model, self.layout, reward)
         self._begin()
 
     def _begin(self) -> None:
-        self._numbers = StateSet(self.layout.words)
-        self._rows = _GrowingArray(np.uint64, width=(self.layout.words,))
+        self._numbers = StateSet(self.source.words)
+        self._rows = _GrowingArray(np.uint64, width=(self.source.words,))
         self._start, self._length = _GrowingArray(np.int64, -1), _GrowingArray(np.int32)
         self._absorbing = _GrowingArray(np.bool_)
         self._rate, self._reward = _GrowingArray(np.float64), _GrowingArray(np.float64)
@@ -144,18 +139,16 @@ class LazyChain:
 
     def _expand(self, new: Int32s) -> None:
         rows = self.states(new)
-        successors = self._generator.successors(rows)
+        successors = self.source.successors(rows)
         offsets, deadlocks = successors.offsets, successors.deadlocks
         if not self._fix_deadlocks and deadlocks.any():
-            example = state_faults.describe_state(
-                self.model.variables, self.layout.unpack(rows[np.argmax(deadlocks)])
-            )
+            example = self.source.text(rows[np.argmax(deadlocks)])
             raise ModelFault(state_faults.deadlocks([example], int(deadlocks.sum())))
         targets = self.add(successors.targets)
         self._start.data[new] = offsets[:-1] + self._branches
         self._length.data[new] = np.diff(offsets)
         self._rate.data[new] = np.add.reduceat(successors.weights, offsets[:-1])
-        self._reward.data[new] = self._generator.state_rewards(rows)
+        self._reward.data[new] = self.source.state_rewards(rows)
         for predicate, satisfied in zip(self._predicates, self._satisfied, strict=True):
             satisfied.data[new] = predicate(rows, deadlocks)
         elsewhere = targets != np.repeat(new, np.diff(offsets))

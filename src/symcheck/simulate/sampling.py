@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from symcheck.errors import NumericalError, UnsupportedError
-from symcheck.explicit.initial import initial_rows
-from symcheck.explicit.states import Rows, StateLayout
+from symcheck.explicit.states import Rows
 from symcheck.matrices.rows import Floats, Int32s, Int64s
-from symcheck.semantics.model import BoundModel
-from symcheck.semantics.rewards import Reward
 from symcheck.simulate import tuning
 from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.simulate.monitors import Monitor, Paths
-from symcheck.simulate.state_predicates import compile_predicate
-from symcheck.syntax.ast import Expression
+from symcheck.simulate.sources import Source
 
 __all__ = ["Sampler"]
 
@@ -29,9 +24,8 @@ class Sampler:
     The same seed of the generator gives the same samples.
 
     Args:
+        source: the states and their successors, with the reward that the property accumulates.
         monitor: the property.
-        reward: the reward that the property accumulates; None if it reads no reward.
-        labels: labels of the properties file.
         fix_deadlocks: give deadlock states a loop; if False, a deadlock raises ModelFault.
         max_steps: steps after which an undecided path raises NumericalError, because leaving it
             out, or giving it any value, would bias the estimate.
@@ -41,11 +35,9 @@ class Sampler:
             steps of the longest path.
     """
 
-    model: BoundModel
+    source: Source
     monitor: Monitor
     generator: np.random.Generator
-    reward: Reward | None = None
-    labels: Mapping[str, Expression] = field(default_factory=dict)
     max_steps: int = 10_000
     fix_deadlocks: bool = True
     samples: int = 0
@@ -53,15 +45,12 @@ class Sampler:
     longest: int = 0
 
     def __post_init__(self) -> None:
-        labels = {**self.model.labels, **self.labels}
-        layout = StateLayout.of(self.model.variables)
         self._chain = LazyChain(
-            self.model,
-            self.reward,
-            tuple(compile_predicate(a, self.model, layout, labels) for a in self.monitor.atoms),
+            self.source,
+            tuple(map(self.source.predicate, self.monitor.atoms)),
             fix_deadlocks=self.fix_deadlocks,
         )
-        self._initial: Rows = initial_rows(self.model, layout)
+        self._initial: Rows = self.source.initial
         if len(self._initial) != 1:
             raise UnsupportedError(
                 "-sim samples paths from one initial state, and this model has "

@@ -1,0 +1,197 @@
+"""Where sampled paths take their transitions from: the commands of a model, or its stored rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol, assert_never
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.state_formulas import satisfying
+from symcheck.engines.base import Engine
+from symcheck.engines.capabilities import HasExploredModel, HasImportedStates
+from symcheck.explicit.explored import ExploredModel
+from symcheck.explicit.initial import initial_rows
+from symcheck.explicit.states import Rows, StateLayout
+from symcheck.explicit.successors import SuccessorGenerator, Successors
+from symcheck.matrices.rows import Bools, Floats, Int64s, spans, starts_of
+from symcheck.options import Options
+from symcheck.semantics.model import BoundModel
+from symcheck.semantics.rewards import Reward, Steps, Structure, Time
+from symcheck.semantics.state_faults import describe_state
+from symcheck.simulate.state_predicates import StatePredicate, compile_predicate
+from symcheck.syntax.ast import Expression, ModelType
+
+__all__ = ["CommandSource", "Source", "TableSource"]
+
+
+class Source(Protocol):
+    """States as rows of words, uint64[n, words], and their successors."""
+
+    @property
+    def model(self) -> BoundModel:
+        """The bound model."""
+        ...
+
+    @property
+    def words(self) -> int:
+        """The number of words of a state."""
+        ...
+
+    @property
+    def initial(self) -> Rows:
+        """The initial states."""
+        ...
+
+    def successors(self, rows: Rows) -> Successors:
+        """All branches of states; the choices of an MDP are equally likely. Raises ModelFault."""
+        ...
+
+    def state_rewards(self, rows: Rows) -> Floats:
+        """The state rewards of some states, float64[n]. Raises ModelFault."""
+        ...
+
+    def predicate(self, formula: Expression) -> StatePredicate:
+        """A state formula as a predicate. Raises NameFault, UnsupportedError."""
+        ...
+
+    def text(self, row: Rows) -> str:
+        """A state, uint64[words], as a text for messages."""
+        ...
+
+
+class CommandSource:
+    """The successors that the commands of a model give, by the compiled successor function.
+
+    Args:
+        model: a model with commands.
+        reward: the reward that is sampled; None: rewards are 0.
+        labels: labels of the properties file.
+    """
+
+    def __init__(
+        self,
+        model: BoundModel,
+        reward: Reward | None = None,
+        labels: Mapping[str, Expression] | None = None,
+    ) -> None:
+        self.model, self._labels = model, {**model.labels, **(labels or {})}
+        self.layout = StateLayout.of(model.variables)
+        self.words = self.layout.words
+        generator = SuccessorGenerator(model, self.layout, reward)
+        self.successors, self.state_rewards = generator.successors, generator.state_rewards
+
+    @property
+    def initial(self) -> Rows:
+        """The initial states."""
+        return initial_rows(self.model, self.layout)
+
+    def predicate(self, formula: Expression) -> StatePredicate:
+        """A state formula as a predicate. Raises NameFault, UnsupportedError."""
+        return compile_predicate(formula, self.model, self.layout, self._labels)
+
+    def text(self, row: Rows) -> str:
+        """A state as a text for messages."""
+        return describe_state(self.model.variables, self.layout.unpack(row))
+
+
+@dataclass(frozen=True, eq=False)
+class TableSource:
+    """The rows of a model that was read or made in Python; a state is one word, its number.
+
+    Attributes:
+        engine: the explicit engine.
+        reward: the reward that is sampled; None: rewards are 0.
+        labels: labels of the properties file.
+    """
+
+    engine: Engine
+    reward: Reward | None
+    labels: Mapping[str, Expression]
+    words: int = 1
+
+    @property
+    def model(self) -> BoundModel:
+        """The bound model."""
+        return self.engine.model
+
+    @cached_property
+    def _explored(self) -> ExploredModel:
+        having = self.engine.capability(HasExploredModel)
+        assert having is not None
+        return having.explored
+
+    @property
+    def initial(self) -> Rows:
+        """The initial states."""
+        return _as_rows(self._explored.initial)
+
+    @cached_property
+    def _starts(self) -> Int64s:
+        """The first row of each state."""
+        groups = self._explored.matrix.groups
+        return np.arange(self.engine.states + 1) if groups is None else groups
+
+    @cached_property
+    def _rewards(self) -> tuple[Floats, Floats]:
+        """The reward of each state, and of each transition."""
+        explored, matrix = self._explored, self._explored.matrix
+        states, entries = np.zeros(self.engine.states), np.zeros(matrix.entries)
+        timed = self.model.type is ModelType.CTMC
+        match self.reward:
+            case None:
+                pass
+            case Structure(index):
+                states = explored.state_rewards[index]
+                imported = self.engine.capability(HasImportedStates)
+                assert imported is not None
+                given = imported.entry_rewards[index]
+                sums = np.add.reduceat(matrix.data, matrix.indptr[:-1]) if timed else 1.0
+                shared = np.repeat(explored.choice_rewards[index] / sums, matrix.lengths)
+                entries = shared if given is None else given
+            case Time() if timed:
+                states = np.ones(self.engine.states)
+            case Steps() | Time():
+                entries = np.ones(matrix.entries)
+            case _:
+                assert_never(self.reward)
+        return states, entries
+
+    def successors(self, rows: Rows) -> Successors:
+        """All branches of some states; the choices of an MDP are equally likely."""
+        matrix, states = self._explored.matrix, rows[:, 0].astype(np.int64)
+        first, last = matrix.indptr[self._starts[states]], matrix.indptr[self._starts[states + 1]]
+        entries, counts = spans(first, last), last - first
+        choices = (self._starts[states + 1] - self._starts[states]).repeat(counts)
+        return Successors(
+            starts_of(counts),
+            matrix.data[entries] / choices,
+            _as_rows(matrix.indices[entries].astype(np.int64)),
+            self._rewards[1][entries],
+            np.isin(states, self._explored.deadlocks),
+        )
+
+    def state_rewards(self, rows: Rows) -> Floats:
+        """The state rewards of some states, float64[n]."""
+        return self._rewards[0][rows[:, 0].astype(np.int64)]
+
+    def predicate(self, formula: Expression) -> StatePredicate:
+        """A state formula as a predicate. Raises SymcheckError."""
+        context = Context(self.engine, Options(), {**self.model.labels, **self.labels})
+        members = self.engine.to_bools(satisfying(context, formula, self.engine.all))
+        return lambda rows, _: members[rows[:, 0].astype(np.int64)]
+
+    def text(self, row: Rows) -> str:
+        """A state as a text for messages."""
+        (state,) = self.engine.valuations(self.engine.from_bools(self._only(int(row[0]))))
+        return describe_state(self.model.variables, state)
+
+    def _only(self, number: int) -> Bools:
+        return np.asarray(np.arange(self.engine.states) == number)
+
+
+def _as_rows(numbers: Int64s) -> Rows:
+    return numbers.astype(np.uint64).reshape(-1, 1)
