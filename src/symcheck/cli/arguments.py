@@ -114,9 +114,11 @@ class Arguments(argparse.Namespace):
     jobs: int
     exportstrat: str | None
     importstrat: str | None
-    exportvector: str | None
     counterexample: bool
     exportcounterexample: str | None
+    exportvector: list[str]
+    exportprodtrans: str | None
+    exportprodstates: str | None
     nobuild: bool
     test: bool
     testall: bool
@@ -146,7 +148,7 @@ class Arguments(argparse.Namespace):
         """The options that the switches set. Raises UsageError."""
         files = {
             "strategy": self.exportstrat is not None,
-            "everywhere": self.exportvector is not None,
+            "everywhere": bool(self.exportvector),
         }
         return make_options({**files, **self.settings})
 
@@ -266,6 +268,16 @@ class _BuiltModel(argparse.Action):
         """Store the value."""
         setattr(arguments, self.dest, True if self.nargs == 0 else values)
         arguments.needs_model.append((switch or "").lstrip("-"))
+
+
+class _BuiltModelFiles(_BuiltModel):
+    """Appends the file of a switch that needs the built model."""
+
+    def __call__(
+        self, _: object, arguments: Any, values: object, switch: str | None = None
+    ) -> None:
+        """Append the file."""
+        super().__call__(_, arguments, [*getattr(arguments, self.dest), values], switch)
 
 
 class _ExportPart(argparse.Action):
@@ -596,8 +608,10 @@ def _output(parser: _Parser) -> None:
     parser.add(
         "exportvector",
         metavar="FILE",
-        action=_BuiltModel,
-        help="write the value of each property in every state, a line per state",
+        action=_BuiltModelFiles,
+        default=[],
+        help="write the value of each property in every state, a line per state; several switches "
+        "write several files",
     )
     parser.add(
         "counterexample",
@@ -610,6 +624,13 @@ def _output(parser: _Parser) -> None:
         action=_BuiltModel,
         help="write them: .txt, .json or .dot",
     )
+    for part, what in (("trans", "transitions"), ("states", "states")):
+        parser.add(
+            f"exportprod{part}",
+            metavar="FILE",
+            action=_BuiltModel,
+            help=f"write the {what} of the product with the automaton of each LTL property",
+        )
     parser.add("nobuild", action="store_true", help="only read the model")
     parser.add(
         "test",

@@ -90,6 +90,7 @@ def check_property(
     state.rows.append(row)
     if isinstance(outcome, Result):
         _write_files(state.arguments, state.output, outcome, varying)
+        _write_product(state, model, instance, varying)
     if state.testing:
         exact = state.options.exact
         state.conclude(property_test(instance, outcome, of_model, bound.constants, exact=exact))
@@ -158,8 +159,8 @@ def _write_files(a: Arguments, output: Output, result: Result, varying: Constant
         _write_strategy(a.exportstrat, output, result, varying)
     if a.counterexample or a.exportcounterexample is not None:
         _explain(a, output, result, varying)
-    if a.exportvector is not None:
-        path = instance_path(a.exportvector, varying)
+    for file in a.exportvector:
+        path = instance_path(file, varying)
         _write_vector(path, output, result, a.exportprecision)
 
 
@@ -177,6 +178,24 @@ def _explain(a: Arguments, output: Output, result: Result, varying: ConstantText
         path = instance_path(a.exportcounterexample, varying)
         found.save(path)
         output.exported(path)
+
+
+def _write_product(
+    state: RunState, model: Model, instance: PropertyInstance, varying: ConstantTexts
+) -> None:
+    """Write the product of the model with the automaton of a property, if switches ask for it."""
+    a = state.arguments
+    files = {"tra": a.exportprodtrans, "sta": a.exportprodstates}
+    if not any(files.values()):
+        return
+    from symcheck.exchange.api_io import product_targets
+
+    asked = {kind: instance_path(path, varying) for kind, path in files.items() if path is not None}
+    try:
+        for path in product_targets(model, instance, asked, a.exportprecision, state.output.out):
+            state.output.exported(path)
+    except UnsupportedError as error:
+        state.output.warn(f"-exportprod…: {error}")
 
 
 def _write_strategy(argument: str, output: Output, result: Result, varying: ConstantTexts) -> None:

@@ -65,11 +65,11 @@ _REFUSED: Mapping[str, str] = {
     "exportmrmc": "MRMC's formats are not supported; "
     "-exportmodel writes .tra .lab .srew .trew .drn and .umb",
     "exportunordered": "exports are always in the order of rows",
-    "exportiterations": "iterations are not exported; in the library, an observer receives each",
+    "exportiterations": "iterations are not exported; -exportpage FILE plays them, and in the "
+    "library an observer receives each",
     "importresults": "results cannot be imported; -exportresults writes them",
-    "exportprodtrans": "products with automata are not exported",
-    "exportprodstates": "products with automata are not exported",
-    "exportprodvector": "products with automata are not exported",
+    "exportprodvector": "values in a product with an automaton are not exported; -exportprodtrans "
+    "and -exportprodstates write the product, -exportvector the values in the model",
     "exporttarget": "targets are not exported; -exportlabels exports labels",
     "exportpareto": "use -exportresults FILE: the points are the result",
     "exportobs": "partially observable models are not supported",

@@ -14,7 +14,7 @@ from symcheck.cli.output_paths import NO_CONSTANTS
 from symcheck.cli.properties_input import PropertiesInput, read_properties
 from symcheck.cli.run_state import RunState, TestFailed
 from symcheck.constant_values import combinations, parse_constants
-from symcheck.errors import Diagnostic, NameFault
+from symcheck.errors import Diagnostic, NameFault, UsageError
 from symcheck.semantics.binding.bind import split_constants
 from symcheck.syntax.declarations import PropertiesFile
 
@@ -31,6 +31,10 @@ def run(state: RunState) -> int:
     """
     a = state.arguments
     source = choose_model_file(a)
+    if a.nobuild and a.needs_model:
+        raise UsageError(
+            f"-nobuild builds no model, and -{a.needs_model[0]} needs one: leave out one of them"
+        )
     exports.check_targets(a)
     peer = None
     if a.peer is not None:

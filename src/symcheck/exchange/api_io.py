@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TextIO, Unpack
 
 from symcheck.api import Model, ModelTypeName, model_type, properties_file, takes_options
 from symcheck.check.context import Context
+from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.state_formulas import satisfying
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.registry import build
@@ -40,6 +41,7 @@ __all__ = [
     "export_targets",
     "imported_model",
     "load_explicit",
+    "product_targets",
 ]
 
 
@@ -157,6 +159,35 @@ def export_targets(
     others = [n for n in labels if n not in (*own, *predefined)] if with_properties else []
     data = explicit_export(engine, own, states, property_labels=others)
     yield from targets.export(data, parts, out)
+
+
+def product_targets(
+    model: Model,
+    instance: PropertyInstance,
+    files: Mapping[str, str],
+    precision: int,
+    out: TextIO,
+) -> Iterator[str]:
+    """Write the product of a model with the automaton of a property, and yield the files' names.
+
+    Args:
+        model: the model.
+        instance: the property.
+        files: the file of the transitions ('tra'), and that of the states ('sta').
+        precision: significant digits.
+        out: the stream that 'stdout' stands for.
+
+    Raises:
+        UnsupportedError: the property is checked without an automaton.
+        UsageError: a file cannot be written.
+    """
+    from symcheck.exchange.product_export import product_export
+
+    bound, labels = instance.bind(model.bound)
+    product = product_export(model.engine, bound.formula, model.options, labels)
+    options = targets.ExportOptions(precision=precision)
+    asked = [targets.Target(kind, path, options) for kind, path in files.items()]
+    yield from targets.export(product, asked, out)
 
 
 @takes_options

@@ -19,7 +19,6 @@ __all__ = ["EXTENSIONS", "ExportOptions", "Target", "export", "file_options", "p
 EXTENSIONS = ("tra", "sta", "lab", "srew", "trew", "dot", "drn", "umb", "jani")
 _ALL = ("tra", "sta", "lab", "srew", "trew")
 _SWITCHES = ("actions", "headers", "states", "proplabels", "rows", "rewards", "labels", "matlab")
-_IGNORED = ("obs", "zip")
 _WHOLE = ("dot", "drn", "umb", "jani")
 _FORMATS = ("explicit", "matlab", *_WHOLE)
 
@@ -126,7 +125,7 @@ def _options(argument: str, options: ExportOptions) -> tuple[str, ExportOptions,
             options, layout = replace(options, matlab=value == "matlab"), value
         elif name == "text":
             options = replace(options, rows=False)
-        elif name not in _IGNORED:
+        else:
             known = ", ".join(
                 (
                     *(f"{s}=true|false" for s in _SWITCHES),

@@ -30,6 +30,7 @@ __all__ = [
     "as_until",
     "co_safe_product",
     "co_safe_reward",
+    "labelled_automaton",
     "linear_product",
     "path_probability_ltl",
 ]
@@ -83,6 +84,20 @@ def _literal_states(context: Context, alphabet: _Alphabet, formula: LtlFormula) 
             assert_never(formula.kind)
 
 
+def labelled_automaton(
+    context: Context, path: TemporalPath
+) -> tuple[Sequence[StateSet], Automaton]:
+    """The automaton of a formula, and the sets of states whose numbers are its letters.
+
+    A state has bit i of its letter if it is in set i.
+    """
+    factory = LtlFactory()
+    alphabet, formula = _read(context, factory, path)
+    if path.negative:
+        formula = factory.negation(formula)
+    return alphabet.sets, alphabet.automaton(context, factory, formula)
+
+
 def linear_product(
     context: Context, path: TemporalPath, form: Callable[[Automaton], Automaton] | None = None
 ) -> tuple[Product, list[tuple[StateSet, list[StateSet]]]]:
@@ -97,14 +112,10 @@ def linear_product(
         The product, and its pairs (avoid, visits): a run is accepted if, for some pair, it is
         finitely often in `avoid` and infinitely often in each set of `visits`.
     """
-    factory = LtlFactory()
-    alphabet, formula = _read(context, factory, path)
-    if path.negative:
-        formula = factory.negation(formula)
-    automaton = alphabet.automaton(context, factory, formula)
+    sets, automaton = labelled_automaton(context, path)
     if form is not None:
         automaton = form(automaton)
-    product: Product = context.engine.product(alphabet.sets, automaton)
+    product: Product = context.engine.product(sets, automaton)
     return product, [
         (
             product.edges(automaton.edges(p.avoid)),
