@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import symcheck
-from symcheck.errors import UsageError
+from symcheck.errors import OutputError, UsageError
 from symcheck.exchange import text as texts
 from symcheck.exchange.explicit_export import explicit_export
 from symcheck.exchange.export import export, parse_target
@@ -145,7 +145,7 @@ def test_a_file_is_whole_or_absent(tmp_path):
 
     old = tmp_path / "old.tra"
     old.write_text("before")
-    with pytest.raises(UsageError, match="No space left"):
+    with pytest.raises(OutputError, match="No space left"):
         texts.write_text(str(old), broken(), io.StringIO())
     assert old.read_text() == "before"
     assert [p.name for p in tmp_path.iterdir()] == ["old.tra"]
