@@ -85,7 +85,7 @@ F = TypeVar("F", bound=Callable[..., object])
 Observer = Callable[[object], None]
 ModelTypeName = Literal["dtmc", "ctmc", "mdp"]
 
-_FILE_NAME = re.compile(r"[^\s\[\]]+\.(pctl|csl|ltl|props|prop|prctl|jani)")
+_FILE_NAME = re.compile(r"[^\s\[\]]+\.(pctl|csl|ltl|props|prop|prctl|jani)(\.gz|\.xz)?")
 """A text that names a file of properties and is none itself."""
 
 

@@ -166,6 +166,28 @@ def test_what_accumulates_is_what_is_asked(tmp_path):
     assert found == pytest.approx(kinds | {"both": 2.5}, abs=1e-6)
 
 
+def test_steps_are_counted_by_the_number_1(tmp_path):
+    def steps(**more):
+        return {"op": "Emax", "exp": 1, "accumulate": ["steps"], **more}
+
+    bounded = {
+        "op": "F",
+        "exp": "done",
+        "reward-bounds": [{"exp": 1, "accumulate": ["steps"], "bounds": {"upper": 4}}],
+    }
+    asked = {
+        "all": filtered(steps(reach="done")),
+        "some": filtered(steps(**{"step-instant": 7})),
+        "soon": filtered({"op": "Pmax", "exp": bounded}),
+        "timed": filtered({"op": "Emax", "exp": 1, "accumulate": ["time"], "reach": "done"}),
+    }
+    properties = [{"name": n, "expression": e} for n, e in asked.items()]
+    file = read_jani(text(MODELS["die"] | {"properties": properties}))
+    assert "no time passes in the states of a DTMC" in str(file.faults[3])
+    values_ = values(tmp_path, MODELS["die"] | {"properties": properties[:3]})
+    assert values_ == pytest.approx({"all": 11 / 3, "some": 7, "soon": 0.75})
+
+
 def test_inputs_are_enabled_where_an_element_says_so(tmp_path):
     sender = automaton(
         "sender",
@@ -254,6 +276,16 @@ def test_what_is_not_supported_is_named_with_its_place(found, message):
         (
             text(model("mdp", [automaton("m", ["l"], [edge("l", ("l", {}), rate=1)])])),
             "edges of MDPs have no rate",
+        ),
+        (text(model("mdp", [automaton("m", ["l"], [edge("l")])])), "an edge needs a destination"),
+        (
+            text(
+                model(
+                    "mdp",
+                    [automaton(n, ["l"], [edge("l", ("l", {}), action="a")]) for n in "ab"],
+                )
+            ),
+            'the composition needs "syncs"',
         ),
         (
             text(model("ctmc", [automaton("m", ["l"], [edge("l", ("l", {}))])])),

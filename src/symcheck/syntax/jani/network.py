@@ -402,6 +402,8 @@ class _NetworkReader:
         system = self.root.get("system")
         if elements == 1 and (system is None or system.get("syncs") is None):
             return tuple(((a,), a) for a in sorted(a for a in actions if a is not None))
+        if system is not None and system.get("syncs") is None and actions - {None}:
+            raise system.fault('the composition needs "syncs", which say how actions synchronise')
         found = []
         for node in () if system is None else system.each("syncs"):
             parts = node["synchronise"].items
@@ -492,6 +494,8 @@ class _NetworkReader:
         condition = TRUE if guard is None else reader.read(guard["exp"])
         shared = self._assignments(node, reader)
         branches = []
+        if not node["destinations"].items:
+            raise node["destinations"].fault("an edge needs a destination")
         for destination in node["destinations"].items:
             probability = destination.get("probability")
             assignments = [*shared, *self._assignments(destination, reader)]

@@ -235,6 +235,11 @@ class PropertyReader(ExpressionReader):
             return self._structure(
                 node, value, states="time" in asked, exits="exit" in asked, steps=steps
             )
+        if asked == {"time"}:
+            raise kinds.unsupported(
+                f"no time passes in the states of a {self.network.type.name}",
+                "steps and exit count its steps",
+            )
         # No time passes in the states of a DTMC or MDP; each step leaves a state.
         return self._structure(node, value, states="exit" in asked, exits=False, steps=steps)
 
