@@ -133,6 +133,8 @@ def test_several_vectors_are_written(tmp_path):
         (["-nobuild", "-steadystate"], "-nobuild builds no model, and -steadystate needs one"),
         (["-exportmodel", "x.tra:obs=true"], "unknown option 'obs=true'"),
         (["-exportmodel", "x.umb:zip"], "unknown option 'zip'"),
+        (["-exportmodel", "x.jani:precision=3"], "'precision=3' is no option of a JANI file"),
+        (["-exportjani", "x.jani:rows"], "'rows' is no option of a JANI file"),
         (["-exportiterations"], "-exportpage FILE plays them"),
         (["-exportprodvector", "v"], "-exportprodtrans"),
         (["-importresults", "r.csv"], "-exportresults writes them"),

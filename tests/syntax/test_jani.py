@@ -11,7 +11,17 @@ import symcheck
 from symcheck.cli import main
 from symcheck.errors import SyntaxFault, UnsupportedError
 from symcheck.syntax.jani.read import read_jani
-from syntax.jani_models import MODELS, automaton, binary, edge, filtered, model, text, variable
+from syntax.jani_models import (
+    CONSTANTS,
+    MODELS,
+    automaton,
+    binary,
+    edge,
+    filtered,
+    model,
+    text,
+    variable,
+)
 
 ENGINES = ["explicit", "sparse", "hybrid", "mtbdd", "exact"]
 
@@ -346,3 +356,12 @@ def test_an_edge_is_shown_as_a_command(tmp_path):
     step = die.simulator(seed=1).choices[0]
     assert step.text.startswith("[] die_location=0 -> 1/2") or "die_location'=1" in step.text
     assert "{" not in step.text
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_program_has_a_text_in_the_prism_language(name, tmp_path):
+    given = CONSTANTS.get(name, {})
+    read, _ = loaded(tmp_path, MODELS[name], given)
+    again = symcheck.loads(symcheck.pretty(read.program), given)
+    assert again.engine.states == read.engine.states
+    assert again.engine.transitions == read.engine.transitions

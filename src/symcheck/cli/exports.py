@@ -55,7 +55,13 @@ def _targets(a: Arguments, varying: ConstantTexts = NO_CONSTANTS) -> list[Target
     """
     if not a.exports:
         return []
-    from symcheck.exchange.export import ExportOptions, Target, file_options, parse_target
+    from symcheck.exchange.export import (
+        ExportOptions,
+        Target,
+        check_no_options,
+        file_options,
+        parse_target,
+    )
 
     options = ExportOptions(
         precision=a.exportprecision,
@@ -71,6 +77,8 @@ def _targets(a: Arguments, varying: ConstantTexts = NO_CONSTANTS) -> list[Target
             targets += parse_target(argument, source, options)
         elif argument:
             path, own = file_options(argument, options)
+            if kind == "jani":
+                check_no_options(argument, path)
             if kind in ("dot", "dotstates"):
                 kind, own = "dot", replace(own, states=kind == "dotstates")
             targets.append(Target(kind, path, own))

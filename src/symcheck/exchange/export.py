@@ -14,7 +14,15 @@ from symcheck.exchange.formats import dot, drn, matlab, prism_writer, umb_writer
 from symcheck.exchange.text import FULL_PRECISION, write_text
 from symcheck.whole_file import uncompressed_name
 
-__all__ = ["EXTENSIONS", "ExportOptions", "Target", "export", "file_options", "parse_target"]
+__all__ = [
+    "EXTENSIONS",
+    "ExportOptions",
+    "Target",
+    "check_no_options",
+    "export",
+    "file_options",
+    "parse_target",
+]
 
 EXTENSIONS = ("tra", "sta", "lab", "srew", "trew", "dot", "drn", "umb", "jani")
 _ALL = ("tra", "sta", "lab", "srew", "trew")
@@ -79,6 +87,8 @@ def parse_target(argument: str, model: str, options: ExportOptions | None = None
     names, options, layout = _options(argument, options or ExportOptions())
     plain, packed = uncompressed_name(names)
     base, dotted, listed = plain.rpartition(".")
+    if layout == "jani" or "jani" in listed.split(","):
+        check_no_options(argument, names)
     if layout in _WHOLE:
         return [Target(layout, names, options)]
     if listed == "m":
@@ -108,6 +118,13 @@ def parse_target(argument: str, model: str, options: ExportOptions | None = None
 def file_options(argument: str, options: ExportOptions) -> tuple[str, ExportOptions]:
     """Parse `FILE[:options]` of a switch that writes one file. Raises UsageError."""
     return _options(argument, options)[:2]
+
+
+def check_no_options(argument: str, names: str) -> None:
+    """Raise UsageError if an argument for a JANI file has options; `names` is it without them."""
+    for option in argument.removeprefix(names).lstrip(":").split(","):
+        if option and not option.startswith("format="):
+            raise UsageError(f"'{option}' is no option of a JANI file: it has none")
 
 
 def _options(argument: str, options: ExportOptions) -> tuple[str, ExportOptions, str]:
