@@ -62,6 +62,8 @@ def test_printed_lines(name):
         (3, (3,), 0.75),
         (4, (4,), 1.0),
     ]
+    same = check_text(engine_of(MANY, name), "filter(values, P=? [ F x=4 ])")
+    assert same.lines == result.lines
     nonzero = check_text(engine_of(MANY, name), "filter(print, P=? [ F x=4 ], x<3)")
     assert [line.index for line in nonzero.lines] == [1, 2]
     assert nonzero.value == pytest.approx((0, 1))

@@ -259,3 +259,13 @@ def test_globals() -> None:
         (0, parse_expression("false")),
         (1, Name("g")),
     )
+
+
+def test_labels_use_labels():
+    labels = """
+    label "low" = s<1 & !"middle";
+    label "middle" = "exact" | s=5;
+    label "exact" = s=2;
+    """
+    found = model(MODULE + labels).labels
+    assert found["low"] == parse_expression("s<1 & !(s=2 | s=5)")

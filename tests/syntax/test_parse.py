@@ -200,6 +200,13 @@ def test_composition() -> None:
     )
 
 
+@pytest.mark.parametrize("text", ["x<-1", "x < -1", "x< - 1"])
+def test_less_than_a_negative_number(text: str) -> None:
+    expected = parse_expression("x<(-1)")
+    assert parse_expression(text) == expected
+    assert parse_model(f'label "l" = {text};').labels[0].expression == expected
+
+
 @pytest.mark.parametrize(
     "word", ["dtmc", "probabilistic", "ctmc", "stochastic", "mdp", "nondeterministic", ""]
 )

@@ -289,8 +289,6 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
         return wrong(*_DOUBLED[two], 2)
     if two in ("||", "/*"):
         return wrong(*_DOUBLED[two], 2)
-    if two == "<-":
-        return wrong("'<-' is read as one sign", "for less than minus …, write < -", 2)
     if two == "->":
         if fault.last == "]" and "INTEGER" in expected:
             hint = "write true for a command that is always enabled"

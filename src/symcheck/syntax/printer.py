@@ -190,7 +190,7 @@ def _implications(node: ast.Binary, strength: int) -> str:
 
 
 def _glued(operator: str, operand: str) -> str:
-    """The two together, but `< -x` apart, as `<-` is a sign of its own."""
+    """The two together, but `< -x` apart, as PRISM reads `<-` as one sign."""
     is_sign = operator.endswith("<") and operand.startswith("-")
     return f"{operator} {operand}" if is_sign else operator + operand
 

@@ -55,7 +55,7 @@ FILTERS = (
     "print",
     "printall",
 )
-_FILTER_SIGNS = {"+": "sum", "&": "forall", "|": "exists"}
+_FILTER_SIGNS = {"+": "sum", "&": "forall", "|": "exists", "values": "printall"}
 
 _ASSOCIATIVE = frozenset(o for o in Operator if o.is_associative)
 
@@ -370,6 +370,7 @@ class Builder:
             kind = ast.Type(head[1].value if head[1] else "int")
         return decl.Constant(name.value, kind, self.measure(value), span=self._words(values))
 
+    reference = _node(ast.LabelReference, 0)
     formula = _node(decl.Formula, 1, 3)
     label = _node(decl.Label, 1, 3)
 
@@ -454,7 +455,10 @@ class ModelBuilder(Builder):
         return decl.Assignment(variable.value, self.measure(value), span=self._words(values))
 
     renamed_module = _node(decl.RenamedModule, 1, 3, slice(5, -2, 2))
-    rename = action_pair = _listed
+    rename = _listed
+
+    def action_pair(self, values: Values) -> tuple[str, str]:
+        return values[0].value, values[-1].value
 
     # -------------------------------------------------------------------------------------- rewards
 
@@ -503,8 +507,6 @@ class PropertiesBuilder(Builder):
         comments = comments_above(text, start)
         self._outer.clear()
         return decl.Property(_text(name), self.measure(formula), comments, span=span)
-
-    reference = _node(ast.LabelReference, 0)
 
     # ---------------------------------------------------------------------------------------- paths
 
@@ -579,7 +581,14 @@ class PropertiesBuilder(Builder):
         kind = partial(ast.ConditionalProbability, condition=condition)
         return self._measure(kind, [*head, bound, opening, path, old, closing])
 
-    reward = partialmethod(_measure, ast.RewardOperator)
+    def reward(self, values: Values) -> Expression:
+        query = values[-3]
+        match query:
+            case ast.Binary(Operator.EQ, ast.Name("Cdiscount"), discount):
+                # Storm writes C discount=0.9 without the space.
+                values[-3] = ast.DiscountedReward(None, discount, span=query.span)
+        return self._measure(ast.RewardOperator, values)
+
     time = partialmethod(_measure, ast.ExpectedTime)
     steady = partialmethod(_measure, ast.SteadyState)
     quantifier = _node(ast.PathQuantifier, 0, 2)
@@ -598,7 +607,10 @@ class PropertiesBuilder(Builder):
         return ast.CumulativeReward(self.time_bound(values[1:]), span=self._span(values))
 
     def discounted(self, values: Values) -> ast.DiscountedReward:
-        _, sign, limit, _, _, discount = values
+        _, sign, limit, word, _, discount = values
+        if word.value != "discount":
+            hint = "write R=? [ C discount=0.9 ], or ']' before the next word"
+            self._wrong(f"unexpected '{word.value}' after C", self._words([word]), "syntax", hint)
         bound = None if sign is None else self.time_bound([sign, limit])
         return ast.DiscountedReward(bound, discount, span=self._span(values))
 
@@ -658,7 +670,7 @@ class PropertiesBuilder(Builder):
         operator: str = _FILTER_SIGNS.get(word.value, word.value)
         span = self._words(values)
         if operator not in FILTERS:
-            hint = f"the filters are {', '.join(FILTERS)}"
+            hint = f"the filters are {', '.join((*FILTERS, 'values'))}"
             self._wrong(f"there is no filter '{operator}'", span, "filter", hint)
         return ast.Filter(operator, formula, states, span=span)
 

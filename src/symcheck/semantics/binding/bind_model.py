@@ -7,6 +7,7 @@ from fractions import Fraction
 
 from symcheck.errors import InputError, Span
 from symcheck.semantics.binding.composition import events
+from symcheck.semantics.binding.label_references import inline_labels
 from symcheck.semantics.binding.module_renaming import ModuleInstance
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable
 from symcheck.semantics.binding.static_checks import (
@@ -73,6 +74,8 @@ def bind(
         >>> model = bind(parse_model(text), {"N": 3})
     """
     report = DiagnosticCollector()
+    program = inline_labels(program, report)
+    report.raise_all()
     table = SymbolTable(report, exact)
     set_constants(table, program.constants, constants or {})
     check_values_given(table, program.constants)
