@@ -95,7 +95,6 @@ class Stress:
             (f | g, s | t),
             (f ^ g, s ^ t),
             (f - g, s & ~t),
-            (f.implies(g), ~s | t),
             (~f, ~s),
         ]
         return self.random.choice(choices)
@@ -110,9 +109,7 @@ class Stress:
 
     def do_quantify(self):
         (f, s), (axes, cube) = self.a_set(), self.some()
-        return self.random.choice(
-            [(f.exists(cube), over(s, axes, np.any)), (f.forall(cube), over(s, axes, np.all))]
-        )
+        return f.exists(cube), over(s, axes, np.any)
 
     def do_and_exists(self):
         (f, s), (g, t), (axes, cube) = self.a_set(), self.a_set(), self.some()
@@ -181,9 +178,7 @@ class Stress:
 
     def do_bridge(self):
         (f, s), (g, t) = self.a_number(), self.a_set()
-        return self.random.choice(
-            [(f.to_bdd(), s != 0), (g.to_mtbdd(2.5), t * 2.5), (f.map(np.floor), np.floor(s))]
-        )
+        return self.random.choice([(f.to_bdd(), s != 0), (g.to_mtbdd(2.5), t * 2.5)])
 
     def do_arrays(self):
         (f, s), (g, _) = self.a_number(), self.a_set()
@@ -198,13 +193,16 @@ class Stress:
         names = [NAMES[i] for i in order]
         assert self.manager.count(f, names) == len(rows)
         assert self.manager.bdd_from_rows(names, rows) == f
-        first = self.manager.pick(f, names)
-        assert (first is None) if not len(rows) else (first == rows[0]).all()
+        ordered = [n for n in self.manager.order() if n in NAMES]
+        first, members = (
+            self.manager.pick(f, ordered),
+            ROWS[:, [NAMES.index(n) for n in ordered]][s],
+        )
+        assert (first is None) if not len(members) else tuple(first) == min(map(tuple, members))
         values = self.numpy.choice(LEAVES[3:], len(rows))
         table = np.zeros((2,) * K)
         table[tuple(rows.T.astype(int))] = values
-        words = (rows @ WEIGHTS).astype(np.uint64)
-        return self.manager.mtbdd_from_rows(names, words, values), table.transpose(
+        return self.manager.mtbdd_from_rows(names, rows, values), table.transpose(
             np.argsort(order)
         ).reshape(-1)
 
@@ -281,17 +279,15 @@ def heavy(manager, names, random, kind):
         return right.rename(manager.renaming(dict(zip(names, reversed(names), strict=True))))
     if kind == "rows":
         return manager.bdd_from_rows(
-            names, np.unique(random.integers(0, 2 ** len(names), 20_000).astype(np.uint64))
+            names, np.unique(random.integers(0, 2, (20_000, len(names)), np.uint8), axis=0)
         )
-    if kind == "map":
-        return manager.table(names[:15], random.permutation(2**15)).map(np.sqrt)
     states = manager.bdd_table(names[0::2], random.random(2**size) < 0.5)
     relation = manager.bdd_table(names[20:], random.random(2**8) < 0.2)
     return manager.transition(names[20::2], names[21::2]).image(states, relation)
 
 
 @pytest.mark.parametrize(
-    "kind", ["times", "compare", "sum", "choose", "mask", "rename", "rows", "map", "image"]
+    "kind", ["times", "compare", "sum", "choose", "mask", "rename", "rows", "image"]
 )
 def test_a_memory_limit_in_the_middle_leaves_everything_usable(kind):
     random = np.random.default_rng(3)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -120,17 +119,10 @@ def test_products(case: Case, budget: int, seed: int, range_rows: int) -> None:
     assert (np.diff(blocks.range_bounds) >= 0).all()
     rng = np.random.default_rng(seed)
     for root, dense in enumerate(case.dense):
-        x, z = rng.random(dense.shape[1]), rng.random(dense.shape[0])
+        x = rng.random(dense.shape[1])
         y = np.ones(dense.shape[0])
         blocks.multiply(root, x, y)
         np.testing.assert_allclose(y, dense @ x, rtol=1e-13, atol=1e-15)
-        y = np.ones(dense.shape[1])
-        blocks.multiply_transposed(root, z, y)
-        np.testing.assert_allclose(y, 1 + z @ dense, rtol=1e-13, atol=1e-15)
-        if dense.shape[0] == dense.shape[1]:
-            diagonal = np.zeros(len(dense))
-            blocks.diagonal(root, diagonal)
-            np.testing.assert_array_equal(diagonal, np.diag(dense))
 
 
 @settings(deadline=None)
@@ -141,7 +133,7 @@ def test_choices(case: Case, seed: int, range_rows: int) -> None:
     present = np.array([rng.random(blocks.rows) < 0.7 for _ in case.dense])
     groups = np.concatenate([[0], np.cumsum(present.sum(axis=0))]).astype(np.int64)
     packed = np.packbits(present, axis=1, bitorder="little")
-    x, b = rng.random(blocks.columns), rng.random(groups[-1])
+    x = rng.random(blocks.columns)
     expected = np.array(
         [
             m[s] @ x
@@ -153,14 +145,6 @@ def test_choices(case: Case, seed: int, range_rows: int) -> None:
     out = np.empty(groups[-1])
     blocks.multiply_choices(x, groups, packed, out)
     np.testing.assert_allclose(out, expected, rtol=1e-13, atol=1e-15)
-    for greatest, pick, empty in ((True, max, -np.inf), (False, min, np.inf)):
-        for constant in (b, np.empty(0)):
-            value = out + constant if len(constant) else out
-            best = np.empty(blocks.rows)
-            blocks.optimum(x, constant, groups, packed, greatest, best)
-            assert best.tolist() == [
-                pick(value[a:e], default=empty) for a, e in pairwise(groups.tolist())
-            ]
 
 
 def test_parts_do_not_change_a_digit() -> None:

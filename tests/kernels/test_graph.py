@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from itertools import product as pairs_of
 
 import numpy as np
@@ -76,7 +75,9 @@ def test_reachability_forwards_backwards_and_along_a_shortest_path(
     rows: list[set[int]], sources: list[bool], allowed: list[bool], target: list[bool]
 ) -> None:
     arrays, reached = compressed(rows), reaches(rows, allowed)
-    forward = components.forward_reachable(*arrays, mask(sources), mask(allowed))
+    order, parent = components.breadth_first(*arrays, mask(sources), mask(allowed))
+    forward = parent > -2
+    assert sorted(order.tolist()) == np.flatnonzero(forward).tolist()
     assert forward.tolist() == [
         any(sources[s] and reached[s, t] for s in range(N)) for t in range(N)
     ]
@@ -86,25 +87,22 @@ def test_reachability_forwards_backwards_and_along_a_shortest_path(
     assert backward.tolist() == [
         any(reached[s, t] and target[t] for t in range(N)) for s in range(N)
     ]
-    path = components.shortest_path(*arrays, mask(sources), mask(allowed), mask(target)).tolist()
-    assert bool(path) == any(forward[t] and target[t] for t in range(N))
-    if path:
-        assert sources[path[0]]
-        assert target[path[-1]]
-        assert all(b in rows[a] and allowed[a] for a, b in pairwise(path))
+    for t in order.tolist():
+        assert sources[t] if parent[t] == -1 else t in rows[parent[t]] and allowed[parent[t]]
 
 
 @given(edges, masks)
 def test_breadth_first_order_is_by_distance(rows: list[set[int]], sources: list[bool]) -> None:
-    order = components.breadth_first_order(*compressed(rows), mask(sources)).tolist()
+    order, parent = components.breadth_first(*compressed(rows), mask(sources))
     distance = {s: 0 for s in range(N) if sources[s]}
     for step in range(N):
         for s in [s for s, d in distance.items() if d == step]:
             for t in rows[s]:
                 distance.setdefault(t, step + 1)
-    found = [distance.get(s, N) for s in order]
-    assert sorted(order) == list(range(N))
+    found = [distance[s] for s in order.tolist()]
     assert found == sorted(found)
+    assert set(order.tolist()) == set(distance)
+    assert all(distance[parent[s]] + 1 == d for s, d in distance.items() if d)
 
 
 def mdp(states: list[list[set[int]]]) -> tuple[np.ndarray, ...]:

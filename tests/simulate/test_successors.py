@@ -74,7 +74,8 @@ def test_steps_are_transitions_of_the_explored_model(seed: int, kind: str) -> No
     explored = explore(model, Options())
     matrix = explored.matrix
     path = simulate(Steps(model), 40, seed=seed, loop_check=False)
-    numbers = [explored.states.index(s.state) for s in path]
+    states = list(explored.states)
+    numbers = [states.index(s.state) for s in path]
     assert numbers[0] in explored.initial
     for here, there in pairwise(numbers):
         rows = (

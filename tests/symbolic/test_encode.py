@@ -44,7 +44,7 @@ def test_an_order_may_name_some_variables():
 def test_bits_turn_back_into_values():
     encoding = encode(MODEL, ["z"])
     rows = np.array([[0, 1, 0, 1, 1, 0, 0, 1]], dtype=np.uint8)  # z = 5, g = true, x = code 1
-    assert encoding.codes(rows).tolist() == [[1, -1, 7, 5]]
+    assert [c.tolist() for c in encoding.decode(rows)] == [[True], [-1], [7], [5]]
 
 
 def test_what_diagrams_cannot_hold_is_refused():

@@ -44,23 +44,14 @@ def rows_in_level_order(
     """The variables in level order, the rows over them in ascending order, and the former index of
     each row.
 
-    rows: uint64[n] or uint8[n, k], as in `DiagramManager.bdd_from_rows`. The former indices are
+    rows: uint8[n, k], as in `DiagramManager.bdd_from_rows`. The former indices are
     None where rows stayed.
     """
     order, permutation = _permutation(core, indices)
-    k = len(indices)
-    if rows.ndim == 1:
-        words = np.ascontiguousarray(rows, dtype=np.uint64)
-        if permutation is None:
-            return order, words, None
-        moved = np.zeros_like(words)
-        for new, old in enumerate(permutation):
-            moved |= (words >> np.uint64(k - 1 - old) & np.uint64(1)) << np.uint64(k - 1 - new)
-    else:
-        bits = np.ascontiguousarray(rows, dtype=np.uint8)
-        if permutation is None:
-            return order, bits, None
-        moved = np.ascontiguousarray(bits[:, permutation])
-    keys = moved if moved.ndim == 1 else np.packbits(moved, axis=1).view(f"S{(k + 7) // 8}")[:, 0]
+    bits = np.ascontiguousarray(rows, dtype=np.uint8)
+    if permutation is None:
+        return order, bits, None
+    moved = np.ascontiguousarray(bits[:, permutation])
+    keys = np.packbits(moved, axis=1).view(f"S{(len(indices) + 7) // 8}")[:, 0]
     sorting = np.argsort(keys, kind="stable")
     return order, np.ascontiguousarray(moved[sorting]), sorting

@@ -249,8 +249,7 @@ class DiagramManager:
 
         Args:
             variables: k variables.
-            rows: distinct and ascending: uint64[n] with the first of at most 64 variables as the
-                most significant bit, or uint8[n, k] of 0 and 1, compared from the first variable
+            rows: uint8[n, k] of 0 and 1, distinct and ascending, compared from the first variable
                 on.
 
         Raises:
@@ -305,22 +304,10 @@ class DiagramManager:
             uint8[k] of 0 and 1, in the order of `variables`; None if the set is empty.
 
         Raises:
-            ValueError: the set depends on other variables.
+            ValueError: the set depends on other variables, or these are not in the manager's order.
         """
         states = self.core.from_any(states)
-        indices = self._indices(variables)
-        if not set(states.support) <= set(indices):
-            raise ValueError("the set depends on variables that are not among the given ones")
-        levels = list(map(self.core.level, indices))
-        if levels == sorted(levels):
-            return extension.pick(states, np.array(indices, dtype=np.int32))
-        row = np.zeros(len(indices), dtype=np.uint8)
-        for position, index in enumerate(indices):
-            literal = self.core.literal(index)
-            low = states - literal
-            row[position] = not low
-            states = low or states & literal
-        return row if states else None
+        return extension.pick(states, np.array(self._indices(variables), dtype=np.int32))
 
     def shared_size(self, diagrams: Sequence[Bdd | Mtbdd]) -> int:
         """Number of distinct nodes of several diagrams together."""

@@ -113,33 +113,6 @@ class Odd:
         )
         return out
 
-    def weighted_sums(self, weights: NDArray[np.int64], offset: int = 0) -> NDArray[np.int64]:
-        """For each member, the offset plus the weights (int64[k]) of its bits that are 1:
-        int64[count].
-
-        With powers of two as the weights of a variable's bits and its lower bound as the offset,
-        the sums are the values of the variable.
-        """
-        out = np.empty(self.count, np.int64)
-        kernel.weigh_bits(self.table, np.ascontiguousarray(weights, np.int64), offset, out)
-        return out
-
-    def packed(self) -> NDArray[np.uint64]:
-        """All members as packed bits, uint64[count, ceil(k / 64)]; the last bit is the lowest of
-        the last word.
-        """
-        k = len(self.rows)
-        words = max(1, -(-k // 64))
-        exponent = np.arange(k)[::-1]
-        out = np.empty((self.count, words), np.uint64)
-        for word in range(words):
-            here = exponent // 64 == words - 1 - word
-            weights = np.where(
-                here, np.uint64(1) << (exponent % 64).astype(np.uint64), np.uint64(0)
-            )
-            out[:, word] = self.weighted_sums(weights.view(np.int64)).view(np.uint64)
-        return out
-
     def indices_in(self, other: Odd) -> NDArray[np.int64]:
         """The number of each member in `other`, the ODD of a superset over the same bits:
         int64[count].
@@ -148,9 +121,7 @@ class Odd:
         """
         if not self.states <= other.states or self.rows != other.rows:
             raise ValueError("the other set is not a superset over the same bits")
-        out = np.empty(self.count, np.int64)
-        kernel.embed(self.table, other.table, out)
-        return out
+        return np.flatnonzero(other.to_mask(self.states))
 
     # Diagrams and arrays
 

@@ -169,10 +169,8 @@ class SystemOf(Protocol[S, V]):
     Numbers are float64, or rationals in the exact engine.
     """
 
-    @property
-    def states(self) -> S:
-        """The states that are unknowns."""
-        ...
+    states: S
+    """The states that are unknowns."""
 
     @property
     def n(self) -> int:

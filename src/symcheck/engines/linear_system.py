@@ -11,12 +11,12 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Generic, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from symcheck.direction import Direction
-from symcheck.engines.base import Number, S, S_contra, SolvedValues, V, V_co
+from symcheck.engines.base import EquationsOf, S, S_contra, SolvedValues, SystemOf, V, V_co
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, starts_of
@@ -32,7 +32,6 @@ from symcheck.numerics.settings import Settings
 from symcheck.semantics.rewards import Reward
 
 __all__ = [
-    "DividedOperator",
     "ExpectedReward",
     "LinearEquations",
     "LinearSystem",
@@ -59,90 +58,14 @@ def refuse_infinite_minimum(direction: Direction | None) -> None:
         )
 
 
-class DivisibleOperator(SweepOperator, Protocol):
-    """An operator whose sweeps divide the products by a factor per row."""
+class LinearSystem(SystemOf[S, V]):
+    """The part of a system that follows from the matrix of an engine.
 
-    def sweep(
-        self,
-        x: Numbers,
-        constant: Numbers,
-        direction: Direction | None,
-        rounding_error: float,
-        /,
-        *,
-        upper: bool,
-        divisor: Numbers | None = None,
-    ) -> None:
-        """Improve bounds on the solution of x = opt(A x / divisor + constant), in place."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class DividedOperator:
-    """An operator whose rows are divided by a factor each, float64[rows]."""
-
-    operator: DivisibleOperator
-    divisor: Numbers = field(repr=False)
-
-    @property
-    def longest(self) -> int:
-        """A bound on the number of entries of a row."""
-        return self.operator.longest
-
-    def multiply(self, x: Numbers, /) -> Numbers:
-        """The product with a vector: a value per row."""
-        return np.asarray(self.operator.multiply(x) / self.divisor)
-
-    def sweep(
-        self,
-        x: Numbers,
-        constant: Numbers,
-        direction: Direction | None,
-        rounding_error: float,
-        *,
-        upper: bool,
-    ) -> None:
-        """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place."""
-        self.operator.sweep(
-            x, constant, direction, rounding_error, upper=upper, divisor=self.divisor
-        )
-
-
-class LinearSystem(Generic[S, V]):
-    """The part of `symcheck.engines.base.System` that follows from the matrix of an engine.
-
-    An engine's system inherits from this class and implements the abstract members.
+    An engine's system inherits from this class and implements the other members of `SystemOf`.
     """
 
-    states: S
-    """The states that are unknowns."""
     direction: Direction | None
     """Minimise or maximise over strategies; None for a chain."""
-
-    @property
-    @abstractmethod
-    def n(self) -> int:
-        """Number of unknowns."""
-
-    @property
-    @abstractmethod
-    def groups(self) -> Int64s | None:
-        """Rows of each state, int64[n+1]; None where each state has one row."""
-
-    @property
-    @abstractmethod
-    def matrix(self) -> SparseMatrix:
-        """The matrix among the states, as compressed rows."""
-
-    @property
-    @abstractmethod
-    def has_rows(self) -> bool:
-        """Whether equations should be solved on `matrix`."""
-
-    @property
-    @abstractmethod
-    def operator(self) -> SparseMatrix | SweepOperator:
-        """The matrix in the engine's own form."""
 
     @property
     @abstractmethod
@@ -158,32 +81,6 @@ class LinearSystem(Generic[S, V]):
     def preprocessing(self) -> Sequence[Preprocessing[S, V]]:
         """Steps that may shorten the equations, in the order in which they are tried."""
         return ()
-
-    @abstractmethod
-    def one_step_probability(self, target: S) -> Numbers:
-        """Per row: the one-step probability (rate) of entering the target."""
-
-    @abstractmethod
-    def row_sums(self) -> Numbers:
-        """Per row: the total probability (exit rate)."""
-
-    @abstractmethod
-    def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
-        """State rewards per state and transition rewards per row."""
-
-    @abstractmethod
-    def full(self, value: Number) -> Numbers:
-        """The same number for each state of the system."""
-
-    @abstractmethod
-    def lift(
-        self,
-        lower: Numbers,
-        upper: Numbers | None,
-        rest: Sequence[tuple[S, float]] = (),
-        exact: bool = False,
-    ) -> V:
-        """Values on all states."""
 
     @cached_property
     def exit_rates(self) -> Numbers | None:
@@ -258,10 +155,9 @@ class LinearSystem(Generic[S, V]):
         return matrix.divided(self.exit_rates)
 
 
-class BaseEquations(Generic[S, V]):
-    """The common part of equations over the states of a system (see
-    `symcheck.engines.base.Equations`).
-    """
+@dataclass(frozen=True, eq=False)
+class BaseEquations(EquationsOf[S, V]):
+    """The common part of equations over the states of a system."""
 
     system: LinearSystem[S, V]
 
@@ -274,10 +170,6 @@ class BaseEquations(Generic[S, V]):
     def usable_rows(self) -> Bools | None:
         """Rows that can be optimal, bool[rows]; None: all."""
         return None
-
-    @abstractmethod
-    def problem(self) -> LinearProblem:
-        """The equations among the usable rows for a numerical method."""
 
     def solve(
         self,
@@ -309,7 +201,6 @@ class LinearEquations(BaseEquations[S, V]):
             rewards); it must not for least probabilities.
     """
 
-    system: LinearSystem[S, V]
     constant: Numbers = field(repr=False)
     upper: Numbers | None = field(repr=False)
     probability: bool
@@ -345,7 +236,6 @@ class Reachability(BaseEquations[S, V]):
     entering it).
     """
 
-    system: LinearSystem[S, V]
     target: S
 
     def problem(self) -> LinearProblem:
@@ -367,7 +257,6 @@ class ExpectedReward(BaseEquations[S, V]):
     infinite.
     """
 
-    system: LinearSystem[S, V]
     reward: Reward
     infinite: S
 

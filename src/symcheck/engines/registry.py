@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from functools import partial
+from typing import cast
 
+from symcheck.engines import tuning
 from symcheck.engines.base import Engine, erased
 from symcheck.errors import converts_memory_error
 from symcheck.options import EngineName, Options
 from symcheck.semantics.model import BoundModel
-
-if TYPE_CHECKING:
-    from symcheck.engines.symbolic.engine import SymbolicEngine
 
 __all__ = ["BUILDERS", "build"]
 
@@ -44,46 +43,33 @@ def _exact(model: BoundModel, options: Options, _: Observer | None) -> Engine:
     return erased(ExplicitEngine(explored, "exact"))
 
 
-def _sparse(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
-    from symcheck.engines.symbolic.forms import SparseEngine
-
-    return _compressed(SparseEngine, model, options, observer)
-
-
-def _hybrid(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
-    from symcheck.engines.symbolic.forms import HybridEngine
-
-    return _compressed(HybridEngine, model, options, observer)
-
-
-def _compressed(
-    kind: type[SymbolicEngine], model: BoundModel, options: Options, observer: Observer | None
+def _symbolic(
+    name: EngineName, model: BoundModel, options: Options, observer: Observer | None
 ) -> Engine:
-    """The engine; over enumerated rows if the diagrams do not compress the states."""
-    from symcheck.engines.symbolic.enumerated_rows import enumerated_engine
+    """The engine on diagrams; on explicit rows if the diagrams do not compress the states."""
+    from symcheck.engines.explicit.engine import ExplicitEngine
+    from symcheck.engines.symbolic.forms import HybridEngine, MtbddEngine, SparseEngine
+    from symcheck.explicit.build import explore
     from symcheck.symbolic.build import build_state_space
     from symcheck.symbolic.matrix.transitions import transitions
 
     space = build_state_space(model, options, observer)
-    enumerated = enumerated_engine(space, options, kind.name)
-    if enumerated is not None:
-        return erased(enumerated)
+    nodes, most = space.states.node_count, tuning.MAX_NODES_PER_STATE * space.count
+    if nodes > max(tuning.SMALL_DIAGRAM_NODES, most) and space.count <= tuning.EXPLORED_STATES:
+        reason = f"{nodes:,} nodes for {space.count:,} states: rows are explored explicitly"
+        del space  # frees the memory of the diagrams
+        return erased(ExplicitEngine(explore(model, options, observer), f"{name} ({reason})"))
+    (kind,) = (k for k in (SparseEngine, HybridEngine, MtbddEngine) if k.name == name)
     return erased(kind.of(transitions(space, options, observer)))
-
-
-def _mtbdd(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
-    from symcheck.engines.symbolic.forms import MtbddEngine
-
-    return _compressed(MtbddEngine, model, options, observer)
 
 
 BUILDERS: Mapping[EngineName, Builder] = {
     "auto": _auto,
     "explicit": _explicit,
     "exact": _exact,
-    "sparse": _sparse,
-    "hybrid": _hybrid,
-    "mtbdd": _mtbdd,
+    "sparse": partial(_symbolic, "sparse"),
+    "hybrid": partial(_symbolic, "hybrid"),
+    "mtbdd": partial(_symbolic, "mtbdd"),
 }
 
 

@@ -16,10 +16,11 @@ __all__ = [
     "CACHED_SETS",
     "CACHED_SETS_BYTES",
     "CONSTANT_PIECES",
+    "DECODED_STATES",
     "ELIMINATION_MEMORY_SHARE",
     "ELIMINATION_STATES",
-    "ENUMERATED_STATES",
     "EXPLORATION_MEMORY_SHARE",
+    "EXPLORED_STATES",
     "FEW_LEAVES",
     "FEW_TRANSITIONS",
     "GRAPH_LOOKUPS",
@@ -84,14 +85,16 @@ ROWS_MEMORY_SHARE = 0.2
 EXPLORATION_MEMORY_SHARE = 0.7
 """Share of the machine's memory that explicit exploration may take where diagrams do not help."""
 
-# -------------------------------------------------------------------- enumeration of rows, products
+# ---------------------------------------------------- diagrams that do not compress, and products
 
 SMALL_DIAGRAM_NODES = 200_000
-"""Nodes of the state set up to which rows are not enumerated: every form of the matrix is made
-quickly."""
+"""Nodes of the state set up to which the matrix is a diagram: every form of it is made quickly."""
 
-ENUMERATED_STATES = 10_000_000
-"""States up to which rows are enumerated from the diagrams of the commands."""
+EXPLORED_STATES = 10_000_000
+"""States up to which explicit exploration gives the rows if diagrams do not compress the states."""
+
+DECODED_STATES = 65_536
+"""States whose bits are decoded at a time, which bounds the memory needed beside their values."""
 
 PRODUCT_PAIRS = 2**33
 """Pairs (state, automaton state) that an explicit product may have to mark, one byte each."""

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.kernels.explore.register_machine import Op, run_columns
+from symcheck.kernels.explore.register_machine import Op, evaluate
 from symcheck.matrices.rows import Int64s
 
 __all__ = ["Assembler", "Register", "is_constant"]
@@ -24,8 +24,6 @@ Register = int
 CONSTANTS = 1 << 24
 TEMPORARIES = 1 << 25
 _NONE = -1  # an operand that the operation does not have
-_NO_COLUMNS = np.zeros((0, 1), np.int64)
-_NO_REGISTERS = np.zeros(0, np.int32)
 
 
 def is_constant(register: Register) -> bool:
@@ -132,12 +130,10 @@ class Assembler:
         """The constant that the machine computes; None where it fails, as it then does when it
         runs.
         """
-        slots = np.array([self.bits(a), self.bits(b) if b != _NONE else 0, 0], np.int64)
-        result = np.zeros(1, np.int64)
+        registers = np.array([self.bits(a), self.bits(b) if b != _NONE else 0, 0], np.int64)
         code = np.array([(op, 2, 0, 1), (Op.HALT, 0, 0, 0)], np.int32)
-        fault, _ = run_columns(code, slots, _NO_REGISTERS, _NO_COLUMNS, 2, None, result, None)
-        bits = int(result[0])
-        return None if fault >= 0 else self._constant(bits)
+        failed = evaluate(code, registers)
+        return None if failed else self._constant(int(registers[2]))
 
     def move(self, destination: Register, source: Register, start: int) -> None:
         """Set a destination to a source.

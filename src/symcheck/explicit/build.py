@@ -31,7 +31,6 @@ from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateLayout, StateTable
 from symcheck.explicit.tables import tables, total_reward
 from symcheck.kernels.explore.breadth_first import Explorer, Outcome, malloc_trim
-from symcheck.kernels.explore.packed_states import sort_rows
 from symcheck.machine import available_memory
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.options import Options
@@ -146,9 +145,7 @@ class Exploration:
 
     def rows(self) -> Rows:
         """The packed states known so far, in the order of discovery: uint64[states, words]."""
-        rows = np.empty((len(self._explorer.states), self.layout.words), np.uint64)
-        self._explorer.states.copy_rows(rows)
-        return rows
+        return self._explorer.states.view_rows().copy()
 
     def run(
         self, state_budget: int | None = None, observer: ExplorationObserver | None = None
@@ -231,31 +228,26 @@ class Exploration:
         e, words = self._explorer, self.layout.words
         n = len(e.states)
         e.states.drop_table()
-        order, rank = np.empty(n, np.int32), np.empty(n, np.int32)
-        # The rows are not copied, because the memory of a large model peaks here.
-        sort_rows(e.states.view_rows(), order, rank)
+        # The rows are found by levels, whose parts are in order: a stable sort is fast.
+        order = np.lexsort(e.states.view_rows().T[::-1]).astype(np.int32)
+        rank = np.empty(n, np.int32)
+        rank[order] = np.arange(n, dtype=np.int32)
         states = StateTable(self.layout, e.states.view_rows()[order].reshape(-1, words))
         e.states.drop_rows()
-        deadlocks = np.empty(e.deadlock_count, np.int64)
-        e.copy_deadlocks(deadlocks)
-        deadlocks = np.sort(rank[deadlocks].astype(np.int64))
+        deadlocks = np.sort(rank[e.deadlocks].astype(np.int64))
         self._check_deadlocks(states, deadlocks)
         matrix, actions, choice_rewards = self._matrix(order, rank)
-        initial = states.find(self._initial).astype(np.int64)
         levels = e.level + 1
         state_rewards = self._state_rewards(states)
         if n > tuning.MIN_STATES_TO_TRIM:
             malloc_trim()
         self._seconds += time.perf_counter() - started
-        # np.unique would import numpy.ma, which takes a tenth of the time of a small model.
-        ordered = np.sort(initial)
-        distinct = ordered[np.append(True, ordered[1:] != ordered[:-1])[: ordered.size]]
         return ExplicitModel(
             self.model,
             states,
             matrix,
             actions,
-            distinct,
+            np.sort(rank[: len(self._initial)].astype(np.int64)),  # they were found first
             deadlocks,
             state_rewards,
             choice_rewards,

@@ -55,7 +55,7 @@ class Code:
             ModelFault: for the first state in which the expression has no value.
         """
         values = np.empty(len(rows), _DTYPES[self.type])
-        of_type = {kind: values if kind is self.type else None for kind in Type}
+        is_bool = self.type is Type.BOOL
         support = list(self.support)
         fault, status = run_packed(
             self.program,
@@ -64,14 +64,13 @@ class Code:
             np.ascontiguousarray(layout.lows[support]),
             np.ascontiguousarray(rows),
             self.result,
-            of_type[Type.DOUBLE],
-            of_type[Type.INT],
-            of_type[Type.BOOL],
+            None if is_bool else values.view(np.int64),
+            values if is_bool else None,
         )
         if fault >= 0:
             state = dict(enumerate(map(int, layout.unpack(rows[fault]))))
             raise_expression_fault(self.expression, self.variables, state, status)
-        return values.view(np.bool_) if self.type is Type.BOOL else values
+        return values.view(np.bool_) if is_bool else values
 
 
 def compile_expression(expression: Expression, model: BoundModel | tuple[Variable, ...]) -> Code:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.kernels.explore.packed_states import find_rows
 from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Type
@@ -85,17 +84,16 @@ class StateLayout:
         values += self.lows[variable]
         return values
 
+    def valuations(self, rows: Rows) -> Iterator[tuple[bool | int, ...]]:
+        """The values of the variables in each of some packed states."""
+        columns = [
+            _plain(self.column(rows, i), variable.type) for i, variable in enumerate(self.variables)
+        ]
+        return zip(*columns, strict=True) if columns else iter([()] * len(rows))
+
     def unpack(self, row: NDArray[np.uint64]) -> tuple[bool | int, ...]:
-        """The values in one packed state (uint64[words])."""
-        words = row.tolist()
-        values = (
-            (words[w] >> s & (1 << b) - 1) + low
-            for (_, w, s, b), low in zip(self.fields.tolist(), self.lows.tolist(), strict=True)
-        )
-        return tuple(
-            bool(x) if v.type is Type.BOOL else x
-            for v, x in zip(self.variables, values, strict=True)
-        )
+        """The values of the variables in one packed state."""
+        return next(self.valuations(row[None]))
 
 
 def _bounds(variable: Variable) -> tuple[int, int]:
@@ -124,7 +122,7 @@ class StateTable:
         return len(self.rows)
 
     def __iter__(self) -> Iterator[tuple[bool | int, ...]]:
-        return (self.row(i) for i in range(len(self)))
+        return self.layout.valuations(self.rows)
 
     def __repr__(self) -> str:
         names = ", ".join(v.name for v in self.layout.variables)
@@ -140,34 +138,8 @@ class StateTable:
 
     def valuations(self, indices: Int64s) -> Iterator[tuple[bool | int, ...]]:
         """The values of the variables in some states."""
-        rows = self.rows[indices]
-        columns = [
-            _plain(self.layout.column(rows, i), v.type) for i, v in enumerate(self.layout.variables)
-        ]
-        return zip(*columns, strict=True) if columns else iter([()] * len(indices))
+        return self.layout.valuations(self.rows[indices])
 
     def row(self, index: int) -> tuple[bool | int, ...]:
         """The values of state `index`, in declaration order."""
         return self.layout.unpack(self.rows[index])
-
-    def find(self, rows: Rows) -> NDArray[np.int32]:
-        """Indices of packed states in this sorted table, int32[m]; -1 for a state that is not in
-        it.
-        """
-        result = np.empty(len(rows), np.int32)
-        find_rows(self.rows, np.ascontiguousarray(rows), result)
-        return result
-
-    def index(self, values: Sequence[bool | int]) -> int:
-        """Index of the state with these values in this sorted table. Raises KeyError if it is not
-        in it.
-        """
-        for variable, low, span, value in zip(
-            self.layout.variables, self.layout.lows, self.layout.ranges, values, strict=True
-        ):
-            if not 0 <= int(value) - int(low) <= int(span):
-                raise KeyError(f"{variable.name}={value}")
-        result = int(self.find(self.layout.pack([np.array([int(v)], np.int64) for v in values]))[0])
-        if result < 0:
-            raise KeyError(tuple(values))
-        return result

@@ -3,6 +3,7 @@
 
 from libc.stdint cimport uintptr_t
 from libc.stdlib cimport free, realloc
+from libc.string cimport memcpy
 
 cdef extern from "sys/mman.h" nogil:
     int madvise(void*, size_t, int)
@@ -52,3 +53,13 @@ cdef inline void release(Buffer* buffer) noexcept nogil:
     free(buffer.data)
     buffer.data = NULL
     buffer.size = 0
+
+
+cdef inline object array_of(const void* data, Py_ssize_t count, dtype):
+    """A new array of `count` numbers, which are copied from memory."""
+    import numpy as np
+    out = np.empty(count, dtype)
+    cdef unsigned char[::1] target = out.view(np.uint8)
+    if count:
+        memcpy(&target[0], data, target.shape[0])
+    return out

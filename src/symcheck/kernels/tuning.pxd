@@ -27,10 +27,6 @@ cdef enum:
     BATCH_SUCCESSORS = 16384
     # explore/breadth_first: states between two looks at the time limit.
     CLOCK_INTERVAL = 2048
-    # explore/packed_states: rows up to which insertion sort is faster than clearing a digit's counters,
-    # and the bits of a digit: its counters fill half of the first cache.
-    INSERTION_SORT_ROWS = 48
-    RADIX_BITS = 11
 
     # solve/component_bounds: a block with choices of up to so many states is swept a little right away,
     # over about so many entries in all, but within these numbers of sweeps. Blocks that converge slowly

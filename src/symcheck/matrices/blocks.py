@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -170,13 +170,18 @@ class BlockMatrix:
 
     Args:
         layout: groups the rows of several matrices by state; None for one matrix.
-        threads: threads of large products; None: the processors, at most 4. Results do not depend
-            on their number.
+        divisor: a number per row by which products are divided, float64[rows]; None: 1.
+
+    Large products use several threads; the results do not depend on their number.
     """
 
     operations: BlockOperations
     layout: RowLayout | None = None
-    threads: int | None = None
+    divisor: Floats | None = None
+
+    def divided(self, divisor: Floats) -> BlockMatrix:
+        """The matrices with each row divided by a number: float64[rows]."""
+        return replace(self, divisor=divisor)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -203,9 +208,9 @@ class BlockMatrix:
     @cached_property
     def _shares(self) -> list[tuple[int, int]]:
         """Ranges of row ranges with about the same work, one per thread."""
-        count = self.threads or min(tuning.MAX_THREADS, len(os.sched_getaffinity(0)))
+        count = min(tuning.MAX_THREADS, len(os.sched_getaffinity(0)))
         work = np.cumsum(self.operations.range_work)
-        if self.threads is None and self.entries < tuning.MIN_THREADED_ENTRIES:
+        if self.entries < tuning.MIN_THREADED_ENTRIES:
             count = 1
         cuts = (
             np.searchsorted(work, work[-1] * np.arange(1, count) / count) + 1 if len(work) else []
@@ -227,12 +232,10 @@ class BlockMatrix:
             for each in waiting:
                 each.result()
 
-    def multiply(self, x: Floats, out: Floats | None = None) -> Floats:
-        """The product A x: float64[rows]. `out` is overwritten and returned if given. Releases the
-        interpreter lock.
-        """
+    def multiply(self, x: Floats) -> Floats:
+        """The product A x: float64[rows]. Releases the interpreter lock."""
         x = np.ascontiguousarray(x, np.float64)
-        y = np.empty(self.shape[0]) if out is None else out
+        y = np.empty(self.shape[0])
         layout = self.layout
         if layout is None:
             self._run(lambda first, last: self.operations.multiply(0, x, y, first, last))
@@ -243,33 +246,7 @@ class BlockMatrix:
                     x, groups, present, y, first, last
                 )
             )
-        return y
-
-    def optimum(
-        self, x: Floats, constant: Floats | None, direction: Direction, out: Floats | None = None
-    ) -> Floats:
-        """The least or greatest value of constant + A x over the rows of each state:
-        float64[states].
-
-        A state without rows gets +inf (minimum) or -inf (maximum).
-        """
-        if self.layout is None:
-            product = self.multiply(x, out)
-            return product if constant is None else np.add(product, constant, out=product)
-        x = np.ascontiguousarray(x, np.float64)
-        y = np.empty(self.operations.rows) if out is None else out
-        add = np.empty(0) if constant is None else np.ascontiguousarray(constant, np.float64)
-        groups, present, greatest = (
-            self.layout.groups,
-            self.layout.present,
-            direction == Direction.MAX,
-        )
-        self._run(
-            lambda first, last: self.operations.optimum(
-                x, add, groups, present, greatest, y, first, last
-            )
-        )
-        return y
+        return y if self.divisor is None else np.divide(y, self.divisor, out=y)
 
     @cached_property
     def longest(self) -> int:
@@ -290,10 +267,9 @@ class BlockMatrix:
         rounding_error: float,
         *,
         upper: bool,
-        divisor: Floats | None = None,
     ) -> None:
-        """Tighten bounds on the solution of x = opt(A x / divisor + constant), in place, by sweeps
-        in both directions.
+        """Tighten bounds on the solution of x = opt(A x + constant), in place, by sweeps in both
+        directions.
 
         Ranges of rows are taken in an order in which they use each other's new values. A range that
         depends on no other is repeated until it converges; ranges that depend on each other
@@ -301,18 +277,18 @@ class BlockMatrix:
 
         Args:
             x: float64[n], lower bounds, or upper bounds if `upper`.
-            constant, divisor: float64[rows], not negative.
+            constant: float64[rows], not negative.
             rounding_error: relative rounding error of a step; bounds are moved outwards by it.
         """
         groups, present = (
             (None, None) if self.layout is None else (self.layout.groups, self.layout.present)
         )
-        by = np.empty(0) if divisor is None else np.ascontiguousarray(divisor, np.float64)
+        divisor = np.empty(0) if self.divisor is None else self.divisor
         for parts, turns in self._schedule:
             self.operations.sweep(
                 x,
                 constant,
-                by,
+                divisor,
                 groups,
                 present,
                 direction == Direction.MAX,
@@ -342,36 +318,11 @@ class BlockMatrix:
                 ]
         return schedule
 
-    def multiply_transposed(self, x: Floats, out: Floats | None = None) -> Floats:
-        """The product x A from the left: float64[columns]."""
-        y = np.empty(self.operations.columns) if out is None else out
-        y[:] = 0
-        if self.layout is None:
-            self.operations.multiply_transposed(0, np.ascontiguousarray(x, np.float64), y)
-            return y
-        part = np.empty(self.operations.rows)
-        for slot, (present, rows) in enumerate(self.layout.each()):
-            part[:] = 0
-            part[present] = x[rows]
-            self.operations.multiply_transposed(slot, part, y)
-        return y
-
-    def row_sums(self) -> Floats:
-        """The sum of each row: float64[rows]."""
-        return self.multiply(np.ones(self.shape[1]))
-
-    def diagonal(self) -> Floats:
-        """The diagonal of a square matrix of a single class: float64[n]."""
-        out = np.zeros(min(self.operations.rows, self.operations.columns))
-        self.operations.diagonal(0, out)
-        return out
-
 
 def blocks(
     quad: QuadDag,
     layout: RowLayout | None = None,
     budget: int = tuning.MAX_BLOCK_RUNS,
-    threads: int | None = None,
 ) -> BlockMatrix:
     """The matrices of a quad-DAG as blocks, with about `budget` diagonal runs if possible."""
-    return BlockMatrix(BlockOperations(quad, budget), layout, threads)
+    return BlockMatrix(BlockOperations(quad, budget), layout)

@@ -210,9 +210,10 @@ def bsccs(source: Source, within: Bools | None = None) -> list[Int32s]:
 def forward_reachable(source: Source, sources: Bools, through: Bools | None = None) -> Bools:
     """States reachable from `sources`, passing only through states of `through` (default: all)."""
     graph = _incidence(source)
-    return kernel.forward_reachable(
+    _, parent = kernel.breadth_first(
         graph.edges, graph.matrix.indices, _mask(sources), graph.mask(through)
-    ).view(np.bool_)
+    )
+    return np.asarray(parent > -2)
 
 
 def backward_reachable(source: Source, target: Bools, through: Bools | None = None) -> Bools:
@@ -321,7 +322,10 @@ def shortest_path(
 ) -> Int64s | None:
     """The states of a shortest path from `sources` to `target` through `through`, or None."""
     graph = _incidence(source)
-    path = kernel.shortest_path(
-        graph.edges, graph.matrix.indices, _mask(sources), graph.mask(through), _mask(target)
+    order, parent = kernel.breadth_first(
+        graph.edges, graph.matrix.indices, _mask(sources), graph.mask(through)
     )
-    return path if len(path) else None
+    path = order[target[order]][:1].tolist()  # the nearest state of the target
+    while path and parent[path[-1]] >= 0:
+        path.append(int(parent[path[-1]]))
+    return np.array(path[::-1], np.int64) if path else None

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cache, partial
+from itertools import islice
 from operator import and_
 from typing import TYPE_CHECKING
 
@@ -47,7 +48,7 @@ def check_model(space: StateSpace, options: Options) -> None:
     if space.deadlocks and not options.fix_deadlocks:
         some = [
             state_faults.describe_state(space.symbolic.model.variables, s)
-            for s in space.valuations(space.deadlocks, 3)
+            for s in islice(space.valuations(space.deadlocks), 3)
         ]
         result[
             state_faults.deadlocks(
@@ -59,7 +60,7 @@ def check_model(space: StateSpace, options: Options) -> None:
 
 
 def _explain(space: StateSpace, states: Bdd, options: Options) -> tuple[Diagnostic, ...]:
-    state = next(space.valuations(states, 1))
+    state = next(space.valuations(states))
     try:
         interpreter.choices(space.symbolic.model, state, check_sums=options.check_sums)
     except InputError as fault:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from typing import TYPE_CHECKING, TypeVar, overload
 
 from symcheck.semantics.expressions.evaluate import evaluate
@@ -252,20 +253,17 @@ class StateSpace:
 
     def _raise_fault(self, expression: Expression, states: Bdd) -> None:
         """Raise what the scalar evaluation raises at the first of the states where it does."""
-        for state in self.valuations(self.symbolic.translator.faults(expression) & states, 1):
+        faulty = self.valuations(self.symbolic.translator.faults(expression) & states)
+        for state in islice(faulty, 1):
             names = (v.name for v in self.symbolic.model.variables)
             evaluate(expression, dict(zip(names, state, strict=True)))
 
-    def valuations(self, states: Bdd, limit: int | None = None) -> Iterator[tuple[bool | int, ...]]:
-        """The values of the variables in the states of a set, in diagram order; at most `limit`
-        states.
+    def valuations(self, states: Bdd) -> Iterator[tuple[bool | int, ...]]:
+        """The values of the variables in the reachable states of a set, in diagram order (take few
+        of a large set).
         """
-        encoding = self.symbolic.encoding
-        rows = enumerate_states(self.symbolic.manager, states & self.states, encoding.rows, limit)
-        for row in encoding.codes(rows).tolist():
-            yield tuple(
-                bool(x) if v.is_bool else x for v, x in zip(encoding.variables, row, strict=True)
-            )
+        symbolic = self.symbolic
+        return enumerate_states(symbolic.manager, symbolic.encoding, states & self.states)
 
     def __repr__(self) -> str:
         return (

@@ -72,16 +72,3 @@ PROBE_LOOKUPS = 150_000
 states. By then csma has found 26 to 90 states per look-up; firewire_impl_dl and zeroconf, where
 saturation is better, at most 0.1.
 """
-
-MAX_JOINT_UPDATES = 500
-"""Joint updates of an event up to which rows are enumerated; more are better multiplied as
-diagrams.
-"""
-
-STATES_PER_CHUNK = 65_536
-"""States whose rows are enumerated at a time, which bounds the memory needed beside the matrix."""
-
-TARGET_BITS = 10
-"""Bits of an assigned variable that one diagram gives when rows are enumerated: it has up to 2**10
-leaves.
-"""

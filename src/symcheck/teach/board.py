@@ -113,12 +113,7 @@ class Board:
         """The nodes of a set of reachable states, over row bits."""
         if self.engine is None:
             return []
-        codes = encoding.codes(enumerate_states(manager, states, encoding.rows))
-        kinds = [v.is_bool for v in encoding.variables]
-        found = [
-            self.graph.number(tuple(bool(x) if b else x for x, b in zip(row, kinds, strict=True)))
-            for row in codes.tolist()
-        ]
+        found = map(self.graph.number, enumerate_states(manager, encoding, states))
         return [f"s{s}" for s in found if s in self._drawn]
 
     @cached_property

@@ -83,11 +83,8 @@ def _frontiers(
 ) -> Iterator[SearchFrame]:
     encoding = symbolic.encoding
     for found in islice(search(symbolic, schedule), frames):
-        rows = enumerate_states(found.symbolic.manager, found.frontier, encoding.rows, limit)
-        values = tuple(
-            tuple(bool(x) if v.is_bool else x for v, x in zip(encoding.variables, row, strict=True))
-            for row in encoding.codes(rows).tolist()
-        )
+        states = enumerate_states(found.symbolic.manager, encoding, found.frontier)
+        values = tuple(islice(states, limit))
         yield SearchFrame(
             found.iteration, found.states, found.frontier, values, encoding, symbolic.manager
         )

@@ -223,11 +223,11 @@ def lumped_engine(base: ExplicitEngine, lumping: Lumping) -> ExplicitEngine:
 def lumped_diagrams_engine(source: SymbolicEngine, lumped: LumpedDiagrams) -> ExplicitEngine:
     """The engine of the blocks, with values of their first states; choices have no actions."""
     layout = StateLayout.of(source.model.variables)
-    codes = source.space.symbolic.encoding.codes(lumped.members)
+    columns = source.space.symbolic.encoding.decode(lumped.members)
     d = lumped.diagrams
     model = ExplicitModel(
         source.model,
-        StateTable(layout, layout.pack(list(np.ascontiguousarray(codes.T)))),
+        StateTable(layout, layout.pack(columns)),
         lumped.matrix,
         np.full(lumped.matrix.rows, -1, np.int32),
         lumped.meeting(d.initial),

@@ -73,18 +73,6 @@ cdef class Mtbdd:
     def __neg__(Mtbdd self) -> Mtbdd:
         return self._rapply(MINUS, 0.0)
 
-    def __pow__(Mtbdd self, other: Operand) -> Mtbdd:
-        return self._apply(POWER, other)
-
-    def __rpow__(Mtbdd self, other: SupportsFloat) -> Mtbdd:
-        return self._rapply(POWER, other)
-
-    def __mod__(Mtbdd self, other: Operand) -> Mtbdd:
-        return self._apply(MODULO, other)
-
-    def __rmod__(Mtbdd self, other: SupportsFloat) -> Mtbdd:
-        return self._rapply(MODULO, other)
-
     def minimum(self, other: Operand) -> Mtbdd:
         """The pointwise minimum."""
         return self._apply(MINIMUM, other)
@@ -143,14 +131,6 @@ cdef class Mtbdd:
             raise ValueError("the renaming belongs to another manager")
         return wrap_mtbdd(self.core, permute(self.core.begin(), False, self.node, &renaming.map))
 
-    def map(self, function: Callable[[Floats], Any]) -> Mtbdd:
-        """Apply a function (float64[n] to float64[n], such as numpy.floor) to the leaves."""
-        table = export_nodes(self.core, [self])
-        values = np.ascontiguousarray(function(table[3]), dtype=np.float64)
-        if values.shape != table[3].shape:
-            raise ValueError("the function must return one number per leaf")
-        return import_nodes(self.core, *table[:3], values, table[4])[0]
-
     def __hash__(self):
         return <Py_hash_t>(<uintptr_t>self.node >> 4)
 
@@ -168,11 +148,6 @@ cdef class Mtbdd:
     def support(self) -> tuple[int, ...]:
         """Indices of the variables that the value depends on, topmost first."""
         return support_of(self.core, self.node)
-
-    @property
-    def is_constant(self) -> bool:
-        """Whether there is only one leaf."""
-        return self.node.index == CONSTANT
 
     @property
     def leaves(self) -> Floats:

@@ -4,7 +4,7 @@
 # may be NULL, are consumed.
 
 cdef enum Op:
-    PLUS, TIMES, MINUS, DIVIDE, MINIMUM, MAXIMUM, POWER, MODULO
+    PLUS, TIMES, MINUS, DIVIDE, MINIMUM, MAXIMUM
     LESS, LESS_EQUAL, EQUAL      # comparisons, whose result is a BDD
     PERMUTE_BDD, PERMUTE_ADD
 
@@ -127,11 +127,6 @@ cdef inline void bdd_cofactors(Env* e, DdNode* f, int level, DdNode** t, DdNode*
         u[0] = f
 
 
-cdef inline double modulo(double a, double b) noexcept nogil:
-    cdef double r = fmod(a, b)
-    return r + b if r != 0 and (r < 0) != (b < 0) else r
-
-
 cdef inline DdNode* truth(Env* e, bint value) noexcept nogil:
     return e.one if value else e.logic_zero
 
@@ -153,9 +148,6 @@ cdef DdNode* apply_terminal(Env* e, Op op, DdNode* f, DdNode* g) noexcept nogil:
         if g is e.one: return f
     elif op == MINIMUM or op == MAXIMUM:
         if f is g: return f
-    elif op == POWER:
-        if g is e.zero: return e.one
-        if g is e.one: return f
     elif op >= LESS and f is g:
         return truth(e, op != LESS)
     if f.index != CONSTANT or g.index != CONSTANT:
@@ -168,11 +160,9 @@ cdef DdNode* apply_terminal(Env* e, Op op, DdNode* f, DdNode* g) noexcept nogil:
     if op == DIVIDE: return leaf(e, a / b)
     if op == MINIMUM: return f if a <= b else g
     if op == MAXIMUM: return f if a >= b else g
-    if op == POWER: return leaf(e, pow(a, b))
     if op == LESS: return truth(e, a < b)
     if op == LESS_EQUAL: return truth(e, a <= b)
-    if op == EQUAL: return truth(e, a == b)
-    return leaf(e, modulo(a, b))
+    return truth(e, a == b)
 
 
 cdef DdNode* apply(Env* e, Op op, DdNode* f, DdNode* g) noexcept nogil:

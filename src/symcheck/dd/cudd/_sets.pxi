@@ -51,11 +51,6 @@ cdef class Bdd:
     def __invert__(self) -> Bdd:
         return wrap_bdd(self.core, negate(self.node))
 
-    def implies(self, other: Bdd) -> Bdd:
-        """The set `~self | other`."""
-        cdef Bdd o = as_bdd(self.core, other)
-        return wrap_bdd(self.core, Cudd_bddOr(self.core.begin().dd, negate(self.node), o.node))
-
     def equivalent(self, other: Bdd) -> Bdd:
         """The assignments on which both agree."""
         cdef Bdd o = as_bdd(self.core, other)
@@ -91,12 +86,6 @@ cdef class Bdd:
         """
         return wrap_bdd(self.core, Cudd_bddExistAbstract(self.core.begin().dd, self.node, cube_of(self.core, cube)))
 
-    def forall(self, Cube cube not None) -> Bdd:
-        """Universal quantification: assignments that are in the set for all values of the cube's
-        variables.
-        """
-        return wrap_bdd(self.core, Cudd_bddUnivAbstract(self.core.begin().dd, self.node, cube_of(self.core, cube)))
-
     def and_exists(self, other: Bdd, Cube cube not None) -> Bdd:
         """`(self & other).exists(cube)`, without building the conjunction."""
         cdef Bdd o = as_bdd(self.core, other)
@@ -116,15 +105,6 @@ cdef class Bdd:
         if o.node is self.core.e.logic_zero:
             raise ValueError("the literals contradict each other")
         return wrap_bdd(self.core, Cudd_Cofactor(self.core.begin().dd, self.node, o.node))
-
-    def simplify(self, care: Bdd) -> Bdd:
-        """A set that agrees with this one on `care`, often with fewer nodes (Coudert and Madre's
-        restrict).
-        """
-        cdef Bdd o = as_bdd(self.core, care)
-        if o.node is self.core.e.logic_zero:
-            return self
-        return wrap_bdd(self.core, Cudd_bddRestrict(self.core.begin().dd, self.node, o.node))
 
     def __bool__(self):
         return self.node is not self.core.e.logic_zero

@@ -67,7 +67,7 @@ cdef f_value Cudd_V
 cdef f_is Cudd_DagSize
 cdef f_int Cudd_bddIthVar
 cdef f_const cuddUniqueConst
-cdef f_2 Cudd_bddAnd, Cudd_bddOr, Cudd_bddXor, Cudd_bddExistAbstract, Cudd_bddUnivAbstract, Cudd_Cofactor, Cudd_bddRestrict
+cdef f_2 Cudd_bddAnd, Cudd_bddOr, Cudd_bddXor, Cudd_bddExistAbstract, Cudd_Cofactor
 cdef f_2 cuddBddAndRecur
 cdef f_3 Cudd_bddIte, Cudd_bddAndAbstract, cuddBddIteRecur
 cdef f_unique cuddUniqueInter
@@ -124,9 +124,7 @@ cdef int _resolve_all() except -1:
         (b"Cudd_bddOr", <uintptr_t>&Cudd_bddOr),
         (b"Cudd_bddXor", <uintptr_t>&Cudd_bddXor),
         (b"Cudd_bddExistAbstract", <uintptr_t>&Cudd_bddExistAbstract),
-        (b"Cudd_bddUnivAbstract", <uintptr_t>&Cudd_bddUnivAbstract),
         (b"Cudd_Cofactor", <uintptr_t>&Cudd_Cofactor),
-        (b"Cudd_bddRestrict", <uintptr_t>&Cudd_bddRestrict),
         (b"cuddBddAndRecur", <uintptr_t>&cuddBddAndRecur),
         (b"Cudd_bddIte", <uintptr_t>&Cudd_bddIte),
         (b"Cudd_bddAndAbstract", <uintptr_t>&Cudd_bddAndAbstract),

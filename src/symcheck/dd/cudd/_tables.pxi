@@ -61,17 +61,10 @@ def from_bits(Core core not None, const int[::1] indices, const unsigned char[::
 
 
 cdef struct RowTable:
-    const uint64_t* words        # either: a row is a word, the first variable its most significant bit
-    const unsigned char* bits    # or: a row is `width` bytes
+    const unsigned char* bits    # a row is `width` bytes
     const double* values         # NULL: a BDD
     const int* indices
     int width
-
-
-cdef inline bint bit_of(RowTable* r, long row, int depth) noexcept nogil:
-    if r.words is not NULL:
-        return (r.words[row] >> (r.width - 1 - depth)) & 1
-    return r.bits[row * r.width + depth] != 0
 
 
 cdef DdNode* rows_diagram(Env* e, RowTable* r, long start, long end, int depth) noexcept nogil:
@@ -85,17 +78,12 @@ cdef DdNode* rows_diagram(Env* e, RowTable* r, long start, long end, int depth) 
         return e.one if r.values is NULL else leaf(e, r.values[start])
     if stop_requested(e):
         return NULL
-    if bit_of(r, start, depth):
-        b = start
-    elif not bit_of(r, end - 1, depth):
-        b = end
-    else:
-        while a < b:
-            middle = (a + b) >> 1
-            if bit_of(r, middle, depth):
-                b = middle
-            else:
-                a = middle + 1
+    while a < b:
+        middle = (a + b) >> 1
+        if r.bits[middle * r.width + depth]:
+            b = middle
+        else:
+            a = middle + 1
     u = referenced(rows_diagram(e, r, start, b, depth + 1))
     t = NULL if u is NULL else referenced(rows_diagram(e, r, b, end, depth + 1))
     return bdd_node(e, r.indices[depth], t, u) if r.values is NULL else mtbdd_node(e, r.indices[depth], t, u)
@@ -103,49 +91,31 @@ cdef DdNode* rows_diagram(Env* e, RowTable* r, long start, long end, int depth) 
 
 cdef int check_rows(RowTable* r, long n) except -1:
     cdef long i
-    cdef int order
     for i in range(n - 1):
-        if r.words is not NULL:
-            order = -1 if r.words[i] < r.words[i + 1] else 1
-        else:
-            order = memcmp(r.bits + i * r.width, r.bits + (i + 1) * r.width, r.width)
-        if order >= 0:
+        if memcmp(r.bits + i * r.width, r.bits + (i + 1) * r.width, r.width) >= 0:
             raise ValueError(f"rows {i} and {i + 1} are equal or not in ascending order")
-    if r.words is not NULL and n and r.width < 64 and r.words[n - 1] >> r.width:
-        raise ValueError("a row has more bits than there are variables")
     return 0
 
 
-# overload: (core: Core, indices: Int32s, rows: Words | Masks) -> Bdd
-# overload: (core: Core, indices: Int32s, rows: Words | Masks, values: Floats) -> Mtbdd
-def from_rows(Core core not None, const int[::1] indices, rows, values=None):
+# overload: (core: Core, indices: Int32s, rows: Masks) -> Bdd
+# overload: (core: Core, indices: Int32s, rows: Masks, values: Floats) -> Mtbdd
+def from_rows(Core core not None, const int[::1] indices, const unsigned char[:, ::1] rows, values=None):
     """The set of sorted unique rows as a Bdd, or with `values` (float64[n]) the Mtbdd that has them
     there and 0 elsewhere.
 
-    `indices`: variables in level order. `rows`: uint64[n], the first variable the most significant
-    bit, or uint8[n, k] of 0/1.
+    `indices`: variables in level order. `rows`: uint8[n, k] of 0/1.
     """
     cdef Env* e = core.begin()
     cdef RowTable r
-    cdef const uint64_t[::1] words
-    cdef const unsigned char[:, ::1] bits
     cdef const double[::1] numbers
-    cdef long n = len(rows)
+    cdef long n = rows.shape[0]
     check_order(e, indices)
     memset(&r, 0, sizeof(RowTable))
     r.width = <int>indices.shape[0]
-    r.indices = &indices[0] if r.width else NULL
-    if rows.ndim == 1:
-        if r.width > 64:
-            raise ValueError("rows of more than 64 variables are uint8[n, k]")
-        words = rows
-        r.words = &words[0] if n else NULL
-    else:
-        if rows.shape[1] != r.width:
-            raise ValueError("a row needs a bit per variable")
-        bits = rows
-        r.bits = &bits[0, 0] if n and r.width else NULL
+    if rows.shape[1] != r.width:
+        raise ValueError("a row needs a bit per variable")
     if n and r.width:
+        r.indices, r.bits = &indices[0], &rows[0, 0]
         check_rows(&r, n)
     if values is None:
         return wrap_bdd(core, rows_diagram(e, &r, 0, n, 0))

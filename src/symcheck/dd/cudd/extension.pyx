@@ -18,7 +18,7 @@ Dijk and van de Pol (2015), Sylvan.
 
 cimport cython
 from cpython.exc cimport PyErr_Occurred
-from libc.math cimport fmod, ldexp, pow
+from libc.math cimport ldexp
 from libc.stdint cimport uint64_t, uintptr_t
 from libc.stdlib cimport calloc, free, malloc, realloc
 from libc.string cimport memcmp, memcpy, memset

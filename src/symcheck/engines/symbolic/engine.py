@@ -11,15 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.direction import Direction
+from symcheck.engines import tuning
 from symcheck.engines.base import require_expression
 from symcheck.engines.capabilities import Capable, HasActions
-from symcheck.engines.linear_system import DivisibleOperator, Preprocessing, refuse_infinite_minimum
+from symcheck.engines.linear_system import Preprocessing, refuse_infinite_minimum
 from symcheck.engines.symbolic.acyclic import AcyclicSolution
 from symcheck.engines.symbolic.deterministic_elimination import DeterministicElimination, ReducedSet
 from symcheck.engines.symbolic.diagrams import Diagrams, HasDiagrams, diagrams_of
 from symcheck.engines.symbolic.graph import SymbolicGraph
 from symcheck.engines.symbolic.sets import SymbolicSet, SymbolicValues, constant_piece, values_of
-from symcheck.engines.symbolic.system import SymbolicSystem
+from symcheck.engines.symbolic.system import DivisibleOperator, SymbolicSystem
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
@@ -190,7 +191,7 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
     @cached_property
     def preprocessing(self) -> Sequence[Preprocessing[SymbolicSet, SymbolicValues]]:
         """Steps that may shorten equations, in the order in which they are tried."""
-        return self.elimination, AcyclicSolution(self.diagrams)
+        return AcyclicSolution(self.diagrams), self.elimination
 
     def finite_reward(
         self, reward: Reward, target: SymbolicSet, direction: Direction | None
@@ -207,34 +208,26 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
 
     def numbers(self, states: SymbolicSet, limit: int | None = None, start: int = 0) -> Int64s:
         """The index of each state of a set."""
-        if limit is None:
-            return states.odd.indices_in(self.diagrams.odd)[start:]
-        stop = min(start + limit, states.odd.count)
-        return self.diagrams.odd.rank(states.odd.unrank(np.arange(start, stop)))
+        ranks = [self.diagrams.odd.rank(b) for b in self._bits(states, limit, start)]
+        return np.concatenate([*ranks, np.empty(0, np.int64)])
 
     def valuations(
         self, states: SymbolicSet, limit: int | None = None, start: int = 0
     ) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order."""
-        odd = states.odd
-        numbers = np.arange(start, odd.count if limit is None else min(start + limit, odd.count))
-        for i in range(0, len(numbers), 65536):
-            yield from self._decoded(odd.unrank(numbers[i : i + 65536]))
-
-    def _decoded(self, bits: NDArray[np.uint8]) -> Iterator[tuple[bool | int, ...]]:
         encoding = self.space.symbolic.encoding
-        positions = (
-            [self.diagrams.rows.index(name) for name in encoding.rows]
-            if self.diagrams.rows != encoding.rows
-            else slice(None)
-        )
-        columns = encoding.codes(bits[:, positions]).T
-        kinds = [v.is_bool for v in encoding.variables]
-        lists = [
-            (c.astype(bool) if is_bool else c).tolist()
-            for c, is_bool in zip(columns, kinds, strict=True)
-        ]
-        yield from zip(*lists, strict=True) if lists else iter([()] * len(bits))
+        positions = list(map(self.diagrams.rows.index, encoding.rows))
+        for bits in self._bits(states, limit, start):
+            yield from encoding.valuations(bits[:, positions])
+
+    def _bits(
+        self, states: SymbolicSet, limit: int | None, start: int
+    ) -> Iterator[NDArray[np.uint8]]:
+        """The row bits of the states, in parts of bounded size."""
+        odd, size = states.odd, tuning.DECODED_STATES
+        stop = odd.count if limit is None else min(start + limit, odd.count)
+        for first in range(start, stop, size):
+            yield odd.unrank(np.arange(first, min(first + size, stop)))
 
     def product(self, letters: Sequence[SymbolicSet], automaton: Automaton) -> SymbolicProduct:
         """The product with a deterministic automaton that reads which of `letters` hold"""

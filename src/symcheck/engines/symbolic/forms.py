@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -29,6 +29,11 @@ class DiagramOperator:
     """The matrix as a diagram (one per slot): products of diagrams, arrays at both ends."""
 
     system: SymbolicSystem = field(repr=False)
+    divisor: Floats | None = field(default=None, repr=False)
+
+    def divided(self, divisor: Floats) -> DiagramOperator:
+        """The operator with each row divided by a number: float64[rows]."""
+        return replace(self, divisor=divisor)
 
     @property
     def longest(self) -> int:
@@ -44,7 +49,8 @@ class DiagramOperator:
 
     def multiply(self, x: Floats) -> Floats:
         """A x: a value per row."""
-        return self.system.per_row(self.apply(self.system.odd.from_vector(x)))
+        product = self.system.per_row(self.apply(self.system.odd.from_vector(x)))
+        return product if self.divisor is None else product / self.divisor
 
     def sweep(
         self,
@@ -54,14 +60,13 @@ class DiagramOperator:
         rounding_error: float,
         *,
         upper: bool,
-        divisor: Floats | None = None,
     ) -> None:
-        """Some steps of x = opt(A x / divisor + constant) on bounds, in place, all on diagrams (see
+        """Some steps of x = opt(A x + constant) on bounds, in place, all on diagrams (see
         BlockMatrix.sweep).
         """
         odd = self.system.odd
         add = self._by_slot(constant)
-        scale = None if divisor is None else self._by_slot(1.0 / divisor)
+        scale = None if self.divisor is None else self._by_slot(1.0 / self.divisor)
         bounds = odd.from_vector(x)
         for _ in range(tuning.SWEEP_STEPS):
             rows = self.apply(bounds)

@@ -7,74 +7,69 @@ A model whose rows fit well into memory is therefore explored as a diagram and c
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import TYPE_CHECKING, overload
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symcheck.engines import tuning
 from symcheck.engines.base import CapabilityT
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.symbolic.system import SymbolicSystem
 from symcheck.explicit.model import evaluate_states
-from symcheck.explicit.states import Rows, StateLayout, StateTable
+from symcheck.explicit.states import StateLayout, StateTable
 from symcheck.matrices.blocks import flatten, quad_dag
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
+from symcheck.symbolic.model import LazySequence
 from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
     from symcheck.engines.symbolic.engine import SymbolicEngine
 
-__all__ = ["MaterializedEngine", "MaterializedModel", "materialize", "stored_states"]
+__all__ = ["MaterializedEngine", "MaterializedModel", "materialize"]
 
 
 @dataclass(frozen=True)
 class MaterializedEngine(ExplicitEngine):
     """States and rows as arrays; expressions are translated to diagrams, which is cheap."""
 
-    source: SymbolicEngine | None = None
+    source: SymbolicEngine = field(kw_only=True)
 
     def capability(self, kind: type[CapabilityT]) -> CapabilityT | None:
         """The engine as what offers `kind`, or the diagrams that it was materialized from; None
         where neither does.
         """
         offered = super().capability(kind)
-        return (
-            offered if offered is not None or self.source is None else self.source.capability(kind)
-        )
+        return self.source.capability(kind) if offered is None else offered
 
     @property
     def states(self) -> int:
         """Number of reachable states."""
-        assert self.source is not None
         return self.source.states
 
     @property
     def transitions(self) -> int:
         """Number of stored transitions."""
-        assert self.source is not None
         return self.source.transitions
 
     @property
     def choices(self) -> int:
         """Number of choices (states, where there is no nondeterminism)."""
-        assert self.source is not None
         return self.source.choices
 
     def where(self, expression: Expression) -> ArraySet:
         """The states that satisfy a boolean expression over the variables."""
-        assert self.source is not None
         return ArraySet(self.source.to_bools(self.source.where(expression)))
 
     def valuations(
         self, states: ArraySet, limit: int | None = None, start: int = 0
     ) -> Iterator[tuple[bool | int, ...]]:
         """The states' variable values, in index order."""
-        assert self.source is not None
         if limit is None:
             return super().valuations(states, limit, start)
         return self.source.valuations(self.source.from_bools(states.members), limit, start)
@@ -110,7 +105,11 @@ class MaterializedModel:
     @cached_property
     def states(self) -> StateTable:
         """The states in the order of their numbers."""
-        return stored_states(self.source)
+        layout, encoding = StateLayout.of(self.model.variables), self.source.space.symbolic.encoding
+        odd, size = self.source.diagrams.odd, tuning.DECODED_STATES
+        parts = (np.arange(i, min(i + size, odd.count)) for i in range(0, odd.count, size))
+        rows = [layout.pack(encoding.decode(odd.unrank(part))) for part in parts]
+        return StateTable(layout, np.concatenate(rows))
 
     @cached_property
     def initial(self) -> Int64s:
@@ -126,13 +125,13 @@ class MaterializedModel:
     def state_rewards(self) -> Sequence[Floats]:
         """Per structure, the reward of each state: float64[states]."""
         functions = self.source.diagrams.state_rewards
-        return _ArraysOnDemand(len(functions), lambda i: self.system.odd.to_vector(functions[i]))
+        return LazySequence([partial(self.system.odd.to_vector, f) for f in functions])
 
     @property
     def choice_rewards(self) -> Sequence[Floats]:
         """Per structure, the expected transition reward of each row: float64[rows]."""
         functions = self.source.diagrams.transition_rewards
-        return _ArraysOnDemand(len(functions), lambda i: self.system.per_row(functions[i]))
+        return LazySequence([partial(self.system.per_row, f) for f in functions])
 
     @property
     def choice_actions(self) -> Int32s:
@@ -143,24 +142,6 @@ class MaterializedModel:
     def evaluate(self, expression: Expression) -> NDArray[np.generic]:
         """Value of an expression in each state; ModelFault if it has none in some state."""
         return evaluate_states(self.model, self.states, expression)
-
-
-class _ArraysOnDemand(Sequence[Floats]):
-    """Arrays that are made anew at each use."""
-
-    def __init__(self, size: int, make: Callable[[int], Floats]) -> None:
-        self._size, self._make = size, make
-
-    def __len__(self) -> int:
-        return self._size
-
-    @overload
-    def __getitem__(self, index: int) -> Floats: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[Floats]: ...
-    def __getitem__(self, index: int | slice) -> Floats | Sequence[Floats]:
-        numbers = range(self._size)[index]
-        return self._make(numbers) if isinstance(numbers, int) else [self._make(i) for i in numbers]
 
 
 def materialize(engine: SymbolicEngine) -> MaterializedEngine:
@@ -181,36 +162,3 @@ def materialize(engine: SymbolicEngine) -> MaterializedEngine:
     # Not `engine.system`, which the engine keeps: its rows would be a second copy.
     model = MaterializedModel(engine, SymbolicSystem(engine, engine.all))
     return MaterializedEngine(model, name="sparse", source=engine)
-
-
-def stored_states(engine: SymbolicEngine) -> StateTable:
-    """The reachable states in the order of their numbers, a table filled on first use."""
-    return _LazyStateTable(engine)
-
-
-class _LazyStateTable(StateTable):
-    """The reachable states as packed rows, made on first use: most checks need none."""
-
-    def __init__(self, engine: SymbolicEngine) -> None:
-        object.__setattr__(self, "layout", StateLayout.of(engine.model.variables))
-        object.__setattr__(self, "_engine", engine)
-
-    def __len__(self) -> int:
-        return self._source.states
-
-    @property
-    def _source(self) -> SymbolicEngine:
-        engine: SymbolicEngine = self.__dict__["_engine"]
-        return engine
-
-    @cached_property
-    def rows(self) -> Rows:
-        """uint64[states, words]."""
-        encoding, odd = self._source.space.symbolic.encoding, self._source.diagrams.odd
-        columns: list[Int64s] = []
-        for variable in encoding.variables:
-            weights = np.zeros(len(odd.rows), np.int64)
-            for position, bit in enumerate(reversed(variable.rows)):
-                weights[odd.rows.index(bit)] = 1 << position
-            columns.append(odd.weighted_sums(weights, variable.low))
-        return self.layout.pack(columns)

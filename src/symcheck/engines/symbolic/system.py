@@ -13,12 +13,7 @@ from symcheck.dd.manager import Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.direction import Direction
 from symcheck.engines.base import Number
-from symcheck.engines.linear_system import (
-    DividedOperator,
-    DivisibleOperator,
-    LinearSystem,
-    Preprocessing,
-)
+from symcheck.engines.linear_system import LinearSystem, Preprocessing
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.engines.symbolic.sets import (
     Piece,
@@ -36,7 +31,15 @@ from symcheck.numerics.linear.problem import SweepOperator
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
 
-__all__ = ["SymbolicSystem"]
+__all__ = ["DivisibleOperator", "SymbolicSystem"]
+
+
+class DivisibleOperator(SweepOperator, Protocol):
+    """An operator whose rows can be divided by a factor each."""
+
+    def divided(self, divisor: Floats) -> SweepOperator:
+        """The operator with each row divided by a number: float64[rows]."""
+        ...
 
 
 class Owner(SymbolicOwner, Protocol):
@@ -144,7 +147,7 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
         operator = self.operator
         assert not isinstance(operator, SparseMatrix)  # an engine with rows has no need of it
         rates = self.exit_rates
-        return operator if rates is None else DividedOperator(operator, rates)
+        return operator if rates is None else operator.divided(rates)
 
     @property
     def is_ctmc(self) -> bool:

@@ -6,8 +6,8 @@ from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc, realloc
 from libc.string cimport memcpy, memset
 
-from symcheck.kernels.blocks.block_operations cimport (clipped, columns, count, diagonal, fill,
-                                                       improve, multiply, scatter, transposed)
+from symcheck.kernels.blocks.block_operations cimport (clipped, columns, count, fill, multiply,
+                                                       scatter)
 from symcheck.kernels.blocks.diagonal_runs cimport Runs, SmallRun, WideRun
 from symcheck.kernels.diagrams.quad_dag cimport Node, QuadDag
 
@@ -157,43 +157,6 @@ cdef class BlockOperations(BlockPartition):
                     self._multiply_range(root, p, x, &product[0], written)
                     scatter(&present[root, 0], begin, end, &product[0], &next_row[0], &out[0])
 
-    def optimum(self, const double[::1] x, const double[::1] constant, const int64_t[::1] groups,
-                const uint8_t[:, ::1] present, bint greatest, double[::1] out, int64_t first=0,
-                int64_t last=-1):
-        """The optimum over the rows of each state of constant + A x, on some ranges of rows.
-
-        Args:
-            x: float64[columns].
-            constant: float64[groups[rows]], or empty for 0.
-            greatest: maximum instead of minimum.
-            out: float64[rows], receives the optima; states without a row get -inf (maximum) or inf.
-        """
-        cdef int64_t p, s, root, begin, end
-        cdef double[::1] product = np.empty(self._longest_range())
-        cdef int64_t[::1] next_row = np.empty(self._longest_range(), np.int64)
-        cdef int64_t written[2]
-        cdef double value
-        last = self._check_arguments(0, out.shape[0], x.shape[0], first, last)
-        with nogil:
-            for p in range(first, last):
-                begin, end = self.bounds[p], self.bounds[p + 1]
-                for s in range(begin, end):
-                    next_row[s - begin] = groups[s]
-                    out[s] = -INFINITY if greatest else INFINITY
-                written[0], written[1] = begin, end
-                for root in range(self.roots):
-                    self._multiply_range(root, p, x, &product[0], written)
-                    if constant.shape[0] == 0:
-                        improve(&present[root, 0], begin, end, &product[0], &out[0], greatest)
-                        continue
-                    s = _next_present(&present[root, 0], begin, end)
-                    while s < end:
-                        value = product[s - begin] + constant[next_row[s - begin]]
-                        next_row[s - begin] += 1
-                        if (value > out[s]) if greatest else (value < out[s]):
-                            out[s] = value
-                        s = _next_present(&present[root, 0], s + 1, end)
-
     def sweep(self, double[::1] x, const double[::1] constant, const double[::1] divisor,
               groups: Int64s | None, present: Masks | None, bint greatest, bint upper,
               double rounding_error, const int32_t[::1] order, int repetitions) -> float:
@@ -206,7 +169,7 @@ cdef class BlockOperations(BlockPartition):
         Args:
             x: float64[rows], lower bounds, or upper bounds if `upper`.
             constant: float64 per row. divisor: float64 per row, or empty for 1.
-            groups, present: as in `optimum`; None where states have one row.
+            groups, present: as in `multiply_choices`; None where states have one row.
             greatest: maximum instead of minimum.
             rounding_error: relative error of a step, by which new values are moved outwards.
             order: int32, the ranges in the order of their treatment.
@@ -274,45 +237,6 @@ cdef class BlockOperations(BlockPartition):
         np.add.at(changes, (ranges_of, first), 1)
         np.add.at(changes, (ranges_of, last + 1), -1)
         return np.cumsum(changes, axis=1)[:, : self.ranges] > 0
-
-    def multiply_transposed(self, int root, const double[::1] x, double[::1] y):
-        """y += x A, for x float64[rows] and y float64[columns]."""
-        cdef int64_t i, p
-        cdef Occurrence* occurrence
-        cdef Block* block
-        self._check_arguments(root, x.shape[0], y.shape[0], 0, -1)
-        if y.shape[0] == 0 or x.shape[0] == 0:
-            return
-        with nogil:
-            for p in range(self.ranges):
-                for i in range(self.occurrence_start[root, p], self.occurrence_start[root, p + 1]):
-                    occurrence = &self.occurrences[i]
-                    if occurrence.row < self.bounds[p]:      # was treated where it begins
-                        continue
-                    block = &self.blocks[occurrence.block]
-                    transposed(self._runs(block), &self.values[0], &x[0] + occurrence.row,
-                               &y[0] + occurrence.col)
-
-    def diagonal(self, int root, double[::1] out):
-        """out[i] += A[i, i], for out float64[min(rows, columns)]."""
-        cdef int64_t i, p, shift
-        cdef Occurrence* occurrence
-        cdef Block* block
-        self._check_arguments(root, self.rows, self.columns, 0, -1)
-        if out.shape[0] != min(self.rows, self.columns):
-            raise ValueError("the diagonal has another length")
-        with nogil:
-            for p in range(self.ranges):
-                for i in range(self.occurrence_start[root, p], self.occurrence_start[root, p + 1]):
-                    occurrence = &self.occurrences[i]
-                    if occurrence.row < self.bounds[p]:
-                        continue
-                    block = &self.blocks[occurrence.block]
-                    # a run is on the diagonal where col - row = shift
-                    shift = <int64_t>occurrence.row - <int64_t>occurrence.col
-                    if shift > <int64_t>block.cols or -shift > <int64_t>block.rows:
-                        continue
-                    diagonal(self._runs(block), &self.values[0], shift, &out[0] + occurrence.row)
 
     def count_entries(self, int root, int32_t[::1] counts):
         """counts[i] += number of entries in row i, for counts int32[rows]."""

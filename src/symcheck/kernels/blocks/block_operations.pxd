@@ -14,32 +14,30 @@ cdef extern from *:
     #endif
 
     /* y += A x; the runs of a block are sorted by length, so that branches are predictable */
-    #define SYMCHECK_MULTIPLY(NAME, RUN, X, Y)                                                                    \
+    #define SYMCHECK_MULTIPLY(NAME, RUN)                                                                          \
     SYMCHECK_CLONES static void NAME(const RUN* run, int64_t runs, const double* values,                          \
                                      const double* __restrict__ x, double* __restrict__ y) {                      \
         int64_t i = 0;                                                                                            \
         for (; i < runs && run[i].length == 1; i++)                                                               \
-            y[run[i].Y] += values[run[i].value] * x[run[i].X];                                                    \
+            y[run[i].row] += values[run[i].value] * x[run[i].col];                                                \
         for (; i < runs && run[i].length == 2; i++) {                                                             \
             const double v = values[run[i].value];                                                                \
-            const double* from = x + run[i].X;                                                                    \
-            double* to = y + run[i].Y;                                                                            \
+            const double* from = x + run[i].col;                                                                  \
+            double* to = y + run[i].row;                                                                          \
             const double a = to[0] + v * from[0], b = to[1] + v * from[1];                                        \
             to[0] = a;                                                                                            \
             to[1] = b;                                                                                            \
         }                                                                                                         \
         for (; i < runs; i++) {                                                                                   \
             const double v = values[run[i].value];                                                                \
-            const double* __restrict__ from = x + run[i].X;                                                       \
-            double* __restrict__ to = y + run[i].Y;                                                               \
+            const double* __restrict__ from = x + run[i].col;                                                     \
+            double* __restrict__ to = y + run[i].row;                                                             \
             const int64_t n = run[i].length;                                                                      \
             for (int64_t j = 0; j < n; j++) to[j] += v * from[j];                                                 \
         }                                                                                                         \
     }
-    SYMCHECK_MULTIPLY(multiply_small, SmallRun, col, row)
-    SYMCHECK_MULTIPLY(multiply_wide, WideRun, col, row)
-    SYMCHECK_MULTIPLY(transposed_small, SmallRun, row, col)
-    SYMCHECK_MULTIPLY(transposed_wide, WideRun, row, col)
+    SYMCHECK_MULTIPLY(multiply_small, SmallRun)
+    SYMCHECK_MULTIPLY(multiply_wide, WideRun)
 
     /* the same for rows low .. high of the block only */
     #define SYMCHECK_CLIPPED(NAME, RUN)                                                                           \
@@ -83,15 +81,6 @@ cdef extern from *:
     SYMCHECK_FILL(fill_small, SmallRun)
     SYMCHECK_FILL(fill_wide, WideRun)
 
-    #define SYMCHECK_DIAGONAL(NAME, RUN)                                                                          \
-    static void NAME(const RUN* run, int64_t runs, const double* values, int64_t shift, double* out) {            \
-        for (int64_t i = 0; i < runs; i++)                                                                        \
-            if ((int64_t)run[i].col - (int64_t)run[i].row == shift)                                               \
-                for (int64_t j = 0; j < run[i].length; j++) out[run[i].row + j] += values[run[i].value];          \
-    }
-    SYMCHECK_DIAGONAL(diagonal_small, SmallRun)
-    SYMCHECK_DIAGONAL(diagonal_wide, WideRun)
-
     #define SYMCHECK_COLUMNS(NAME, RUN)                                                                           \
     static void NAME(const RUN* run, int64_t runs, int64_t column, int32_t* out) {                                \
         for (int64_t i = 0; i < runs; i++)                                                                        \
@@ -116,12 +105,6 @@ cdef extern from *:
         SYMCHECK_EACH(present, low, high, out[next_row[s - low]++] = product[s - low];)
     }
 
-    /* the better of the rows of a slot and the values so far */
-    static void improve(const uint8_t* present, int64_t low, int64_t high, const double* product, double* out, int greatest) {
-        if (greatest) { SYMCHECK_EACH(present, low, high, out[s] = product[s - low] > out[s] ? product[s - low] : out[s];) }
-        else { SYMCHECK_EACH(present, low, high, out[s] = product[s - low] < out[s] ? product[s - low] : out[s];) }
-    }
-
     /* the same for the runs of a block in either form */
     #define SYMCHECK_BOTH(NAME, PARAMETERS, ...)                                                                  \
     static void NAME PARAMETERS {                                                                                 \
@@ -129,25 +112,19 @@ cdef extern from *:
         else NAME##_small(runs.small, runs.count, __VA_ARGS__);                                                   \
     }
     SYMCHECK_BOTH(multiply, (Runs runs, const double* values, const double* x, double* y), values, x, y)
-    SYMCHECK_BOTH(transposed, (Runs runs, const double* values, const double* x, double* y), values, x, y)
     SYMCHECK_BOTH(clipped, (Runs runs, const double* values, const double* x, double* y, int64_t low,
                             int64_t high), values, x, y, low, high)
     SYMCHECK_BOTH(count, (Runs runs, int32_t* counts), counts)
     SYMCHECK_BOTH(fill, (Runs runs, const double* values, int64_t* next, int64_t column,
                          int32_t* indices, double* data), values, next, column, indices, data)
-    SYMCHECK_BOTH(diagonal, (Runs runs, const double* values, int64_t shift, double* out), values, shift, out)
     SYMCHECK_BOTH(columns, (Runs runs, int64_t column, int32_t* out), column, out)
     """
     void scatter(const uint8_t* present, int64_t low, int64_t high, const double* product,
                  int64_t* next_row, double* out) noexcept nogil
-    void improve(const uint8_t* present, int64_t low, int64_t high, const double* product,
-                 double* out, bint greatest) noexcept nogil
     void multiply(Runs, const double* values, const double* x, double* y) noexcept nogil
-    void transposed(Runs, const double* values, const double* x, double* y) noexcept nogil
     void clipped(Runs, const double* values, const double* x, double* y, int64_t low,
                  int64_t high) noexcept nogil
     void count(Runs, int32_t* counts) noexcept nogil
     void fill(Runs, const double* values, int64_t* next, int64_t column, int32_t* indices,
               double* data) noexcept nogil
-    void diagonal(Runs, const double* values, int64_t shift, double* out) noexcept nogil
     void columns(Runs, int64_t column, int32_t* out) noexcept nogil

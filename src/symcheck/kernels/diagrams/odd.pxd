@@ -6,7 +6,6 @@ cdef enum:
     OUT_OF_MEMORY = -1
     OVERFLOW = -2
     FOREIGN_LEVEL = -3
-    NOT_A_SUBSET = -4
 
 cdef enum:
     MAX_NODES = 0x7FFFFFF0
@@ -30,4 +29,3 @@ cdef Diagram diagram_of(tuple diagram)
 cdef Odd odd_of(tuple odd)
 cdef const int32_t* pointer_of(const int32_t[::1] array) noexcept
 cdef object walk_error(int64_t status)
-cdef object int32_array(const void* data, int64_t n)

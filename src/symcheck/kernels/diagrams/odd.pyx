@@ -17,15 +17,17 @@ Every expansion into an array takes O(nodes + length): where a node was first wr
 and later occurrences are block copies. Functions raise MemoryError when memory ends.
 """
 from libc.stdint cimport INT64_MAX, int32_t, int64_t, uint32_t, uint64_t, uint8_t
-from libc.string cimport memcpy, memset
+from libc.string cimport memset
 
-from symcheck.kernels.memory cimport Buffer, release, reserve
+from symcheck.kernels.diagrams.node_list cimport (NodeList, append_node, node_arrays, release_nodes,
+                                                  unique_node)
+from symcheck.kernels.memory cimport Buffer, array_of, release, reserve
 from symcheck.kernels.tables.memo_table cimport (MemoEntry, MemoTable, memo_close, memo_find,
                                                  memo_insert, memo_is_empty, memo_open)
 
 import numpy as np
 
-__all__ = ["build", "embed", "rank", "unrank", "weigh_bits"]
+__all__ = ["build", "rank", "unrank"]
 
 cdef object walk_error(int64_t status):
     """The exception for a negative status."""
@@ -33,9 +35,7 @@ cdef object walk_error(int64_t status):
         return MemoryError("no memory for the traversal of the diagram")
     if status == OVERFLOW:
         return OverflowError("the set has 2**63 states or more")
-    if status == FOREIGN_LEVEL:
-        return ValueError("the diagram depends on a variable that is not among the levels")
-    return ValueError("the set is not a subset of the other")
+    return ValueError("the diagram depends on a variable that is not among the levels")
 
 
 cdef const int32_t* pointer_of(const int32_t[::1] array) noexcept:
@@ -56,14 +56,6 @@ cdef Odd odd_of(tuple odd):
     return Odd(pointer_of(odd[0]), pointer_of(odd[1]), pointer_of(odd[2]), &count[0], odd[4])
 
 
-cdef object int32_array(const void* data, int64_t n):
-    """A numpy copy of n numbers."""
-    result = np.empty(n, np.int32)
-    cdef int32_t[::1] view = result
-    if n:
-        memcpy(&view[0], data, n * 4)
-    return result
-
 # ------------------------------------------------------------------------------------ construction
 
 cdef struct OddBuilder:
@@ -71,31 +63,15 @@ cdef struct OddBuilder:
     const int32_t* levels
     int32_t k
     MemoTable memo       # (diagram node, depth) -> ODD node
-    MemoTable unique     # (low, high), depth -> ODD node
-    Buffer depth, low, high, count
-    int64_t nodes
-
-
-cdef int64_t _append(OddBuilder* b, int32_t depth, int64_t low, int64_t high,
-                     int64_t count) noexcept nogil:
-    """Add a node; its number, or a negative status."""
-    cdef int64_t n = b.nodes
-    if (n >= MAX_NODES or reserve(&b.depth, 4 * (n + 1)) or reserve(&b.low, 4 * (n + 1))
-            or reserve(&b.high, 4 * (n + 1)) or reserve(&b.count, 8 * (n + 1))):
-        return OUT_OF_MEMORY
-    (<int32_t*>b.depth.data)[n] = depth
-    (<int32_t*>b.low.data)[n] = <int32_t>low
-    (<int32_t*>b.high.data)[n] = <int32_t>high
-    (<int64_t*>b.count.data)[n] = count
-    b.nodes += 1
-    return n
+    NodeList nodes       # levels are depths
+    Buffer count
 
 
 cdef int64_t _build_node(OddBuilder* b, int32_t node, int32_t depth) noexcept nogil:
     """The ODD node of a diagram node seen from `depth`, or a negative status."""
     cdef Diagram* d = &b.diagram
     cdef int32_t level
-    cdef int64_t low, high, count_low, count_high, result
+    cdef int64_t low, high, count_low, count_high, number, result
     cdef uint64_t key
     cdef MemoEntry* entry
     if node < d.leaves:
@@ -126,17 +102,14 @@ cdef int64_t _build_node(OddBuilder* b, int32_t node, int32_t depth) noexcept no
         count_low, count_high = (<int64_t*>b.count.data)[low], (<int64_t*>b.count.data)[high]
         if count_low > INT64_MAX - count_high:
             return OVERFLOW
-        entry = memo_find(&b.unique, (<uint64_t>low << 32) | <uint64_t>high, <uint32_t>depth)
-        if not memo_is_empty(entry):
-            result = entry.node
-        else:
-            result = _append(b, depth, low, high, count_low + count_high)
-            if result < 0:
-                return result
-            entry = memo_insert(&b.unique, (<uint64_t>low << 32) | <uint64_t>high, <uint32_t>depth)
-            if entry == NULL:
+        number = b.nodes.count
+        result = unique_node(&b.nodes, depth, low, high)
+        if result < 0:
+            return result
+        if result == number:       # a new node
+            if reserve(&b.count, 8 * (number + 1)):
                 return OUT_OF_MEMORY
-            entry.node = <int32_t>result
+            (<int64_t*>b.count.data)[number] = count_low + count_high
     entry = memo_insert(&b.memo, key, 0)
     if entry == NULL:
         return OUT_OF_MEMORY
@@ -155,107 +128,32 @@ def build(diagram: Diagram, const int32_t[::1] levels) -> OddTable:
         ValueError: the diagram depends on a level that is not in `levels`.
     """
     cdef OddBuilder b
-    cdef int64_t result
+    cdef int64_t number, result
     memset(&b, 0, sizeof(OddBuilder))
     b.diagram = diagram_of(diagram)
     b.k = <int32_t>levels.shape[0]
     b.levels = pointer_of(levels)
     try:
-        if memo_open(&b.memo, 1024) < 0 or memo_open(&b.unique, 1024) < 0:
+        if memo_open(&b.memo, 1024) < 0 or memo_open(&b.nodes.unique, 1024) < 0:
+            raise MemoryError
+        if reserve(&b.count, 16):
             raise MemoryError
         with nogil:
-            result = _append(&b, b.k, 0, 0, 0)
-            if result >= 0:
-                result = _append(&b, b.k, 1, 1, 1)
+            for number in range(2):        # no member, and the empty row
+                (<int64_t*>b.count.data)[number] = number
+                result = append_node(&b.nodes, b.k, number, number)
             if result >= 0:
                 result = _build_node(&b, b.diagram.root, 0)
         if result < 0:
             raise walk_error(result)
-        count = np.empty(b.nodes, np.int64)
-        count[:] = <int64_t[:b.nodes]> <int64_t*> b.count.data
-        return (int32_array(b.depth.data, b.nodes), int32_array(b.low.data, b.nodes),
-                int32_array(b.high.data, b.nodes), count, int(result))
+        count = array_of(b.count.data, b.nodes.count, np.int64)
+        return *node_arrays(&b.nodes), count, int(result)
     finally:
         memo_close(&b.memo)
-        memo_close(&b.unique)
-        release(&b.depth)
-        release(&b.low)
-        release(&b.high)
+        release_nodes(&b.nodes)
         release(&b.count)
 
 # ------------------------------------------------------------------------------ numbers of members
-
-cdef struct Weighing:
-    Odd odd
-    const int64_t* weights
-    int32_t last          # the deepest level with a weight
-    int64_t* out
-    int64_t* first        # per node: where it was first written, or -1
-    int64_t* base         # ... and the sum of the weights above it
-
-
-cdef void _weigh(Weighing* w, int32_t node, int64_t at, int64_t prefix) noexcept nogil:
-    """Write the sums of the members below a node from position `at` on."""
-    cdef int64_t i, n, delta
-    cdef int64_t* out
-    cdef const int64_t* source
-    cdef int32_t depth
-    while True:
-        depth = w.odd.depth[node]
-        out = w.out + at
-        n = w.odd.count[node]
-        if depth > w.last or node == 1:
-            for i in range(n):
-                out[i] = prefix
-            return
-        if w.odd.low[node] == 0:
-            prefix += w.weights[depth]
-            node = w.odd.high[node]
-        elif w.odd.high[node] == 0:
-            node = w.odd.low[node]
-        else:
-            break
-    if w.first[node] >= 0:
-        source = w.out + w.first[node]
-        delta = prefix - w.base[node]
-        for i in range(n):
-            out[i] = source[i] + delta
-        return
-    w.first[node] = at
-    w.base[node] = prefix
-    n = w.odd.count[w.odd.low[node]]
-    _weigh(w, w.odd.low[node], at, prefix)
-    _weigh(w, w.odd.high[node], at + n, prefix + w.weights[depth])
-
-
-def weigh_bits(odd: OddTable, const int64_t[::1] weights, int64_t offset, int64_t[::1] out):
-    """For each member, the offset plus the weights of its bits that are 1, modulo 2**64.
-
-    Powers of two as weights give packed bits or the value of an integer variable.
-
-    Args:
-        weights: int64[k].
-        out: int64[members], receives the sums.
-    """
-    cdef Weighing w
-    cdef int32_t d
-    cdef int64_t[::1] first, base
-    w.odd = odd_of(odd)
-    if out.shape[0] != w.odd.count[w.odd.root]:
-        raise ValueError(f"an array of {out.shape[0]} for {w.odd.count[w.odd.root]} members")
-    if out.shape[0] == 0:
-        return
-    w.weights = &weights[0] if weights.shape[0] else NULL
-    w.out = &out[0]
-    w.last = -1
-    for d in range(weights.shape[0]):
-        if weights[d]:
-            w.last = d
-    first, base = np.full(len(odd[0]), -1, np.int64), np.empty(len(odd[0]), np.int64)
-    w.first, w.base = &first[0], &base[0]
-    with nogil:
-        _weigh(&w, w.odd.root, 0, offset)
-
 
 def rank(odd: OddTable, const uint8_t[:, ::1] bits, int64_t[::1] out):
     """The numbers of members.
@@ -308,85 +206,3 @@ def unrank(odd: OddTable, const int64_t[::1] indices, uint8_t[:, ::1] bits):
                     node = o.high[node]
                 else:
                     node = o.low[node]
-
-# --------------------------------------------------------------- numbers of a subset in a superset
-
-cdef struct Embedding:
-    Odd subset
-    Odd superset
-    MemoTable memo        # (subset node, superset node) -> where it was first written, base
-    int64_t* out
-
-
-cdef int _embed(Embedding* e, int32_t node, int32_t other, int64_t at, int64_t base) noexcept nogil:
-    """Write the numbers of the members below `node`; returns 0 or a negative status."""
-    cdef int64_t i, n, delta
-    cdef int64_t* out
-    cdef const int64_t* source
-    cdef const Odd* a = &e.subset
-    cdef const Odd* b = &e.superset
-    cdef MemoEntry* entry
-    cdef uint64_t key
-    cdef int status
-    out = e.out + at
-    n = a.count[node]
-    while True:
-        if other == 0:
-            return NOT_A_SUBSET
-        if n == b.count[other]:      # equal sets, if the one is a subset of the other at all
-            for i in range(n):
-                out[i] = base + i
-            return 0
-        if a.low[node] == 0:
-            base += b.count[b.low[other]]
-            node = a.high[node]
-            other = b.high[other]
-        elif a.high[node] == 0:
-            node = a.low[node]
-            other = b.low[other]
-        else:
-            break
-    key = (<uint64_t><uint32_t>node << 32) | <uint32_t>other
-    entry = memo_find(&e.memo, key, 0)
-    if not memo_is_empty(entry):
-        source = e.out + entry.first
-        delta = base - entry.second
-        for i in range(n):
-            out[i] = source[i] + delta
-        return 0
-    entry = memo_insert(&e.memo, key, 0)
-    if entry == NULL:
-        return OUT_OF_MEMORY
-    entry.first = at
-    entry.second = base
-    status = _embed(e, a.low[node], b.low[other], at, base)
-    if status < 0:
-        return status
-    return _embed(e, a.high[node], b.high[other], at + a.count[a.low[node]],
-                  base + b.count[b.low[other]])
-
-
-def embed(subset: OddTable, superset: OddTable, int64_t[::1] out):
-    """The numbers that the members of a set have in a superset over the same levels.
-
-    Args:
-        subset, superset: ODDs.
-        out: int64[members of the subset], receives the numbers.
-    Raises:
-        ValueError: the traversal meets a member that is not in the superset.
-    """
-    cdef Embedding e
-    cdef int status
-    e.subset, e.superset = odd_of(subset), odd_of(superset)
-    if out.shape[0] != e.subset.count[e.subset.root]:
-        raise ValueError(f"an array of {out.shape[0]} for {e.subset.count[e.subset.root]} members")
-    if out.shape[0] == 0:
-        return
-    e.out = &out[0]
-    if memo_open(&e.memo, 1024) < 0:
-        raise MemoryError
-    with nogil:
-        status = _embed(&e, e.subset.root, e.superset.root, 0, 0)
-    memo_close(&e.memo)
-    if status < 0:
-        raise walk_error(status)

@@ -10,41 +10,23 @@ from libc.stdint cimport int32_t, int64_t, uint8_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memcmp, memcpy, memset
 
+from symcheck.kernels.diagrams.node_list cimport (NodeList, append_node, node_arrays, release_nodes,
+                                                  unique_node)
 from symcheck.kernels.diagrams.odd cimport (FOREIGN_LEVEL, MAX_NODES, OUT_OF_MEMORY, Diagram, Odd,
-                                            diagram_of, int32_array, odd_of, pointer_of, walk_error)
-from symcheck.kernels.memory cimport Buffer, release, reserve
+                                            diagram_of, odd_of, pointer_of, walk_error)
 from symcheck.kernels.tables.hash_mix cimport double_bits
 from symcheck.kernels.tables.memo_table cimport (MemoEntry, MemoTable, memo_close, memo_find,
                                                  memo_insert, memo_is_empty, memo_open)
 
 import numpy as np
 
-__all__ = ["array_to_diagram", "diagram_to_array", "lookup", "number_values"]
+__all__ = ["array_to_diagram", "diagram_to_array", "number_values"]
 
 ctypedef fused Id:
     uint8_t
     int32_t
 
 
-
-def lookup(diagram: Diagram, const int32_t[::1] column_of_level, const uint8_t[:, ::1] bits,
-           double[::1] out):
-    """The value of a diagram at each row of bits.
-
-    Args:
-        column_of_level: int32[levels], the column of `bits` with the value of a level's variable.
-        bits: uint8[n, k].
-        out: float64[n], receives the values.
-    """
-    cdef Diagram d = diagram_of(diagram)
-    cdef int64_t i
-    cdef int32_t node
-    with nogil:
-        for i in range(bits.shape[0]):
-            node = d.root
-            while node >= d.leaves:
-                node = d.high[node] if bits[i, column_of_level[d.level[node]]] else d.low[node]
-            out[i] = d.value[node]
 
 # ------------------------------------------------------------------------------ diagram -> array
 
@@ -157,48 +139,17 @@ def diagram_to_array(odd: OddTable, diagram: Diagram, const int32_t[::1] levels,
 cdef struct Writer:
     Odd odd
     const int32_t* levels
-    Buffer level, low, high   # the diagram that is written
-    int64_t nodes
-    MemoTable unique      # (low, high), level -> diagram node
+    NodeList nodes        # the diagram that is written
     MemoTable memo        # (ODD node, leaf) -> diagram node
     int64_t* last         # where the ODD node was last written, and as what
     int32_t* result
 
 
-cdef int64_t _append(Writer* w, int32_t level, int64_t low, int64_t high) noexcept nogil:
-    """Add a node; its number, or a negative status."""
-    cdef int64_t n = w.nodes
-    if (n >= MAX_NODES or reserve(&w.level, 4 * (n + 1)) or reserve(&w.low, 4 * (n + 1))
-            or reserve(&w.high, 4 * (n + 1))):
-        return OUT_OF_MEMORY
-    (<int32_t*>w.level.data)[n] = level
-    (<int32_t*>w.low.data)[n] = <int32_t>low
-    (<int32_t*>w.high.data)[n] = <int32_t>high
-    w.nodes += 1
-    return n
-
-
 cdef int64_t _node(Writer* w, int32_t level, int64_t low, int64_t high) noexcept nogil:
     """The node with these children, or a negative status."""
-    cdef MemoEntry* entry
-    cdef int64_t node
-    cdef uint64_t key
     if low < 0 or high < 0:
         return low if low < 0 else high
-    if low == high:
-        return low
-    key = (<uint64_t>low << 32) | <uint64_t>high
-    entry = memo_find(&w.unique, key, <uint32_t>level)
-    if not memo_is_empty(entry):
-        return entry.node
-    node = _append(w, level, low, high)
-    if node < 0:
-        return node
-    entry = memo_insert(&w.unique, key, <uint32_t>level)
-    if entry == NULL:
-        return OUT_OF_MEMORY
-    entry.node = <int32_t>node
-    return node
+    return low if low == high else unique_node(&w.nodes, level, low, high)
 
 
 cdef int _open(Writer* w, tuple odd, const int32_t[::1] levels, int64_t leaves,
@@ -208,10 +159,10 @@ cdef int _open(Writer* w, tuple odd, const int32_t[::1] levels, int64_t leaves,
     memset(w, 0, sizeof(Writer))
     w.odd = odd_of(odd)
     w.levels = pointer_of(levels)
-    if memo_open(&w.unique, 1024) < 0 or memo_open(&w.memo, 1024) < 0:
+    if memo_open(&w.nodes.unique, 1024) < 0 or memo_open(&w.memo, 1024) < 0:
         raise MemoryError
     for i in range(leaves):
-        if _append(w, bottom, i, i) < 0:
+        if append_node(&w.nodes, bottom, i, i) < 0:
             raise MemoryError
     return 0
 
@@ -220,17 +171,13 @@ cdef object _result(Writer* w, int64_t root):
     """The diagram, or the exception for a negative status."""
     if root < 0:
         raise walk_error(root)
-    return (int32_array(w.level.data, w.nodes), int32_array(w.low.data, w.nodes),
-            int32_array(w.high.data, w.nodes), int(root))
+    return *node_arrays(&w.nodes), int(root)
 
 
 cdef void _close(Writer* w) noexcept:
     """Free the memory of a diagram that is written."""
-    memo_close(&w.unique)
+    release_nodes(&w.nodes)
     memo_close(&w.memo)
-    release(&w.level)
-    release(&w.low)
-    release(&w.high)
     free(w.last)
     free(w.result)
 

@@ -89,11 +89,6 @@ cdef class StateSet:
         if status:
             raise OverflowError("more than 2**31 - 1 states")
 
-    def copy_rows(self, uint64_t[:, ::1] out):
-        """Copy all states, in the order of their numbers, into `out` (uint64[count, words])."""
-        if self.count:
-            memcpy(&out[0, 0], self.rows.data, <size_t> self.count * self.words * 8)
-
     def drop_table(self):
         """Free the hash table; no state can be inserted afterwards."""
         free(self.table)

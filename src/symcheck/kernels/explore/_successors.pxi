@@ -8,15 +8,6 @@ cdef enum Kind:
     MDP = 2
 
 
-cdef object copy_array(const void* data, long long count, object dtype):
-    """A new array with the first `count` items of a buffer."""
-    out = np.empty(count, dtype)
-    cdef unsigned char[::1] target = out.view(np.uint8)
-    if count:
-        memcpy(&target[0], data, target.shape[0])
-    return out
-
-
 @cython.final
 cdef class Expander:
     """A model given as tables (see `symcheck.explicit.tables.Tables`).
@@ -149,13 +140,13 @@ cdef class Expander:
                 raise MemoryError
             if status:
                 return status, i, None
-        return (0, n, (copy_array(self.rows.group_ends.data, self.rows.groups, np.int64),
-                       copy_array(self.ends.data, self.row_count, np.int64),
-                       copy_array(self.rows.actions.data, self.rows.opened, np.int32),
-                       copy_array(self.weights.data, self.successor_count, np.float64),
-                       copy_array(self.targets.data, self.successor_count * self.words,
-                                  np.uint64).reshape(-1, self.words),
-                       copy_array(self.deadlocks.data, self.deadlock_count, np.int64)))
+        return (0, n, (array_of(self.rows.group_ends.data, self.rows.groups, np.int64),
+                       array_of(self.ends.data, self.row_count, np.int64),
+                       array_of(self.rows.actions.data, self.rows.opened, np.int32),
+                       array_of(self.weights.data, self.successor_count, np.float64),
+                       array_of(self.targets.data, self.successor_count * self.words,
+                                np.uint64).reshape(-1, self.words),
+                       array_of(self.deadlocks.data, self.deadlock_count, np.int64)))
 
     cdef void clear(self) noexcept nogil:
         """Begin a batch."""

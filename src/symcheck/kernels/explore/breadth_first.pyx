@@ -15,7 +15,7 @@ from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 import numpy as np
 
 from symcheck.kernels.explore.register_machine cimport Instruction, Register, Status, execute
-from symcheck.kernels.memory cimport Buffer, prefer_huge_pages, release, reserve
+from symcheck.kernels.memory cimport Buffer, array_of, prefer_huge_pages, release, reserve
 from symcheck.kernels.tuning cimport (BATCH_STATES, BATCH_SUCCESSORS, CLOCK_INTERVAL, INSERT_CHUNK,
                                       LINEAR_SCAN_ENTRIES)
 
@@ -93,14 +93,9 @@ cdef class Explorer:
         return self.states.nbytes + self.expander.nbytes + self.ids.size
 
     @property
-    def deadlock_count(self) -> int:
-        """Number of deadlock states found."""
-        return self.expander.deadlock_count
-
-    def copy_deadlocks(self, int64_t[::1] out):
-        """Copy the numbers of the deadlock states into `out` (int64[deadlock_count])."""
-        if self.expander.deadlock_count:
-            memcpy(&out[0], self.expander.deadlocks.data, self.expander.deadlock_count * 8)
+    def deadlocks(self) -> Int64s:
+        """The states without a transition, in the order in which they were found: int64[k]."""
+        return array_of(self.expander.deadlocks.data, self.expander.deadlock_count, np.int64)
 
     def add(self, const uint64_t[:, ::1] rows):
         """Insert states (uint64[n, words]) to be explored; known ones are ignored."""

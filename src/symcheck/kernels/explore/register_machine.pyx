@@ -8,8 +8,8 @@ overflow is an error.
 """
 
 from libc.math cimport INFINITY, NAN, ceil, floor, log, pow
-from libc.stdlib cimport free, malloc
-from libc.string cimport memcpy
+
+import numpy as np
 
 cdef extern from *:
     bint __builtin_add_overflow(long long, long long, long long*) nogil
@@ -191,112 +191,49 @@ cdef int execute(const Instruction* pc, const Instruction* code, Register* r) no
                 pc = code + dst
 
 
-cdef inline void store_result(Register* r, int result, double[::1] reals, long long[::1] integers,
-                              Py_ssize_t row) noexcept nogil:
-    """Store the value of register `result`."""
-    if reals is not None:
-        reals[row] = r[result].d
-    else:
-        integers[row] = r[result].i
-
-
-def run_columns(const int[:, ::1] code, const long long[::1] slots, const int[::1] registers,
-                const long long[:, ::1] columns, int result, double[::1] reals or None,
-                long long[::1] integers or None,
-                unsigned char[::1] valid or None) -> tuple[int, int]:
-    """Evaluate a program for each lane of some columns.
+def evaluate(const int[:, ::1] code, long long[::1] registers) -> int:
+    """Run code until it halts, and write its results into the registers.
 
     Args:
-        code: int32[instructions, 4]. slots: int64[registers], the first content of the registers.
-        registers: int32[k], the register of each column. columns: int64[k, n], a value per lane.
-        result: the register whose value is stored.
-        reals, integers: float64[n] or int64[n], the one that is not None receives the values.
-        valid: uint8[n] or None; it receives 1 for lanes with a value, and lanes without one are
-            skipped.
+        code: instructions, int32[n, 4].
+        registers: int64[m], where doubles are stored by their bits.
+
     Returns:
-        (lane, status) of the first lane without a value if `valid` is None; otherwise, or if all
-            have values, (-1, 0).
-    Raises:
-        MemoryError: memory ended.
+        The Status in which the code ended.
     """
-    cdef Py_ssize_t n = columns.shape[1], k = columns.shape[0], row, j
     cdef const Instruction* program = <const Instruction*> &code[0, 0]
-    cdef int status = 0
-    cdef Register* r = <Register*> malloc(slots.shape[0] * sizeof(Register) + 8)
-    if r == NULL:
-        raise MemoryError
-    cdef Py_ssize_t faulty = -1
-    with nogil:
-        if slots.shape[0]:
-            memcpy(r, &slots[0], slots.shape[0] * sizeof(Register))
-        for row in range(n):
-            for j in range(k):
-                r[registers[j]].i = columns[j, row]
-            status = execute(program, program, r)
-            if status == 0:
-                store_result(r, result, reals, integers, row)
-            elif valid is None:
-                faulty = row
-                break
-            if valid is not None:
-                valid[row] = status == 0
-    free(r)
-    return faulty, status if faulty >= 0 else 0
-
-
-cdef struct Field:
-    int slot
-    int word
-    int shift
-    unsigned long long mask
-    long long low
+    return execute(program, program, <Register*> &registers[0])
 
 
 def run_packed(const int[:, ::1] code, const long long[::1] slots, const int[:, ::1] fields,
                const long long[::1] lows, const unsigned long long[:, ::1] states, int result,
-               double[::1] reals or None, long long[::1] integers or None,
+               long long[::1] numbers or None,
                unsigned char[::1] truths or None) -> tuple[int, int]:
     """Evaluate a program on packed states.
 
     Args:
-        code, slots, result: as in `run_columns`.
+        code: int32[instructions, 4]. slots: int64[registers], the first content of the registers.
         fields: int32[k, 4], register, word, shift and bits of each variable. lows: int64[k], their
             least values.
         states: uint64[n, words].
-        reals, integers, truths: float64[n], int64[n] or uint8[n], the one that is not None receives
-            the values.
+        result: the register whose value is stored.
+        numbers, truths: int64[n] (doubles by their bits) or uint8[n], the one that is not None
+            receives the values.
     Returns:
         (state, status) of the first state without a value, or (-1, 0).
-    Raises:
-        MemoryError: memory ended.
     """
-    cdef Py_ssize_t n = states.shape[0], words = states.shape[1], row
-    cdef int k = <int> fields.shape[0], j
+    cdef Py_ssize_t row, j, faulty = -1
     cdef const Instruction* program = <const Instruction*> &code[0, 0]
-    cdef const unsigned long long* state
+    cdef long long[::1] registers = np.append(slots, 0)
+    cdef Register* r = <Register*> &registers[0]
     cdef unsigned long long bits
     cdef int status = 0
-    cdef Py_ssize_t faulty = -1
-    cdef Register* r = <Register*> malloc(slots.shape[0] * sizeof(Register) + 8)
-    cdef Field* unpacked = <Field*> malloc(k * sizeof(Field) + 8)
-    if r == NULL or unpacked == NULL:
-        free(r)
-        free(unpacked)
-        raise MemoryError
     with nogil:
-        if slots.shape[0]:
-            memcpy(r, &slots[0], slots.shape[0] * sizeof(Register))
-        for j in range(k):
-            unpacked[j].slot = fields[j, 0]
-            unpacked[j].word = fields[j, 1]
-            unpacked[j].shift = fields[j, 2]
-            unpacked[j].mask = (<unsigned long long> 1 << fields[j, 3]) - 1
-            unpacked[j].low = lows[j]
-        for row in range(n):
-            state = &states[0, 0] + row * words
-            for j in range(k):
-                bits = (state[unpacked[j].word] >> unpacked[j].shift) & unpacked[j].mask
-                r[unpacked[j].slot].i = <long long> bits + unpacked[j].low
+        for row in range(states.shape[0]):
+            for j in range(fields.shape[0]):
+                bits = states[row, fields[j, 1]] >> fields[j, 2]
+                bits &= (<unsigned long long> 1 << fields[j, 3]) - 1
+                r[fields[j, 0]].i = <long long> bits + lows[j]
             status = execute(program, program, r)
             if status:
                 faulty = row
@@ -304,7 +241,5 @@ def run_packed(const int[:, ::1] code, const long long[::1] slots, const int[:, 
             if truths is not None:
                 truths[row] = <unsigned char> r[result].i
             else:
-                store_result(r, result, reals, integers, row)
-    free(r)
-    free(unpacked)
+                numbers[row] = r[result].i
     return faulty, status

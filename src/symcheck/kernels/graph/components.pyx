@@ -93,30 +93,6 @@ def bottom_components(const int64_t[::1] state_ptr, const int32_t[::1] indices,
     return np.asarray(out)
 
 
-def forward_reachable(const int64_t[::1] state_ptr, const int32_t[::1] indices,
-                      const uint8_t[::1] sources, const uint8_t[::1] allowed) -> Masks:
-    """Mask of the states reachable from `sources` by paths whose inner states are all in `allowed`.
-
-    Sources outside `allowed` are reached, but their successors are not visited.
-    """
-    cdef int64_t n = state_ptr.shape[0] - 1, s, k, head = 0, tail = 0
-    cdef uint8_t[::1] reached = np.zeros(n, dtype=np.uint8)
-    cdef int32_t[::1] queue = np.empty(n, dtype=np.int32)
-    with nogil:
-        tail = enqueue_members(sources, reached, queue)
-        while head < tail:
-            s = queue[head]
-            head += 1
-            if not allowed[s]:
-                continue
-            for k in range(state_ptr[s], state_ptr[s + 1]):
-                if not reached[indices[k]]:
-                    reached[indices[k]] = 1
-                    queue[tail] = indices[k]
-                    tail += 1
-    return np.asarray(reached)
-
-
 def backward_reachable(const int64_t[::1] column_ptr, const int32_t[::1] column_rows,
                        const int32_t[::1] row_state, const uint8_t[::1] target,
                        const uint8_t[::1] allowed) -> Masks:
@@ -143,68 +119,36 @@ def backward_reachable(const int64_t[::1] column_ptr, const int32_t[::1] column_
     return np.asarray(reached)
 
 
-def shortest_path(const int64_t[::1] state_ptr, const int32_t[::1] indices,
-                  const uint8_t[::1] sources, const uint8_t[::1] allowed,
-                  const uint8_t[::1] target) -> Int64s:
-    """A shortest path from `sources` through `allowed` into `target`.
+def breadth_first(const int64_t[::1] state_ptr, const int32_t[::1] indices,
+                  const uint8_t[::1] sources,
+                  allowed: Masks | None = None) -> tuple[Int32s, Int32s]:
+    """The states that are reachable by paths whose inner states are all in `allowed`.
 
-    Returns the states on it, int64; empty if there is no such path.
+    Sources outside `allowed` are reached, but their successors are not visited.
+
+    Returns:
+        The states by their distance (number of edges) from `sources`, and for every state its
+        predecessor on a shortest path, int32[n]: -1 for a source, -2 for a state that no source
+        reaches.
     """
-    cdef int64_t n = state_ptr.shape[0] - 1, s, k, head = 0, tail = 0, goal = -1
-    cdef int32_t w
+    cdef int64_t n = state_ptr.shape[0] - 1, s, k, head = 0, tail = 0
+    cdef const uint8_t[::1] inner = np.ones(n, dtype=np.uint8) if allowed is None else allowed
     cdef int32_t[::1] parent = np.full(n, -2, dtype=np.int32)
     cdef int32_t[::1] queue = np.empty(n, dtype=np.int32)
     with nogil:
         for s in range(n):
             if sources[s]:
                 parent[s] = -1
-                if target[s]:
-                    goal = s
-                    break
                 queue[tail] = <int32_t>s
                 tail += 1
-        while head < tail and goal < 0:
-            s = queue[head]
-            head += 1
-            if not allowed[s]:
-                continue
-            for k in range(state_ptr[s], state_ptr[s + 1]):
-                w = indices[k]
-                if parent[w] == -2:
-                    parent[w] = <int32_t>s
-                    if target[w]:
-                        goal = w
-                        break
-                    queue[tail] = w
-                    tail += 1
-    path = []
-    while goal >= 0:
-        path.append(goal)
-        goal = parent[goal]
-    return np.array(path[::-1], dtype=np.int64)
-
-
-def breadth_first_order(const int64_t[::1] state_ptr, const int32_t[::1] indices,
-                        const uint8_t[::1] sources) -> Int32s:
-    """All states by their distance (number of edges) from `sources`: int32[n].
-
-    States that no source reaches come last.
-    """
-    cdef int64_t n = state_ptr.shape[0] - 1, head = 0, tail = 0, s, k
-    cdef uint8_t[::1] reached = np.zeros(n, dtype=np.uint8)
-    cdef int32_t[::1] queue = np.empty(n, dtype=np.int32)
-    with nogil:
-        tail = enqueue_members(sources, reached, queue)
         while head < tail:
             s = queue[head]
             head += 1
+            if not inner[s]:
+                continue
             for k in range(state_ptr[s], state_ptr[s + 1]):
-                if not reached[indices[k]]:
-                    reached[indices[k]] = 1
+                if parent[indices[k]] == -2:
+                    parent[indices[k]] = <int32_t>s
                     queue[tail] = indices[k]
                     tail += 1
-        for s in range(n):
-            if not reached[s]:
-                queue[tail] = <int32_t>s
-                tail += 1
-    return np.asarray(queue)
+    return np.asarray(queue)[:tail], np.asarray(parent)

@@ -15,7 +15,6 @@ cdef struct MemoEntry:
     uint32_t extra
     int32_t node
     int64_t first
-    int64_t second
 
 cdef struct MemoTable:
     MemoEntry* entries

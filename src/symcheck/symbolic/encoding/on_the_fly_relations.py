@@ -12,18 +12,18 @@ Source: Blom, van de Pol and Weber (2010), LTSmin: distributed and symbolic reac
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symcheck.dd.odd import Odd
 from symcheck.errors import UnsupportedError
-from symcheck.semantics.expressions.vectorised import Column, Lanes, evaluate_columns
+from symcheck.semantics.expressions.vectorised import Lanes, evaluate_columns
 from symcheck.symbolic import tuning
-from symcheck.symbolic.encoding.enumerate_states import enumerate_states
-from symcheck.symbolic.encoding.variables import EncodedVariable, Encoding
+from symcheck.symbolic.encoding.variables import EncodedVariable, Encoding, decode
 from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
@@ -68,15 +68,15 @@ class OnTheFly:
         new = states.exists(self.others) - self.known
         if not new:
             return False
-        count = self.manager.count(new, self.bits)
-        if count > tuning.MAX_VALUATIONS:
+        odd = Odd(self.manager, new, self.bits)
+        if odd.count > tuning.MAX_VALUATIONS:
             raise UnsupportedError(
-                f"an expression would have to be evaluated for {count} valuations of the "
+                f"an expression would have to be evaluated for {odd.count} valuations of the "
                 f"{len(self.variables)} variables that it reads ({self.expression.span}): "
                 "use the explicit engine (-ex)"
             )
-        rows = enumerate_states(self.manager, new, self.bits)
-        lanes = evaluate_columns(self.expression, columns_of(self.variables, rows)).spread(
+        rows = odd.unrank(np.arange(odd.count))
+        lanes = evaluate_columns(self.expression, decode(self.variables, rows)).spread(
             rows.shape[:1]
         )
         if lanes.faults is not None:
@@ -150,19 +150,6 @@ class OnTheFlyAssignment(OnTheFly):
             (*self.bits, *self.target.columns), moves
         )
         self.in_range = self.in_range | self.manager.bdd_from_rows(self.bits, rows[valid])
-
-
-def columns_of(variables: Sequence[EncodedVariable], bits: NDArray[np.uint8]) -> dict[str, Column]:
-    """Values of the variables from their bits (uint8[n, bits]), most significant bit first."""
-    columns: dict[str, Column] = {}
-    start = 0
-    for v in variables:
-        code = np.zeros(bits.shape[0], dtype=np.int64)
-        for position in range(start, start + v.width):
-            code = 2 * code + bits[:, position]
-        columns[v.name] = code.astype(np.bool_) if v.is_bool else v.low + code
-        start += v.width
-    return columns
 
 
 def code_values(

@@ -11,7 +11,7 @@ performability analysis and verification of stochastic systems.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,10 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.errors import UnsupportedError
+from symcheck.semantics.expressions.vectorised import Column
 from symcheck.semantics.model import BoundModel, Value, Variable
 from symcheck.syntax.ast import Type
 
-__all__ = ["EncodedVariable", "Encoding", "encode"]
+__all__ = ["EncodedVariable", "Encoding", "decode", "encode"]
 
 MAX_BITS = 62
 
@@ -138,23 +139,36 @@ class Encoding:
         """The named variables from the top of the diagrams down."""
         return tuple(self.by_name[n] for n in sorted(names, key=self.rank.__getitem__))
 
-    def codes(self, bits: NDArray[np.uint8]) -> NDArray[np.int64]:
-        """Values of states: row bits uint8[n, k] in diagram order to int64[n, variables] in
-        declaration order.
+    def decode(self, bits: NDArray[np.uint8]) -> list[Column]:
+        """The values of each variable, in declaration order: n numbers or truth values.
+
+        Args:
+            bits: uint8[n, k], row bits of n states in diagram order.
         """
-        values = np.empty((bits.shape[0], len(self.variables)), dtype=np.int64)
-        start = 0
-        for v in self.ordered:
-            code = np.zeros(bits.shape[0], dtype=np.int64)
-            for position in range(start, start + v.width):
-                code = 2 * code + bits[:, position]
-            values[:, v.index] = v.low + code
-            start += v.width
-        return values
+        columns = decode(self.ordered, bits)
+        return [columns[v.name] for v in self.variables]
+
+    def valuations(self, bits: NDArray[np.uint8]) -> Iterator[tuple[bool | int, ...]]:
+        """The values of the variables in each state, from its bits as in `decode`."""
+        columns = [column.tolist() for column in self.decode(bits)]
+        return zip(*columns, strict=True) if columns else iter([()] * len(bits))
 
     def __repr__(self) -> str:
         lines = [f"Encoding: {len(self.variables)} variables, {len(self.rows)} row bits"]
         return "\n  ".join([*lines, *map(repr, self.ordered)])
+
+
+def decode(variables: Sequence[EncodedVariable], bits: NDArray[np.uint8]) -> dict[str, Column]:
+    """A column of values per variable, from its bits: uint8[n, bits of the variables together]."""
+    columns: dict[str, Column] = {}
+    start = 0
+    for v in variables:
+        code = np.zeros(bits.shape[0], dtype=np.int64)
+        for position in range(start, start + v.width):
+            code = 2 * code + bits[:, position]
+        columns[v.name] = code.astype(np.bool_) if v.is_bool else v.low + code
+        start += v.width
+    return columns
 
 
 def encode(model: BoundModel, order: Sequence[str] | None = None) -> Encoding:

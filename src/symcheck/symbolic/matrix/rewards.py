@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import islice
 from math import fsum, inf
 from typing import TYPE_CHECKING, TypeVar
 
@@ -105,7 +106,7 @@ def check_finite(space: StateSpace, value: Mtbdd, undefined: Bdd, on_states: boo
     if not undefined and value.maximum_leaf < inf and value.minimum_leaf > -inf:
         return
     bad = undefined | value.equal(inf) | value.equal(-inf)
-    for state in space.valuations(bad, 1):
+    for state in islice(space.valuations(bad), 1):
         if on_states:
             interpreter.state_rewards(space.symbolic.model, state)
         else:
