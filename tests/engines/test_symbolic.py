@@ -109,8 +109,7 @@ def test_bottom_components(name: str) -> None:
     expected = {tuple(np.flatnonzero(s.members)) for s in a.graph.bsccs()}
     assert {tuple(np.flatnonzero(b.to_bools(s))) for s in b.graph.bsccs()} == expected
     assert {
-        tuple(np.flatnonzero(b.to_bools(s)))
-        for s in b.graph.components.enumerated_bsccs(b.diagrams.states)
+        tuple(np.flatnonzero(b.to_bools(s))) for s in b.graph.enumerated_bsccs(b.diagrams.states)
     } == expected
 
 

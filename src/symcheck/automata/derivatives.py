@@ -6,7 +6,7 @@ Source: Esparza, Křetínský & Sickert, "A unified translation of linear tempor
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache, reduce
 from itertools import permutations
 from operator import or_
@@ -168,16 +168,11 @@ def safety_part(
     Returns:
         Each subformula with unbounded U formulas of X made weak (W) and all others false.
     """
-    result: dict[int, LtlFormula] = {}
-    for part in formula.subformulas():
-        parts = [result[p.number] for p in part.parts]
-        if part.kind is Kind.UNTIL and part.bound is None:
-            result[part.number] = (
-                factory.weak_until(*parts) if part.number in gf_set else factory.false
-            )
-        else:
-            result[part.number] = _with_parts(factory, part, parts)
-    return result
+
+    def weak(part: LtlFormula, parts: list[LtlFormula]) -> LtlFormula:
+        return factory.weak_until(*parts) if part.number in gf_set else factory.false
+
+    return _substituted(factory, formula, Kind.UNTIL, weak)
 
 
 def cosafety_part(
@@ -193,15 +188,31 @@ def cosafety_part(
     Returns:
         Each subformula with R formulas of Y true and all other unbounded R made strong (M).
     """
+
+    def strong(part: LtlFormula, parts: list[LtlFormula]) -> LtlFormula:
+        left, right = parts
+        both = factory.conjunction((left, right))
+        return factory.true if part.number in fg_set else factory.until(right, both)
+
+    return _substituted(factory, formula, Kind.RELEASE, strong)
+
+
+def _substituted(
+    factory: LtlFactory,
+    formula: LtlFormula,
+    kind: Kind,
+    other: Callable[[LtlFormula, list[LtlFormula]], LtlFormula],
+) -> dict[int, LtlFormula]:
+    """Every subformula, by number, with the unbounded ones of a kind replaced.
+
+    Args:
+        other: what replaces a formula, from it and its replaced parts.
+    """
     result: dict[int, LtlFormula] = {}
     for part in formula.subformulas():
         parts = [result[p.number] for p in part.parts]
-        if part.kind is Kind.RELEASE and part.bound is None:
-            left, right = parts
-            strong = factory.until(right, factory.conjunction((left, right)))
-            result[part.number] = factory.true if part.number in fg_set else strong
-        else:
-            result[part.number] = _with_parts(factory, part, parts)
+        replaced = part.kind is kind and part.bound is None
+        result[part.number] = other(part, parts) if replaced else _with_parts(factory, part, parts)
     return result
 
 

@@ -178,20 +178,23 @@ def conditions(
     known = {
         f.number: f for s in states for g in derivatives.formulas_of(s) for f in g.subformulas()
     }
-    for number in guess.gf_set:
-        part = cosafety_part(factory, known[number], guess.fg_set)[number]
-        formula = derivatives.simplify(derivatives.encode(factory.eventually(part)))
-        if formula == FALSE:
+
+    def encoded(formula: LtlFormula) -> int:
+        return derivatives.simplify(derivatives.encode(formula))
+
+    def candidates() -> Iterator[GFCondition | FGCondition]:
+        for n in guess.gf_set:
+            part = cosafety_part(factory, known[n], guess.fg_set)[n]
+            yield GFCondition(encoded(factory.eventually(part)))
+        for n in guess.fg_set:
+            part = safety_part(factory, known[n], guess.gf_set)[n]
+            yield FGCondition(encoded(factory.always(part)))
+
+    for condition in candidates():
+        if condition.formula == FALSE:
             return None
-        if formula != TRUE:
-            result.add(GFCondition(formula))
-    for number in guess.fg_set:
-        part = safety_part(factory, known[number], guess.gf_set)[number]
-        formula = derivatives.simplify(derivatives.encode(factory.always(part)))
-        if formula == FALSE:
-            return None
-        if formula != TRUE:
-            result.add(FGCondition(formula))
+        if condition.formula != TRUE:
+            result.add(condition)
     remaining = [(s, _as_safety(derivatives, s, guess)) for s in states]
     if all(f == FALSE for _, f in remaining):
         return None

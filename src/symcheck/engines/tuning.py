@@ -5,46 +5,6 @@ Figures: docs/benchmarks.md, on a Linux machine with two cores.
 
 from __future__ import annotations
 
-__all__ = [
-    "ACYCLIC_NODES",
-    "ACYCLIC_NODES_PER_STATE",
-    "ACYCLIC_NODE_SHARE",
-    "ACYCLIC_STATES",
-    "BSCC_PIVOTS",
-    "CACHED_ANSWERS",
-    "CACHED_BACKWARD_SEARCHES",
-    "CACHED_SETS",
-    "CACHED_SETS_BYTES",
-    "CONSTANT_PIECES",
-    "DECODED_STATES",
-    "ELIMINATION_MEMORY_SHARE",
-    "ELIMINATION_STATES",
-    "EXPLORATION_MEMORY_SHARE",
-    "EXPLORED_STATES",
-    "FEW_LEAVES",
-    "FEW_TRANSITIONS",
-    "GRAPH_LOOKUPS",
-    "GRAPH_LOOKUPS_PER_STATE",
-    "INITIAL_CANDIDATES",
-    "KEPT_TRANSPOSE_TRANSITIONS",
-    "LISTED_STATES",
-    "LUMPING_MEMORY",
-    "MANY_STATES",
-    "MATERIALIZED_STATES",
-    "MATRIX_ENTRY_BYTES",
-    "MAX_NODES_PER_STATE",
-    "PRODUCT_PAIRS",
-    "ROUNDED_BITS",
-    "ROWS_MEMORY_SHARE",
-    "SELECTION_TURNS",
-    "SMALL_DIAGRAM_NODES",
-    "SMALL_MODEL_STATES",
-    "SPARSE_MODEL_STATES",
-    "SPARSE_MODEL_TRANSITIONS",
-    "STATES_PER_UNKNOWN",
-    "SWEEP_STEPS",
-]
-
 # ----------------------------------------------------------------------------- choice of the engine
 
 SMALL_MODEL_STATES = 50_000

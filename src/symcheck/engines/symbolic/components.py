@@ -5,7 +5,7 @@ Source: Xie & Beerel (2000) for bottom components by pivots.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -31,11 +31,16 @@ class Components:
     """Strong components and end components of a model."""
 
     engine: SymbolicOwner = field(repr=False)
-    steps: Steps = field(repr=False)
+    observer: Callable[[str, Bdd], None] | None = field(default=None, repr=False)
 
     @property
     def _d(self) -> Diagrams:
-        return self.steps.diagrams
+        return self.engine.diagrams
+
+    @cached_property
+    def steps(self) -> Steps:
+        """Images, preimages and closures; `observer` is told of each set on the way."""
+        return Steps(self._d, self.observer)
 
     def _set(self, bdd: Bdd) -> SymbolicSet:
         return SymbolicSet(self._d, bdd)

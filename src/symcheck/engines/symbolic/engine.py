@@ -113,7 +113,7 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
     @cached_property
     def graph(self) -> SymbolicGraph:
         """Questions that need no numbers."""
-        return SymbolicGraph(self, self.elimination)
+        return SymbolicGraph(self, elimination=self.elimination)
 
     def _set(self, bdd: Bdd) -> SymbolicSet:
         return SymbolicSet(self.diagrams, bdd)

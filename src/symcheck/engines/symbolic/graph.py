@@ -6,7 +6,7 @@ Source: Bianco & de Alfaro (1995) for prob0/prob1 of MDPs.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Literal as Choice
@@ -20,9 +20,8 @@ from symcheck.engines.symbolic.deterministic_elimination import (
     DeterministicElimination,
     ReducedSystem,
 )
-from symcheck.engines.symbolic.diagrams import Diagrams
-from symcheck.engines.symbolic.sets import SymbolicOwner, SymbolicSet
-from symcheck.engines.symbolic.steps import Steps, TooSlowError, look_ups
+from symcheck.engines.symbolic.sets import SymbolicSet
+from symcheck.engines.symbolic.steps import TooSlowError, look_ups
 from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.semantics.rewards import Reward
@@ -37,25 +36,12 @@ OnDiagrams = Callable[[], Bdd]
 
 
 @dataclass(frozen=True, eq=False)
-class SymbolicGraph:
+class SymbolicGraph(Components):
     """See `symcheck.engines.base.Graph`. `observer` is told of each set on the way to a fixpoint,
     and what it is.
     """
 
-    engine: SymbolicOwner = field(repr=False)
     elimination: DeterministicElimination | None = field(default=None, repr=False)
-    observer: Callable[[str, Bdd], None] | None = field(default=None, repr=False)
-
-    @property
-    def _d(self) -> Diagrams:
-        return self.engine.diagrams
-
-    def _set(self, bdd: Bdd) -> SymbolicSet:
-        return SymbolicSet(self._d, bdd)
-
-    @cached_property
-    def _steps(self) -> Steps:
-        return Steps(self._d, self.observer)
 
     # answers on rows, if diagrams are slow
 
@@ -149,11 +135,11 @@ class SymbolicGraph:
 
     def reachable(self, sources: Bdd) -> Bdd:
         """All states that paths from `sources` lead to."""
-        return self._steps.reachable(sources)
+        return self.steps.reachable(sources)
 
     def predecessors(self, states: SymbolicSet) -> SymbolicSet:
         """States with some transition (of some choice) into the set."""
-        return self._set(self._steps.before(states.bdd))
+        return self._set(self.steps.before(states.bdd))
 
     def all_successors_in(self, states: SymbolicSet) -> SymbolicSet:
         """States all of whose transitions (of all choices) lead into the set."""
@@ -164,7 +150,7 @@ class SymbolicGraph:
         to_bools = self.engine.to_bools
         return self._answer(
             ("possible", left.bdd, right.bdd, None),
-            partial(self._steps.backward, right.bdd, left.bdd),
+            partial(self.steps.backward, right.bdd, left.bdd),
             lambda rows: graph.backward_reachable(rows, to_bools(right), to_bools(left)),
         )
 
@@ -172,7 +158,7 @@ class SymbolicGraph:
         """E [ G states ]."""
         inside = states.bdd
         while True:
-            smaller = inside & self._steps.before(inside)
+            smaller = inside & self.steps.before(inside)
             if smaller == inside:
                 return self._set(inside)
             inside = smaller
@@ -211,7 +197,7 @@ class SymbolicGraph:
 
     def _prob0(self, left: Bdd, right: Bdd, direction: Direction | None) -> Bdd:
         if direction != Direction.MIN or self._d.guards is None:
-            return self._d.states - self._steps.backward(right, left)
+            return self._d.states - self.steps.backward(right, left)
         return self._d.states - self._unavoidable(left, right)
 
     def _prob1(self, left: Bdd, right: Bdd, direction: Direction | None) -> Bdd:
@@ -220,13 +206,13 @@ class SymbolicGraph:
         # A state that can reach, outside of `right`, a state with least probability 0 is not in
         # prob1.
         no = self._certain("prob0", left, right, direction)
-        return self._d.states - self._steps.backward(no, left - right)
+        return self._d.states - self.steps.backward(no, left - right)
 
     def _unavoidable(self, left: Bdd, right: Bdd) -> Bdd:
         """States from where all strategies have a positive probability of left U right."""
         reach = right
         while reach:
-            before = self._steps.slots_before(reach)
+            before = self.steps.slots_before(reach)
             escape = self._d.union(
                 [guard - b for guard, b in zip(self._d.slot_guards, before, strict=True)]
             )
@@ -234,16 +220,16 @@ class SymbolicGraph:
             if more == reach:
                 return reach
             reach = more
-            self._steps.tell("every strategy reaches", reach)
+            self.steps.tell("every strategy reaches", reach)
         return reach
 
     def _almost_sure(self, left: Bdd, right: Bdd) -> Bdd:
         """States from where some strategy has probability 1 of left U right."""
-        candidates = self._steps.backward(right, left)
-        if not self._steps.before(self._d.states - candidates) & (candidates - right):
+        candidates = self.steps.backward(right, left)
+        if not self.steps.before(self._d.states - candidates) & (candidates - right):
             return candidates  # no choice leaves them, and each can reach `right`
         while candidates:
-            self._steps.tell("candidates", candidates)
+            self.steps.tell("candidates", candidates)
             sure = self._surely_within(candidates, left, right)
             if sure == candidates:
                 return sure
@@ -255,37 +241,14 @@ class SymbolicGraph:
 
         All choices on it stay within `candidates` with probability 1.
         """
-        within = [w & left for w in self._steps.slots_within(candidates)]
+        within = [w & left for w in self.steps.slots_within(candidates)]
         sure = fresh = right
         while fresh:
-            before = self._steps.slots_before(fresh)
+            before = self.steps.slots_before(fresh)
             fresh = self._d.union([w & b for w, b in zip(within, before, strict=True)]) - sure
             sure = sure | fresh
-            self._steps.tell("sure", sure)
+            self.steps.tell("sure", sure)
         return sure
-
-    # components
-
-    @cached_property
-    def components(self) -> Components:
-        """The search for components."""
-        return Components(self.engine, self._steps)
-
-    def bsccs(self) -> Iterator[SymbolicSet]:
-        """Bottom strongly connected components."""
-        return self.components.bsccs()
-
-    def end_components(self, within: SymbolicSet) -> Iterator[SymbolicSet]:
-        """Maximal end components of the states `within`."""
-        return self.components.end_components(within)
-
-    def accepting_end_components(
-        self, pairs: Sequence[tuple[SymbolicSet, Sequence[SymbolicSet]]]
-    ) -> SymbolicSet:
-        """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets
-        every set in `visits`.
-        """
-        return self.components.accepting_end_components(pairs)
 
     # paths
 
@@ -309,7 +272,7 @@ class SymbolicGraph:
             layers.append(following)
         path = [self._first(layers[-1] & right.bdd)]
         for layer in layers[-2::-1]:
-            path.append(self._first(self._steps.before(path[-1]) & layer & left.bdd))
+            path.append(self._first(self.steps.before(path[-1]) & layer & left.bdd))
         names = [v.name for v in self.engine.model.variables]
         return [
             dict(zip(names, next(iter(self.engine.valuations(self._set(s)))), strict=True))
