@@ -48,6 +48,8 @@ JOBS: tuple[str, ...] = (
 )
 """Runs of a second or so; names of files without a dash before them that exist are models."""
 
+_IMPORTS = 140 << 20  # bytes that Python, numpy and the extension modules take
+
 DISTURBANCES = ("SIGINT", "SIGTERM", "time", "memory", "space", "full output", "closed pipe")
 
 _BAD = re.compile(
@@ -98,7 +100,7 @@ def trials(seed: int) -> Iterator[Trial]:
         if kind == "memory":
             way = draw.choice(("-cuddmaxmem", "SYMCHECK_MEMORY", "address space", "data"))
             amount = int(2 ** draw.uniform(20, 29))
-            amount += (way in ("address space", "data")) * (100 << 20)
+            amount += (way in ("address space", "data")) * _IMPORTS
         elif kind == "space":
             amount = int(2 ** draw.uniform(4, 18))
         elif kind == "closed pipe":
@@ -172,6 +174,17 @@ def reference(words: tuple[str, ...]) -> Outcome:
     return run(Trial(words, "none"))
 
 
+def too_early(trial: Trial, found: Outcome) -> bool:
+    """Whether a signal arrived while Python itself started, before the first line of symcheck."""
+    own = ("in main\n", "_session", "entry_point")
+    return (
+        trial.kind in ("SIGINT", "SIGTERM")
+        and "KeyboardInterrupt" in found.err
+        and not found.out
+        and not any(name in found.err for name in own)
+    )
+
+
 def faults(trial: Trial, found: Outcome, slack: float) -> list[str]:
     """What is wrong with the end of a run."""
     whole = reference(trial.words)
@@ -222,19 +235,22 @@ def main() -> int:
     parser.add_argument("--slack", type=float, default=1.0, help="seconds for a loaded machine")
     asked = parser.parse_args()
     ends: Counter[tuple[str, int]] = Counter()
-    wrong = 0
+    wrong = early = 0
     latest = {"SIGINT": 0.0, "SIGTERM": 0.0, "time": 0.0}
     for _, trial in zip(range(asked.runs), trials(asked.seed), strict=False):
         found = run(trial)
         ends[trial.kind, found.status] += 1
         if trial.kind in latest:
             latest[trial.kind] = max(latest[trial.kind], found.late)
-        if bad := faults(trial, found, asked.slack):
+        if too_early(trial, found):
+            early += 1
+        elif bad := faults(trial, found, asked.slack):
             wrong += 1
             print(f"{'; '.join(bad)}: {trial}\n{found.err[-1500:]}", flush=True)
     for (kind, status), count in sorted(ends.items()):
         print(f"{kind}: {count} runs ended with {status}")
     print(", ".join(f"{kind}: ended after {t:.2f} s at most" for kind, t in latest.items()))
+    print(f"{early} signals arrived before Python had started")
     print(f"{wrong} of {asked.runs} runs ended wrongly")
     return 1 if wrong else 0
 

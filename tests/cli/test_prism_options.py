@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 
 import pytest
 
@@ -351,3 +352,42 @@ def test_a_model_from_the_standard_input(queue, capsys, monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO("ctmc module"))
     assert "<stdin>:1:11: error[syntax]" in run(capsys, "-")[2]
     assert run(capsys, "-", "-step")[2].startswith("error: -step reads the standard input")
+
+
+def test_a_diagram_is_drawn_without_an_engine(queue, capsys):
+    status, out, _ = run(capsys, "q.sm", "-const", "mu=2", "-exportdot", "d.dot")
+    assert status == 0
+    assert "Note: -exportdot needs diagrams: the engine is hybrid" in out
+    assert (queue / "d.dot").read_text().startswith("digraph")
+    assert "Note" not in run(capsys, "q.sm", "-const", "mu=2", "-exportdot", "d.dot", "-m")[1]
+    status, _, err = run(capsys, "q.sm", "-const", "mu=2", "-exportdot", "d.dot", "-exact")
+    assert (status, "-m, -h or -s build diagrams" in err) == (1, True)
+
+
+@pytest.mark.parametrize(
+    ("formula", "about"),
+    [
+        ("S=? [ n=0 ]", "long-run averages, which are computed by elimination"),
+        ("P=? [ F<=2.5 n=1 ]", "bounds on time, which are computed by uniformisation"),
+        ("P=? [ n<2 U n=2 ]", None),
+    ],
+)
+def test_a_method_that_has_no_effect_is_named(formula, about, queue, capsys):
+    words = ["q.sm", "-const", "mu=2", "-pf", formula, "-method"]
+    for method, named in (("jacobi", True), ("auto", False)):
+        status, out, _ = run(capsys, *words, method)
+        assert status == 0
+        if about is not None and named:
+            assert f"Note: -method {method} has no effect on {about}" in out
+        else:
+            assert "has no effect" not in out
+
+
+@pytest.mark.parametrize("engine", ["-s", "-h", "-m", "-ex", "-exact"])
+def test_details_are_sentences(engine, queue, capsys):
+    status, out, _ = run(
+        capsys, "q.sm", "-const", "mu=2", "-pf", "S=? [ n=0 ]; P=? [ F n=2 ]", "-v", engine
+    )
+    assert status == 0
+    assert "Long run: " in out
+    assert not re.search(r"\w+\([a-z_]+=|[A-Z]\w+\(\d|\[\]: ", out)

@@ -12,11 +12,10 @@ import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from typing import Any, NamedTuple, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeVar
 
 from symcheck import __version__
 from symcheck.cli.prism_options import Adapted, adapt
-from symcheck.cli.switch_help import SHELLS, SwitchDescription, completion, explain
 from symcheck.errors import UsageError
 from symcheck.options import (
     OPTIONS,
@@ -29,6 +28,9 @@ from symcheck.options import (
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["HELP_EPILOGUE", "Arguments", "Export", "information", "make_parser", "parse_arguments"]
+
+if TYPE_CHECKING:  # most runs do without
+    from symcheck.cli.switch_help import SwitchDescription
 
 T = TypeVar("T")
 
@@ -150,7 +152,15 @@ class Arguments(argparse.Namespace):
             "strategy": self.exportstrat is not None,
             "everywhere": bool(self.exportvector),
         }
-        return make_options({**files, **self.settings})
+        settings = {**files, **self.settings}
+        if self.draws_diagram and not settings.get("exact"):
+            settings.setdefault("engine", "hybrid")
+        return make_options(settings)
+
+    @property
+    def draws_diagram(self) -> bool:
+        """Whether an export needs decision diagrams."""
+        return self.exportdot is not None
 
 
 class _Formatter(argparse.RawDescriptionHelpFormatter):
@@ -187,6 +197,8 @@ class _Parser(argparse.ArgumentParser):
 
     def switches(self) -> list[SwitchDescription]:
         """The switches, in the order of the help."""
+        from symcheck.cli.switch_help import SwitchDescription
+
         found = []
         for action in self._actions:
             names = [n for n in action.option_strings if not n.startswith("--")]
@@ -512,7 +524,7 @@ def _exports(parser: _Parser) -> None:
         "exportdot",
         metavar="FILE",
         action=_BuiltModel,
-        help="write the matrix as a decision diagram, in DOT (engines -m, -h, -s)",
+        help="write the matrix as a decision diagram, in DOT (default engine: -h)",
     )
     parser.add(
         "exportpage",
@@ -659,7 +671,7 @@ def _output(parser: _Parser) -> None:
     parser.add(
         "completion",
         metavar="SHELL",
-        help=f"print a script that completes switches in {', '.join(SHELLS)}",
+        help="print a script that completes switches in a shell: bash, zsh, fish",
     )
     parser.add("version", action="store_true", help="the version")
     parser.add("javaversion", action="store_true", help="the version of Python: there is no Java")
@@ -693,18 +705,20 @@ def make_parser() -> _Parser:
 
 def information(arguments: Arguments) -> str | None:
     """The text that -help, -completion, -version or -javaversion asks for. Raises UsageError."""
-    parser = make_parser()
-    if arguments.help is not None:
-        switch = arguments.help
-        return explain(switch, parser.switches()) if switch else parser.format_help().rstrip()
-    if arguments.completion is not None:
-        return completion(arguments.completion, parser.switches()).rstrip()
     if arguments.version:
         return f"symcheck {__version__}"
     if arguments.javaversion:
         number = ".".join(map(str, sys.version_info[:3]))
         return f"Python {number}: symcheck needs no Java virtual machine"
-    return None
+    if arguments.help is None and arguments.completion is None:
+        return None
+    from symcheck.cli.switch_help import completion, explain
+
+    parser = make_parser()
+    if arguments.help is not None:
+        switch = arguments.help
+        return explain(switch, parser.switches()) if switch else parser.format_help().rstrip()
+    return completion(arguments.completion or "", parser.switches()).rstrip()
 
 
 def parse_arguments(words: Sequence[str]) -> Arguments:

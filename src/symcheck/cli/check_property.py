@@ -67,7 +67,7 @@ def check_property(
             outcome = model.estimate_instance(instance, plan)
         else:
             outcome = model.check_instance(instance, shared=shared)
-        state.output.result(outcome)
+        state.output.result(outcome, state.options.method)
     except (ResourceError, OutputError, MemoryError):
         raise
     except Exception as error:  # a defect in one property must not stop the others

@@ -52,6 +52,7 @@ def run_safely(words: Sequence[str] | None = None, started: float | None = None)
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
     started = perf_counter() if started is None else started
+    sys.set_int_max_str_digits(0)  # rational results may be long
     if words is not None:
         with ExitStack() as stack:
             return _Session(StopSignals(), started, own_process=False).run(words, stack)

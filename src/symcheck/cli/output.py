@@ -20,6 +20,25 @@ __all__ = ["Output"]
 _RULE = "-" * 69
 
 
+_RUNS = {
+    "linear": "Linear equations",
+    "steps": "Steps",
+    "transient": "Transient analysis",
+    "steady": "Long run",
+    "graph": "Graph",
+    "epochs": "Reward bounds",
+}
+"""What -v calls the kinds of runs of a method."""
+
+_OWN_METHODS = {
+    "steps": "bounds on steps, which are computed step by step",
+    "transient": "bounds on time, which are computed by uniformisation",
+    "steady": "long-run averages, which are computed by elimination or from the Poisson equation",
+    "epochs": "bounds on rewards, which are computed budget by budget",
+}
+"""The kinds of runs that solve other problems than x = A x + b, and how."""
+
+
 class Output:
     """Writes a run to a stream, flushed after each result: a stopped run keeps them."""
 
@@ -97,8 +116,11 @@ class Output:
         if constants:
             self.line(f"Property constants: {_assignment(constants)}")
 
-    def result(self, result: Result) -> None:
-        """A result, with the lines of print filters, a witness, and with -v how it was computed."""
+    def result(self, result: Result, method: str = "auto") -> None:
+        """A result, with the lines of print filters, a witness, and with -v how it was computed.
+
+        method: that of -method.
+        """
         for line in result.lines:
             self.line(str(line))
         for warning in result.warnings:
@@ -110,10 +132,12 @@ class Output:
             for number, state in enumerate(result.witness):
                 self.line(f"  {number}: ({_state(state)})")
         for run in result.runs:
-            self.detail(
-                f"{run.kind}: {run.explanation or run.method} "
-                f"({run.unknowns} unknowns, {run.iterations} iterations)"
-            )
+            name = _RUNS.get(run.kind, run.kind)
+            counts = f"{_count(run.unknowns, 'unknown')}, {_count(run.iterations, 'iteration')}"
+            self.detail(f"{name}: {run.explanation or run.method} ({counts})")
+        if method != "auto":
+            for kind in dict.fromkeys(r.kind for r in result.runs if r.kind in _OWN_METHODS):
+                self.line(f"Note: -method {method} has no effect on {_OWN_METHODS[kind]}")
         self.line()
         self.line(f"Time for model checking: {result.seconds:.3f} seconds.")
         self.line()
@@ -155,7 +179,7 @@ class Output:
 
 
 def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' if number > 1 else ''}"
+    return f"{number} {noun}{'s' if number != 1 else ''}"
 
 
 def _assignment(values: Mapping[str, str]) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from symcheck.cli.prism_settings import read_settings
 from symcheck.errors import UsageError
 
 __all__ = ["Adapted", "adapt", "ignored_switches", "refused_switches"]
@@ -140,6 +139,8 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
         elif name == "settings":
             if not (path := rest.take()):
                 raise UsageError("-settings: expected a file of PRISM's settings")
+            from symcheck.cli.prism_settings import read_settings
+
             saved = read_settings(path)
             settings += saved.words
             without |= dict.fromkeys(saved.without_effect, _METHODS)

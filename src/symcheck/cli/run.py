@@ -117,6 +117,8 @@ def _note_unused_switches(state: RunState) -> None:
         verb = "have" if len(switches) > 1 else "has"
         state.output.line(f"Note: {', '.join(switches)} {verb} no effect: {reason}")
     engine = state.options.engine
+    if a.draws_diagram and "engine" not in a.settings and not state.options.exact:
+        state.output.line(f"Note: -exportdot needs diagrams: the engine is {engine}")
     if state.options.exact and engine not in ("auto", "exact"):
         state.output.line(
             "Note: -exact has an engine of its own (states one by one, rational numbers); "

@@ -39,6 +39,7 @@ from symcheck.dd.cudd.extension import (
 from symcheck.dd.cudd_import import cudd
 from symcheck.dd.export import BddTable, NodeTable
 from symcheck.dd.level_order import rows_in_level_order, table_in_level_order
+from symcheck.errors import MemoryLimitError
 from symcheck.machine import available_memory
 
 __all__ = [
@@ -110,6 +111,8 @@ class DiagramManager:
     """
 
     def __init__(self, max_memory: int | None = None, time_limit: float | None = None) -> None:
+        if available_memory() < tuning.LEAST_MEMORY:  # CUDD would end the process
+            raise MemoryLimitError("there is not enough memory for decision diagrams")
         limit = default_memory() if max_memory is None else max_memory
         estimate, entries = tuning.MEMORY_ESTIMATE, tuning.INITIAL_CACHE_ENTRIES
         self.bdd: Any = cudd and cudd.BDD(memory_estimate=estimate, initial_cache_size=entries)

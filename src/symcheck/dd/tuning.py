@@ -8,6 +8,9 @@ The default of dd, 2**18, costs 3 ms per manager.
 MEMORY_ESTIMATE = 2**26
 """Bytes; CUDD touches a 64th of it in advance, which takes 4 ms per GiB. It limits nothing."""
 
+LEAST_MEMORY = 2**22
+"""Bytes; the tables of a manager without nodes take most of it."""
+
 MIN_CACHE_HIT_PERCENT = 5
 """Hit rate above which CUDD enlarges the computed table. Searches of timed models seldom reach
 CUDD's 30 percent and then forget their results: firewire_impl_dl does twice the work.

@@ -124,7 +124,6 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
             possible.
         ModelFault, ResourceError: as for `choose`.
     """
-    from symcheck.dd.cudd_import import available
     from symcheck.explicit.build import Exploration
     from symcheck.kernels.explore.breadth_first import malloc_trim
 
@@ -137,6 +136,8 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
     if _is_unbounded(model):
         exploration.run(None, observer)
         return _explicit_engine(exploration, observer, "there are integers without bounds")
+    from symcheck.dd.cudd_import import available
+
     if not available():
         exploration.run(None, observer)
         return _explicit_engine(exploration, observer, "decision diagrams are not installed")

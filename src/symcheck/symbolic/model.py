@@ -99,6 +99,12 @@ class EncodedEvent:
         touches = f"{self.relation.node_count} nodes, touches {len(self.touched)} variables"
         return f"EncodedEvent({self.event.action or '[]'}: {commands} commands, {touches})"
 
+    def __str__(self) -> str:
+        name = f"Action {self.event.action}" if self.event.action else "A command without action"
+        count = len(self.touched)
+        changes = f"changes {count} variable{'s' * (count != 1)}"
+        return f"{name} {changes} (a relation of {self.relation.node_count} nodes)"
+
 
 @dataclass(frozen=True, eq=False)
 class TransitionPart:
@@ -193,6 +199,14 @@ class Iteration:
     frontier_nodes: int | None
     seconds: float
 
+    def __str__(self) -> str:
+        counts = (
+            ""
+            if self.states is None
+            else f": {self.states} states in a diagram of {self.nodes} nodes"
+        )
+        return f"Search, step {self.number}{counts} ({self.seconds:.3f} s)"
+
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
@@ -270,6 +284,12 @@ class StateSpace:
             f"StateSpace({self.count} states, {self.states.node_count} nodes, "
             f"{len(self.iterations)} iterations "
             f"({self.schedule}), {self.seconds:.3f} s)"
+        )
+
+    def __str__(self) -> str:
+        return (
+            f"Reachable states: {self.count} in a diagram of {self.states.node_count} nodes "
+            f"({self.schedule}, {self.seconds:.3f} s)"
         )
 
     def _repr_html_(self) -> str:
@@ -379,3 +399,7 @@ class Transitions:
             else f", {self.choice_count} choices in {len(self.choices)} classes"
         )
         return f"Transitions({self.transition_count} transitions{classes}, {nodes} nodes)"
+
+    def __str__(self) -> str:
+        nodes = sum(root.node_count for root in self.roots)
+        return f"Matrix: {self.transition_count} transitions in diagrams of {nodes} nodes"
