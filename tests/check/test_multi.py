@@ -6,6 +6,7 @@ from fractions import Fraction
 from itertools import product
 from math import inf, isnan
 from random import Random
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from hypothesis import strategies as st
 
 from checking import check_text, engine_of
 from generate import random_model
-from symcheck.check.result import Exact
+from symcheck.check import tuning
+from symcheck.check.result import Estimate, Exact
 from symcheck.errors import InputError, NumericalError, UnsupportedError
 
 SLOW = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
@@ -100,6 +102,92 @@ def test_pareto():
     ]
 
 
+LOOPS = """mdp
+module m
+  s : [0..4];
+  [a] s=0 -> 0.5:(s'=1) + 0.5:(s'=0);
+  [b] s=0 -> (s'=2);
+  [c] s=0 -> (s'=3);
+  [] s=1 -> (s'=4);
+  [] s=2 | s=3 -> true;
+  [d] s=4 -> (s'=0);
+  [e] s=4 -> true;
+endmodule
+rewards "r"
+  [a] true : 3;
+  s=3 : 1;
+  [d] true : 1;
+endrewards
+"""
+
+
+@pytest.mark.parametrize("engine", ["exact", "explicit", "mtbdd"])
+def test_rewards_until_states(engine):
+    # Without a bound, the best is never to reach s=1, which costs nothing: as in Storm.
+    assert ask('multi(R{"r"}min=? [ F s=1 ], P>=0 [ F s=2 ])', LOOPS, engine) == 0
+    assert ask('multi(R{"r"}min=? [ F s=1 ], P>=1 [ F s=1 ])', LOOPS, engine) == pytest.approx(6)
+    assert ask('multi(R{"r"}max=? [ F s=1 ], P>=0 [ F s=2 ])', LOOPS, engine) == inf
+    assert ask('multi(R{"r"}<=3 [ F s=1 ], P>=0.5 [ F s=1 ])', LOOPS, engine) is True
+    assert ask('multi(R{"r"}<=2.9 [ F s=1 ], P>=0.5 [ F s=1 ])', LOOPS, engine) is False
+    # Time never ends where s=1 is not reached.
+    assert ask("multi(Tmin=? [ F s=1 ], P>=0 [ F s=2 ])", LOOPS, engine) == pytest.approx(2)
+    # s=1 is left again; what is earned later does not count.
+    assert ask(
+        'multi(R{"r"}min=? [ F s=1 ], R{"r"}min=? [ F s=4 ], P>=1 [ F (s=4 & F s=2) ])',
+        LOOPS,
+        engine,
+    ) == [(pytest.approx(6), pytest.approx(6))]
+    assert ask('multi(R{"r"}min=? [ C ], P>=1 [ F (s=4 & F s=2) ])', LOOPS, engine) == (
+        pytest.approx(7)
+    )
+
+
+@pytest.mark.parametrize("engine", ["exact", "explicit", "hybrid"])
+def test_long_run_averages(engine):
+    # Half of the runs stay in s=2, the others in the cycle 0 -> 1 -> 4 -> 0: 7 in 4 steps.
+    assert ask('multi(R{"r"}max=? [ S ], P>=0.5 [ F s=2 ])', LOOPS, engine) == pytest.approx(7 / 8)
+    assert ask("multi(Smax=? [ s=2 ], P>=0.5 [ F s=1 ])", LOOPS, engine) == pytest.approx(1)
+    # The cycle must be left seldom enough: average and visits for ever.
+    assert ask('multi(R{"r"}max=? [ S ], P>=1 [ G F s=1 ])', LOOPS, engine) == pytest.approx(7 / 4)
+    assert ask("multi(Smax=? [ s=4 ], P>=1 [ G F s=1 ])", LOOPS, engine) == pytest.approx(1)
+    assert ask("multi(S>=0.5 [ s=2 ], S>=0.5 [ s=3 ])", LOOPS, engine) is True
+    assert ask("multi(S>=0.5 [ s=2 ], S>=0.51 [ s=3 ])", LOOPS, engine) is False
+    assert ask("multi(Smax=? [ s=2 ], Smax=? [ s=1 ], Smin=? [ s=0 ])", LOOPS, engine) == [
+        (pytest.approx(1), pytest.approx(0), pytest.approx(0)),
+        (pytest.approx(0), pytest.approx(0.25), pytest.approx(0.5)),
+    ]
+    # A finite total reward needs an end component without reward, where the average is 0.
+    assert ask('multi(R{"r"}max=? [ S ], R{"r"}<=100 [ C ])', LOOPS, engine) == pytest.approx(0)
+
+
+def test_negative_rewards_have_averages():
+    model = LOOPS.replace("s=3 : 1;", "s=3 : -1; s=2 : -2;")
+    for engine in ("exact", "explicit"):
+        query = 'multi(R{"r"}min=? [ S ], P>=0.5 [ F s=3 ])'
+        assert ask(query, model, engine) == pytest.approx(-1.5)
+    with pytest.raises(UnsupportedError, match="negative"):
+        ask('multi(R{"r"}min=? [ C ], P>=0.5 [ F s=3 ])', model)
+
+
+def test_three_objectives():
+    result = check_text(
+        engine_of(FORK, "exact"), "multi(Pmax=? [ F s=1 ], Pmax=? [ F s=2 ], Pmax=? [ F s=3 ])"
+    )
+    assert result.value == [(1, 0, 0), (Fraction(2, 5), Fraction(3, 5), 0), (0, 0, 1)]
+    # The only facet that is no bound of one objective alone is x + y + z <= 1 .
+    facets = {(h.weights, h.bound) for h in result.front.halfspaces}
+    third = Fraction(1, 3)
+    assert ((third, third, third), third) in facets
+    assert ((0, 1, 0), Fraction(3, 5)) in facets
+    # Minimising probabilities is shown with the probabilities themselves.
+    least = check_text(
+        engine_of(FORK, "exact"), "multi(Pmin=? [ F s=1 ], Pmax=? [ F s=2 ], Pmin=? [ F s=3 ])"
+    )
+    for h in least.front.halfspaces:
+        values = [sum(w * x for w, x in zip(h.weights, p, strict=True)) for p in least.value]
+        assert max(values) == h.bound
+
+
 def test_rational_arithmetic():
     assert ask("multi(Pmax=? [ F s=3 ], P>=0.5 [ F s=2 ])", engine="exact") == Fraction(1, 6)
     assert ask('multi(R{"try"}min=? [ C ], P>=1/3 [ F s=2 ])', engine="exact") == Fraction(5, 3)
@@ -162,7 +250,11 @@ def test_engines_on_diagrams(engine):
     "text",
     [
         "multi(P>0.5 [ F s=1 ], P>=0.1 [ F s=2 ])",
-        "multi(S>=0.5 [ s=1 ], P>=0.1 [ F s=2 ])",
+        "multi(S>0.5 [ s=1 ], P>=0.1 [ F s=2 ])",
+        "multi(T=? [ F s=1 ], P>=0.1 [ F s=2 ])",
+        "multi(Tmin=? [ G s=1 ], P>=0.1 [ F s=2 ])",
+        'multi(R{"try"}max=? [ I=3 ], P>=0.1 [ F s=2 ])',
+        'multi(R{"try"}max=? [ C discount=0.5 ], P>=0.1 [ F s=2 ])',
         "multi(s=1, P>=0.1 [ F s=2 ])",
     ],
 )
@@ -172,10 +264,8 @@ def test_wrong_objectives(text):
 
 
 def test_unsupported_objectives():
-    with pytest.raises(UnsupportedError, match="C and C<=k"):
-        ask('multi(R{"try"}max=? [ F s=3 ], P>=0.1 [ F s=2 ])')
-    with pytest.raises(UnsupportedError, match="more than two"):
-        ask("multi(Pmax=? [ F s=1 ], Pmax=? [ F s=2 ], Pmax=? [ F s=3 ])")
+    with pytest.raises(UnsupportedError, match="C, C<=k, S and F states"):
+        ask('multi(R{"try"}max=? [ F (s=3 & X s=3) ], P>=0.1 [ F s=2 ])')
     with pytest.raises(UnsupportedError, match="of its own"):
         ask("!multi(P>=0.1 [ F s=1 ], P>=0.1 [ F s=2 ])")
     with pytest.raises(InputError):
@@ -230,13 +320,13 @@ def strategies(matrix, targets, start):
         yield x[start]
 
 
-def absorbing(rng, n):
-    """A random MDP; states n and n+1 are absorbing."""
-    lines = ["mdp", "module m", f"  s : [0..{n + 1}];"]
+def absorbing(rng, n, targets=2):
+    """A random MDP; the last states are absorbing."""
+    lines = ["mdp", "module m", f"  s : [0..{n + targets - 1}];"]
     for s in range(n):
-        for _ in range(rng.choice((1, 2, 2))):
+        for _ in range(rng.choice((1, 2, targets))):
             p = rng.choice((0.25, 0.5, 0.75))
-            first, second = rng.sample(range(n + 2), 2)
+            first, second = rng.sample(range(n + targets), 2)
             lines.append(f"  [] s={s} -> {p}:(s'={first}) + {1 - p}:(s'={second});")
     return "\n".join([*lines, f"  [] s>={n} -> true;", "endmodule"])
 
@@ -268,3 +358,36 @@ def test_pareto_curve_against_all_strategies(seed):
         if q[1] >= bound
     )
     assert best == pytest.approx(hull, abs=1e-6)
+
+
+@SLOW
+@given(seed=st.integers(0, 2**20), engine=st.sampled_from(["explicit", "exact", "doubles"]))
+def test_front_of_three_objectives_against_all_strategies(seed, engine):
+    rng = Random(seed)
+    n = rng.randint(2, 3)
+    text = absorbing(rng, n, 3)
+    explored = engine_of(text)
+    columns = explored.explored.states.column(0)
+    points = list(
+        strategies(
+            explored.matrix,
+            [columns == n + i for i in range(3)],
+            int(explored.explored.initial[0]),
+        )
+    )
+    objectives = ", ".join(f"Pmax=? [ F s={n + i} ]" for i in range(3))
+    with patch.object(tuning, "PROVED_EQUATIONS", 0 if engine == "doubles" else 300):
+        result = check_text(
+            engine_of(text, engine.replace("doubles", "explicit")), f"multi({objectives})"
+        )
+    assert isinstance(result.accuracy, Estimate if engine == "doubles" else Exact)
+    front = np.array(result.value, dtype=float)
+    for weights in np.random.default_rng(seed).dirichlet([0.5] * 3, 40):
+        assert (front @ weights).max() == pytest.approx(max(points @ weights), abs=1e-6)
+    for point in front:
+        assert min(np.abs(point - p).max() for p in points) < 1e-6
+        others = front[np.abs(front - point).max(axis=1) > 0]
+        assert not (others >= point - 1e-9).all(axis=1).any()
+    for h in result.front.halfspaces:
+        weights = np.array(h.weights, dtype=float)
+        assert (front @ weights).max() == pytest.approx(float(h.bound), abs=1e-9)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
+from pathlib import Path
 
 import pytest
 
@@ -254,3 +256,29 @@ def test_a_faulty_time_and_an_explicit_file_are_found_first(
 ) -> None:
     assert main(words) == 2
     assert message in capsys.readouterr().err
+
+
+STAKES = Path(__file__).parents[2] / "models" / "gambler" / "stakes.nm"
+FRONT = 'multi(Pmax=? [ F "rich" ], R{"bets"}max=? [ C<=3 ])'
+
+
+@pytest.mark.parametrize("name", ["f.csv", "f.json"])
+def test_a_pareto_front_is_written(tmp_path, name):
+    out = tmp_path / name
+    assert main([str(STAKES), "-pf", FRONT, "-exportpareto", str(out)]) == 0
+    if name == "f.csv":
+        head, *rows = csv.reader(out.read_text().splitlines())
+        assert head == ['Pmax=? [ F "rich" ]', 'R{"bets"}max=? [ C<=3 ]']
+    else:
+        whole = json.loads(out.read_text())
+        rows = whole["vertices"]
+        for h in whole["halfspaces"]:
+            values = [sum(w * x for w, x in zip(h["weights"], p, strict=True)) for p in rows]
+            assert max(values) == pytest.approx(h["bound"])
+    points = [tuple(map(float, row)) for row in rows]
+    assert points == [(0.256, 2.24), (0.24448, 2.6), (0.22528, 3.0)]
+
+
+def test_files_of_fronts_have_a_known_extension(capsys):
+    assert main([str(STAKES), "-pf", FRONT, "-exportpareto", "f.txt"]) != 0
+    assert "none of .csv, .json" in capsys.readouterr().err

@@ -186,21 +186,21 @@ def _compare_number(expected: Number, value: Number, tolerance: float) -> None:
 
 
 def _compare_points(
-    text: str, points: list[tuple[Number, Number]], constants: Mapping[str, Value]
+    text: str, points: list[tuple[Number, ...]], constants: Mapping[str, Value]
 ) -> None:
     wanted = [
-        (_number(x, constants), _number(y, constants))
-        for x, y in re.findall(r"\(([^(),]+),([^(),]+)\)", text)
+        [_number(x, constants) for x in point.split(",")]
+        for point in re.findall(r"\(([^()]+)\)", text)
     ]
     message = f"{text} was expected, and the result is {show_value(points)}"
-    if len(wanted) != len(points):
+    if sorted(map(len, wanted)) != sorted(map(len, points)):
         raise _Unequal(message)
     left = list(points)
-    for x, y in wanted:
+    for numbers in wanted:
         near = [
             p
             for p in left
-            if abs(float(p[0] - x)) <= _RELATIVE and abs(float(p[1] - y)) <= _RELATIVE
+            if all(abs(float(x - y)) <= _RELATIVE for x, y in zip(p, numbers, strict=True))
         ]
         if not near:
             raise _Unequal(message)

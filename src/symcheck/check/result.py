@@ -15,6 +15,7 @@ from symcheck.tables import Table
 
 if TYPE_CHECKING:
     from symcheck.check.counterexample import Counterexample
+    from symcheck.check.pareto_front import ParetoFront
     from symcheck.engines.explicit.strategy import Strategy
 
 __all__ = [
@@ -32,7 +33,7 @@ __all__ = [
 ]
 
 Number = int | float | Fraction
-Answer = bool | Number | tuple[Number, Number] | list[tuple[Number, Number]] | None
+Answer = bool | Number | tuple[Number, Number] | list[tuple[Number, ...]] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +139,7 @@ class Result:
         lines: the lines of print filters.
         runs: the computations of solvers.
         witness: a path that shows why E holds, or why A does not hold.
+        front: the Pareto front of a multi-objective query.
         strategy: a strategy that attains the value, with the option `strategy`.
         warnings: one sentence each.
         seconds: time of the check.
@@ -153,6 +155,7 @@ class Result:
     lines: tuple[Line, ...] = field(default=(), repr=False)
     runs: tuple[SolverRun, ...] = field(default=(), repr=False)
     witness: Sequence[Mapping[str, int | bool]] | None = field(default=None, repr=False)
+    front: ParetoFront | None = field(default=None, repr=False)
     strategy: Strategy | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
     seconds: float = field(default=0.0, repr=False)
@@ -275,7 +278,7 @@ def show_value(value: Answer) -> str:
         case tuple():
             return f"[{format_value(value[0])},{format_value(value[1])}]"
         case list():
-            return "[" + ", ".join(f"({format_value(x)},{format_value(y)})" for x, y in value) + "]"
+            return "[" + ", ".join(f"({','.join(map(format_value, p))})" for p in value) + "]"
         case bool() | int() | float() | Fraction():
             return format_value(value)
         case _:

@@ -121,6 +121,7 @@ class Arguments(argparse.Namespace):
     exportvector: list[str]
     exportprodtrans: str | None
     exportprodstates: str | None
+    exportpareto: str | None
     nobuild: bool
     test: bool
     testall: bool
@@ -643,6 +644,12 @@ def _output(parser: _Parser) -> None:
             action=_BuiltModel,
             help=f"write the {what} of the product with the automaton of each LTL property",
         )
+    parser.add(
+        "exportpareto",
+        metavar="FILE",
+        help="write the Pareto front of a multi(...) query: .csv (vertices) or .json (also its "
+        "half-spaces); 'stdout' prints",
+    )
     parser.add("nobuild", action="store_true", help="only read the model")
     parser.add(
         "test",

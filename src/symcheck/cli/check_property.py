@@ -162,6 +162,19 @@ def _write_files(a: Arguments, output: Output, result: Result, varying: Constant
     for file in a.exportvector:
         path = instance_path(file, varying)
         _write_vector(path, output, result, a.exportprecision)
+    if a.exportpareto is not None:
+        _write_front(instance_path(a.exportpareto, varying), output, result)
+
+
+def _write_front(path: str, output: Output, result: Result) -> None:
+    from symcheck.exchange.pareto_fronts import check_front_file, front_text
+    from symcheck.exchange.text import write_text
+
+    if result.front is None:
+        output.warn("-exportpareto: this property has no Pareto front")
+        return
+    write_text(path, [front_text(result.front, check_front_file(path))], output.out)
+    output.exported(path)
 
 
 def _explain(a: Arguments, output: Output, result: Result, varying: ConstantTexts) -> None:

@@ -138,6 +138,9 @@ class Output:
         if method != "auto":
             for kind in dict.fromkeys(r.kind for r in result.runs if r.kind in _OWN_METHODS):
                 self.line(f"Note: -method {method} has no effect on {_OWN_METHODS[kind]}")
+        if result.front is not None:
+            self.line()
+            self.line(str(result.front))
         self.line()
         self.line(f"Time for model checking: {result.seconds:.3f} seconds.")
         self.line()

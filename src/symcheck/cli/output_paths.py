@@ -53,11 +53,18 @@ def _target(argument: str) -> tuple[Path, list[str]]:
 
 
 def check_files(a: Arguments) -> None:
-    """Find faults of two export switches before anything is computed. Raises UsageError."""
+    """Find faults of some export switches before anything is computed. Raises UsageError."""
     if a.exportstrat is not None:
         from symcheck.exchange.strategies import strategy_target
 
         strategy_target(a.exportstrat)
+    if a.exportpareto is not None:
+        from symcheck.exchange.pareto_fronts import check_front_file
+
+        try:
+            check_front_file(a.exportpareto)
+        except UsageError as error:
+            raise UsageError(f"-exportpareto: {error}") from None
     if a.exporttests is not None:
         from symcheck.check.property_tests import check_report_file
 

@@ -70,7 +70,6 @@ _REFUSED: Mapping[str, str] = {
     "exportprodvector": "values in a product with an automaton are not exported; -exportprodtrans "
     "and -exportprodstates write the product, -exportvector the values in the model",
     "exporttarget": "targets are not exported; -exportlabels exports labels",
-    "exportpareto": "use -exportresults FILE: the points are the result",
     "exportobs": "partially observable models are not supported",
     "importobs": "partially observable models are not supported",
 }

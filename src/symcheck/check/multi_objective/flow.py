@@ -6,30 +6,51 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
+from typing import assert_never
 
 import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.omega_regular.ltl import linear_product
-from symcheck.check.path_formulas import StatesOf, TemporalPath, temporal
+from symcheck.check.path_formulas import StatesOf, TemporalPath, UntilPath, resolve, temporal
 from symcheck.check.reward_queries import reward_of
 from symcheck.engines.base import Engine, Number, Product, StateSet
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.numbers import Numbers, full
+from symcheck.matrices.numbers import Numbers, full, is_infinite
 from symcheck.matrices.rows import Bools, Int32s
 from symcheck.numerics.graph import Incidence
 from symcheck.numerics.multi_objective import linear_program as numerics
+from symcheck.semantics.rewards import Reward, Steps, Time
 from symcheck.semantics.time_bounds import window
-from symcheck.syntax.ast import CumulativeReward, ProbabilityOperator, RewardOperator
+from symcheck.syntax.ast import (
+    BinaryTemporal,
+    CostBoundedReward,
+    CumulativeReward,
+    DiscountedReward,
+    Eventually,
+    ExpectedTime,
+    ExpressionNode,
+    InstantaneousReward,
+    PathFormula,
+    ProbabilityOperator,
+    RewardOperator,
+    SteadyState,
+    SteadyStateReward,
+    TotalReward,
+    UnaryTemporal,
+)
 
 __all__ = ["Objective", "flow_of"]
+
+
+ObjectiveFormula = ProbabilityOperator | RewardOperator | ExpectedTime | SteadyState
 
 
 @dataclass(frozen=True)
 class Objective:
     """One objective. sign: 1 to maximise, -1 to minimise. bound: None if there is none."""
 
-    formula: ProbabilityOperator | RewardOperator
+    formula: ObjectiveFormula
     sign: int
     bound: Fraction | None
 
@@ -37,6 +58,14 @@ class Objective:
     def probability(self) -> bool:
         """Whether it is a P operator."""
         return isinstance(self.formula, ProbabilityOperator)
+
+    @property
+    def long_run(self) -> bool:
+        """Whether it is a long-run average."""
+        formula = self.formula
+        return isinstance(formula, SteadyState) or (
+            isinstance(formula, RewardOperator) and isinstance(formula.query, SteadyStateReward)
+        )
 
     def internal(self, value: Number) -> Number:
         """A value for maximisation: a probability becomes that of the negation. Its own inverse."""
@@ -52,67 +81,147 @@ class Objective:
     def shown(self, value: Number) -> Number:
         """A value as it is reported; never -0."""
         value = self.internal(value)
-        return (min(1, max(0, value)) if self.probability else value) + 0
+        return (min(1, max(0, value)) if self.formula.is_probability else value) + 0
 
 
 @dataclass(frozen=True)
-class _Steps:
-    """An automaton with one letter that counts steps up to a limit."""
+class _Table:
+    """An automaton, by its table."""
 
     table: Int32s
     initial: int = 0
 
 
+_SEEN = _Table(np.array([[0, 1], [1, 1]], dtype=np.int32))
+"""Whether a state with the only letter has been left."""
+
+
+@dataclass(frozen=True)
+class _Terms:
+    """What an objective is about, on the last product.
+
+    Attributes:
+        reward: earned in each step; None for a P operator.
+        earning: the states in which the reward is earned.
+        accepted: of a P operator, its pairs [avoid, *visits].
+    """
+
+    reward: Reward | None = None
+    earning: StateSet | None = None
+    accepted: list[list[StateSet]] | None = None
+
+    def lifted(self, product: Product) -> _Terms:
+        """The same on the product of the last product and an automaton."""
+        return replace(
+            self,
+            earning=None if self.earning is None else product.lift(self.earning),
+            accepted=None
+            if self.accepted is None
+            else [[product.lift(s) for s in sets] for sets in self.accepted],
+        )
+
+
 def flow_of(
     context: Context, objectives: Sequence[Objective], states_of: StatesOf
 ) -> numerics.Flow:
-    """The flow of the product with a step counter and with an automaton per P objective."""
+    """The flow of the product with all that objectives must remember.
+
+    That is a step counter for C<=k, whether F has been reached, and the automaton of P.
+    """
     chain = _Chain(context)
     limits = [_limit(o) for o in objectives]
     counted = max((k for k in limits if k is not None), default=None)
-    counts: dict[int, StateSet] = {}
+    counter: Product | None = None
     if counted is not None:
-        product: Product = chain.engine.product((), _counter(counted))
-        counts = {k: product.automaton_states(frozenset(range(k))) for k in limits if k is not None}
-        chain = chain.extended(product)
-    before = chain
-    accepted: list[list[list[StateSet]] | None] = []
-    for o in objectives:
-        if not isinstance(o.formula, ProbabilityOperator):
-            accepted.append(None)
-            continue
-        path = temporal(o.formula.path, states_of, context.engine.model)
-        lifted = tuple((e, chain.lift(s)) for e, s in path.sets)
-        path = TemporalPath(path.form, lifted, negative=o.sign < 0)
-        product, pairs = linear_product(replace(context, engine=chain.engine), path)
-        accepted = [_lifted(product, a) for a in accepted]
-        accepted.append([[avoid, *visits] for avoid, visits in pairs])
-        chain = chain.extended(product)
-    counts = {k: chain.lift(s, since=len(before.products)) for k, s in counts.items()}
-    return _equations(chain, objectives, limits, counts, accepted)
+        counter = chain.engine.product((), _counter(counted))
+        chain = chain.extended(counter)
+    terms: list[_Terms] = []
+    for o, limit in zip(objectives, limits, strict=True):
+        product, own = _terms(chain, o, states_of)
+        if limit is not None and counter is not None:
+            within = counter.automaton_states(frozenset(range(limit)))
+            own = replace(own, earning=chain.lift(within, since=1))
+        if product is not None:
+            terms = [t.lifted(product) for t in terms]
+            chain = chain.extended(product)
+        terms.append(own)
+    return _equations(chain, objectives, terms)
+
+
+def _terms(
+    chain: _Chain, objective: Objective, states_of: StatesOf
+) -> tuple[Product | None, _Terms]:
+    """What an objective is about, and the product that it needs."""
+    context, formula, engine = chain.context, objective.formula, chain.engine
+    match formula:
+        case ProbabilityOperator(path=path):
+            read = temporal(path, states_of, context.engine.model)
+            lifted = tuple((e, chain.lift(s)) for e, s in read.sets)
+            read = TemporalPath(read.form, lifted, negative=objective.sign < 0)
+            product, pairs = linear_product(replace(context, engine=engine), read)
+            return product, _Terms(accepted=[[avoid, *visits] for avoid, visits in pairs])
+        case SteadyState(formula=inner):
+            return None, _Terms(Steps(), chain.lift(states_of(inner)))
+        case ExpectedTime(path=path):
+            return _until(chain, Time(), path, states_of)
+        case RewardOperator(query=query):
+            reward = reward_of(context, formula)
+            match query:
+                case TotalReward() | CumulativeReward() | SteadyStateReward():
+                    return None, _Terms(reward, engine.all)
+                case InstantaneousReward() | DiscountedReward() | CostBoundedReward():
+                    raise _unsupported()
+                case ExpressionNode() | UnaryTemporal() | BinaryTemporal():
+                    return _until(chain, reward, query, states_of)
+                case _:
+                    assert_never(query)
+        case _:
+            assert_never(formula)
+
+
+def _unsupported() -> UnsupportedError:
+    return UnsupportedError(
+        "objectives of multi(...) with R are supported with C, C<=k, S and F states, those with T "
+        "with F states"
+    )
+
+
+def _until(
+    chain: _Chain, reward: Reward, path: PathFormula, states_of: StatesOf
+) -> tuple[Product | None, _Terms]:
+    """The reward that is earned until states are reached, or for ever if they are not."""
+    context, engine = chain.context, chain.engine
+    read = resolve(path, states_of, context.engine) if isinstance(path, Eventually) else None
+    if not isinstance(read, UntilPath) or not read.window.trivial:
+        raise _unsupported()
+    target = chain.lift(read.right)
+    if target <= engine.graph.all_successors_in(target):
+        return None, _Terms(reward, ~target)
+    product: Product = engine.product((target,), _SEEN)
+    before = product.automaton_states(frozenset({0})) - product.lift(target)
+    return product, _Terms(reward, before)
 
 
 def _equations(
-    chain: _Chain,
-    objectives: Sequence[Objective],
-    limits: Sequence[int | None],
-    counts: dict[int, StateSet],
-    accepted: Sequence[list[list[StateSet]] | None],
+    chain: _Chain, objectives: Sequence[Objective], terms: Sequence[_Terms]
 ) -> numerics.Flow:
     engine = chain.engine
     matrix = engine.system(engine.all).matrix
     assert matrix.groups is not None
     rewards: list[Numbers] = []
     costless = np.ones(matrix.rows, dtype=np.bool_)
-    for o, k in zip(objectives, limits, strict=True):
+    for o, t in zip(objectives, terms, strict=True):
         own = full(matrix.rows, 0, exact=engine.exact)
-        if isinstance(o.formula, RewardOperator):
-            own = engine.system(engine.all).step_rewards(reward_of(chain.context, o.formula))
-            if (own < 0).any():
-                raise UnsupportedError("negative rewards in multi(...) are not supported")
-            if k is not None:
-                own = np.where(matrix.rows_of(engine.to_bools(counts[k])), own, 0 * own)
-            if o.sign < 0:
+        if t.reward is not None and t.earning is not None:
+            earning = matrix.rows_of(engine.to_bools(t.earning))
+            own = np.where(earning, engine.system(engine.all).step_rewards(t.reward), own)
+            if is_infinite(own).any():
+                raise UnsupportedError("infinite rewards in multi(...) are not supported")
+            if not o.long_run and (own < 0).any():
+                raise UnsupportedError(
+                    "negative rewards in multi(...) are supported for long-run averages only"
+                )
+            if o.sign < 0 and not o.long_run:
                 costless &= np.asarray(own == 0, dtype=np.bool_)
         rewards.append(o.sign * own)
 
@@ -122,18 +231,24 @@ def _equations(
             for avoid, *visits in pairs
         ]
 
+    long_run = np.array([o.long_run for o in objectives])
     stays = numerics.settling(
-        Incidence(matrix), costless, [None if a is None else bools(a) for a in accepted]
+        Incidence(matrix),
+        costless,
+        [None if t.accepted is None else bools(t.accepted) for t in terms],
+        averages=bool(long_run.any()),
     )
     initial = int(np.flatnonzero(engine.to_bools(engine.initial))[0])
     kind = object if engine.exact else np.float64
+    own = np.array(rewards, dtype=kind).reshape(-1, matrix.rows)
+    none = np.zeros_like(own) if not engine.exact else 0 * own
     return numerics.Flow(
-        matrix, initial, np.array(rewards, dtype=kind).reshape(-1, matrix.rows), stays
+        matrix,
+        initial,
+        np.where(long_run[:, None], none, own),
+        np.where(long_run[:, None], own, none),
+        stays,
     )
-
-
-def _lifted(product: Product, pairs: list[list[StateSet]] | None) -> list[list[StateSet]] | None:
-    return None if pairs is None else [[product.lift(s) for s in sets] for sets in pairs]
 
 
 def _limit(objective: Objective) -> int | None:
@@ -147,8 +262,8 @@ def _limit(objective: Objective) -> int | None:
     return steps.upper
 
 
-def _counter(limit: int) -> _Steps:
-    return _Steps(np.minimum(np.arange(1, limit + 2), limit).astype(np.int32)[:, None])
+def _counter(limit: int) -> _Table:
+    return _Table(np.minimum(np.arange(1, limit + 2), limit).astype(np.int32)[:, None])
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,10 @@
 
 With bounds only, the result is whether some strategy satisfies all of them (achievability). With
 one objective without bound (numerical query), it is the optimal value over the strategies that
-satisfy the bounds, NaN if there are none. With two (Pareto query), it is the vertices of their
-Pareto curve. Objectives are P with any LTL formula, and R with C and C<=k.
+satisfy the bounds, NaN if there are none. With more (Pareto query), it is the vertices of their
+Pareto front. Objectives are P with any LTL formula, R with C, C<=k, S and F states, T with F
+states, and S. The reward until F states is what a run earns before it reaches them, also if it
+never does.
 Source: see `symcheck.numerics.multi_objective.linear_program`.
 
 Linear programs are first solved in floating point. The optimal vertex of a small one is proved in
@@ -23,6 +25,8 @@ import numpy as np
 from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.check.multi_objective.flow import Objective, flow_of
+from symcheck.check.multi_objective.front import front_of
+from symcheck.check.pareto_front import ParetoFront
 from symcheck.check.path_formulas import StatesOf
 from symcheck.check.result import Answer, Estimate, Exact, Number, Result, SolverRun
 from symcheck.check.strategies.to_explicit import to_explicit
@@ -30,16 +34,17 @@ from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedE
 from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
 from symcheck.numerics.multi_objective import linear_program as numerics
 from symcheck.numerics.multi_objective.exact_lp import ROWS
+from symcheck.numerics.multi_objective.pareto import pareto_front
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.syntax.ast import (
     Bound,
-    CumulativeReward,
+    ExpectedTime,
     Expression,
     ModelType,
     MultiObjective,
     ProbabilityOperator,
     RewardOperator,
-    TotalReward,
+    SteadyState,
 )
 
 __all__ = ["check_multi"]
@@ -52,7 +57,10 @@ Pick = Callable[[Context], StatesOf]
 
 @dataclass(frozen=True)
 class _Asked:
-    """The result of a query. close: it is within the rounding error of the linear program."""
+    """The result of a query.
+
+    close: it is within the rounding error of the linear program. front: of a Pareto query.
+    """
 
     value: Answer
     about: str
@@ -60,6 +68,7 @@ class _Asked:
     equations: int
     proved: bool = False
     close: bool = False
+    front: ParetoFront | None = None
 
 
 def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> Result:
@@ -99,12 +108,13 @@ def _by_rationals(context: Context, formula: MultiObjective, states_of: Pick) ->
     exact, twin = exact_twin(context, formula)
     assert isinstance(twin, MultiObjective)
     found = _solve(exact, twin, states_of(exact))
-    return replace(found, value=_doubles(found.value))
+    front = None if found.front is None else found.front.rounded()
+    return replace(found, value=_doubles(found.value), front=front)
 
 
 def _doubles(value: Answer) -> Answer:
     if isinstance(value, list):
-        return [(float(x), float(y)) for x, y in value]
+        return [tuple(map(float, point)) for point in value]
     return float(value) if isinstance(value, Fraction) else value
 
 
@@ -132,25 +142,21 @@ def _result(context: Context, found: _Asked) -> Result:
         )
     )
     if not found.proved:
-        return Result(found.value, Estimate(), found.about)
+        return Result(found.value, Estimate(), found.about, front=found.front)
     whole = isinstance(found.value, bool) or (
         isinstance(found.value, float) and not isfinite(found.value)
     )
-    return Result(found.value, Exact(rounding=not whole and not context.engine.exact), found.about)
+    accuracy = Exact(rounding=not whole and not context.engine.exact)
+    return Result(found.value, accuracy, found.about, front=found.front)
 
 
 def _solve(context: Context, formula: MultiObjective, states_of: StatesOf) -> _Asked:
     objectives = [_objective(o) for o in formula.objectives]
     asked = [i for i, o in enumerate(objectives) if o.bound is None]
-    if len(asked) > 2:
-        raise UnsupportedError(
-            "multi(...) with more than two objectives without bounds is not supported; "
-            "give the others bounds"
-        )
     query = _query(context, objectives, asked, states_of)
     value, about = query.answer()
     close = query.close
-    if value is nan and _cost(objectives[asked[0]]):
+    if value is nan and len(asked) == 1 and _cost(objectives[asked[0]]):
         # Either no strategy satisfies the bounds, or each that does has infinite cost.
         others = _query(context, [o for o in objectives if o.bound is not None], (), states_of)
         met, _ = others.answer()
@@ -161,8 +167,8 @@ def _solve(context: Context, formula: MultiObjective, states_of: StatesOf) -> _A
             else (value, about)
         )
     flow = query.flow
-    size, equations = flow.gains.shape[1], int(flow.live.sum()) + len(objectives)
-    return _Asked(value, about, size, equations, flow.exact, close)
+    size, equations = flow.gains.shape[1], flow.equations + len(objectives)
+    return _Asked(value, about, size, equations, flow.exact, close, query.front)
 
 
 def _query(
@@ -174,7 +180,7 @@ def _query(
 
 
 def _cost(objective: Objective) -> bool:
-    return objective.sign < 0 and not objective.probability
+    return objective.sign < 0 and not objective.probability and not objective.long_run
 
 
 def _supported(context: Context, formula: MultiObjective) -> None:
@@ -187,20 +193,13 @@ def _supported(context: Context, formula: MultiObjective) -> None:
 
 
 def _objective(formula: Expression) -> Objective:
-    if not isinstance(formula, ProbabilityOperator | RewardOperator):
-        raise InputError(
-            Diagnostic(
-                "an objective of multi(...) must be a P or an R operator", formula.span, "multi"
-            )
-        )
-    if isinstance(formula, RewardOperator) and not isinstance(
-        formula.query, TotalReward | CumulativeReward
-    ):
-        raise UnsupportedError("rewards in multi(...) are supported with C and C<=k only")
+    if not isinstance(formula, ProbabilityOperator | RewardOperator | ExpectedTime | SteadyState):
+        message = "an objective of multi(...) must be a P, R, T or S operator"
+        raise InputError(Diagnostic(message, formula.span, "multi"))
     match formula.bound:
         case None:
             if formula.direction not in ("min", "max"):
-                hint = "write Pmin=?, Pmax=?, Rmin=? or Rmax=?"
+                hint = f"write {formula.letter}min=? or {formula.letter}max=?"
                 raise InputError(
                     Diagnostic(
                         "an objective without bound needs a direction",
@@ -230,18 +229,22 @@ def _plain(value: Number) -> Number:
 
 
 _NONE = "no strategy satisfies the bounds"
-_NO_CURVE = "no strategy satisfies the bounds of this Pareto query, or all have infinite cost"
+_NO_CURVE = "no strategy satisfies the bounds with finite costs"
 
 
 @dataclass
 class _Query:
-    """A query with its flow. close: the result is within the rounding error of doubles."""
+    """A query with its flow.
+
+    close: the result is within the rounding error of doubles. front: of a Pareto query.
+    """
 
     objectives: Sequence[Objective]
     asked: Sequence[int]
     flow: numerics.Flow
     least: Numbers
     close: bool = False
+    front: ParetoFront | None = None
 
     def answer(self) -> tuple[Answer, str]:
         """The value, and an explanation."""
@@ -250,11 +253,11 @@ class _Query:
         if not is_infinite(self.least).all():
             if room is None:
                 self.close = not flow.exact  # the margin is unknown
-                return (nan if self.asked else False), _NONE
+                return self._none(), _NONE
             self.close = not flow.exact and -_DOUBT <= room.value <= _DOUBT
             if room.value < -flow.tolerance:
                 about = f"{_NONE}: they are missed by {float(-room.value):.3g}"
-                return (nan if self.asked else False), about
+                return self._none(), about
         if not self.asked:
             excess = 0.0 if room is None else float(max(0, room.value))
             about = f"all bounds can be exceeded by {excess:.3g} together"
@@ -262,6 +265,10 @@ class _Query:
         # Bounds that are satisfied with equality are relaxed by the rounding error.
         least = self.least if room is None else np.minimum(self.least, self.least + room.value)
         return self._best(flow, least) if len(self.asked) == 1 else self._curve(flow, least)
+
+    def _none(self) -> Answer:
+        """The value of an achievability, a numerical or a Pareto query without any strategy."""
+        return (False, nan)[len(self.asked)] if len(self.asked) < 2 else []
 
     def _best(self, flow: numerics.Flow, least: Numbers) -> tuple[Answer, str]:
         (index,) = self.asked
@@ -277,9 +284,9 @@ class _Query:
         return _plain(self.objectives[index].shown(found.value)), about
 
     def _curve(self, flow: numerics.Flow, least: Numbers) -> tuple[Answer, str]:
-        first, second = self.asked
-        points = numerics.pareto_vertices(flow, first, second, least)
-        if points is None:
-            raise InputError(Diagnostic(_NO_CURVE, code="multi"))
-        one, two = self.objectives[first], self.objectives[second]
-        return [(_plain(one.shown(x)), _plain(two.shown(y))) for x, y in points], "Pareto curve"
+        front = pareto_front(flow, self.asked, least)
+        if front is None:
+            return self._none(), _NO_CURVE
+        asked = [self.objectives[i] for i in self.asked]
+        self.front = front_of(asked, front, exact=flow.exact)
+        return list(self.front.vertices), "Pareto curve" if len(asked) == 2 else "Pareto front"

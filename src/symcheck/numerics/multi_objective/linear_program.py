@@ -2,14 +2,17 @@
 
 The variables of a program are how often a strategy is expected to take each row before it settles
 in an end component, and the probability with which it settles at each state. They satisfy linear
-equations: what flows into a state flows out or settles. Expected values of objectives are linear in
-them. So the set of achievable values is convex, and linear programs find its vertices. Every
-objective is maximised: costs are negative rewards. Programs over doubles are solved by HiGHS,
-programs over rationals are solved exactly.
+equations: what flows into a state flows out or settles. With long-run averages there are also the
+frequencies of the rows after settling: in each end component, what flows into a state flows out,
+and all frequencies together are the probability of settling there. Expected values of objectives
+are linear in the variables. So the set of achievable values is convex, and linear programs find its
+vertices. Every objective is maximised: costs are negative rewards. Programs over doubles are solved
+by HiGHS, programs over rationals are solved exactly.
 
 Sources: Etessami, Kwiatkowska, Vardi & Yannakakis (2007), 'Multi-objective model checking of Markov
 decision processes'; Forejt, Kwiatkowska, Norman, Parker & Qu (2011), 'Quantitative multi-objective
-verification for probabilistic systems'.
+verification for probabilistic systems'; Brazdil, Brozek, Chatterjee, Forejt & Kucera (2014),
+'Markov decision processes with multiple long-run average objectives'.
 """
 
 from __future__ import annotations
@@ -18,18 +21,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import pairwise
-from math import isinf
 
 import numpy as np
 
-from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, spans
 from symcheck.numerics import graph
 from symcheck.numerics.multi_objective.exact_lp import Optimum, Program, solve_program
 
-__all__ = ["TOLERANCE", "Flow", "Outcome", "Stay", "pareto_vertices", "settling"]
+__all__ = ["TOLERANCE", "Flow", "Outcome", "Stay", "settling"]
 
 TOLERANCE = 1e-8
 """Accuracy of sums over a solution; HiGHS meets feasibility and optimality within 1e-10."""
@@ -40,10 +40,14 @@ Acceptance = Sequence[tuple[Bools, Sequence[Bools]]]
 
 @dataclass(frozen=True, eq=False)
 class Stay:
-    """States at which a run may settle for ever, bool[n], and gains per objective, float64."""
+    """States at which a run may settle for ever, bool[n], and gains per objective, float64.
+
+    parts: the end components that these states form; None if no long-run average is asked for.
+    """
 
     states: Bools
     gains: Floats
+    parts: graph.EndComponents | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +66,11 @@ class Outcome:
 
 
 def settling(
-    source: graph.Source, costless: Bools, acceptances: Sequence[Acceptance | None]
+    source: graph.Source,
+    costless: Bools,
+    acceptances: Sequence[Acceptance | None],
+    *,
+    averages: bool = False,
 ) -> list[Stay]:
     """Where a run may settle, and which objectives that satisfies.
 
@@ -70,25 +78,49 @@ def settling(
         source: the matrix of the MDP.
         costless: bool[rows]; other rows are not taken in an end component.
         acceptances: per objective, its acceptance condition, which gains 1; None for a reward.
+        averages: whether there are long-run averages, for which the end components matter.
 
     Returns:
         End components for each subset of the objectives with a condition, so exponentially many.
-        States that satisfy more objectives are not repeated for fewer.
+        Without averages, states that satisfy more objectives are not repeated for fewer.
     """
     chosen = [i for i, a in enumerate(acceptances) if a is not None]
-    n = (source.matrix if isinstance(source, graph.Incidence) else source).states
+    edges = source if isinstance(source, graph.Incidence) else graph.Incidence(source)
+    n = edges.matrix.states
     stays: list[Stay] = []
     for subset in sorted(range(1 << len(chosen)), key=lambda s: -s.bit_count()):
         members = [i for j, i in enumerate(chosen) if subset >> j & 1]
         pairs = _conjunction([acceptances[i] or [] for i in members], n)
-        states = graph.accepting_end_components(source, pairs, costless)
+        gains = np.zeros(len(acceptances))
+        gains[members] = 1.0
+        if averages:
+            # An end component that satisfies less may be larger, and have a better average.
+            stays += _components(edges, costless, pairs, gains)
+            continue
+        states = graph.accepting_end_components(edges, pairs, costless)
         for other in stays:
             if all(other.gains[i] for i in members):
                 states &= ~other.states
         if states.any():
-            gains = np.zeros(len(acceptances))
-            gains[members] = 1.0
             stays.append(Stay(states, gains))
+    return stays
+
+
+def _components(
+    edges: graph.Incidence,
+    costless: Bools,
+    pairs: Sequence[tuple[Bools, Sequence[Bools]]],
+    gains: Floats,
+) -> list[Stay]:
+    """A stay with its end components for each pair."""
+    stays: list[Stay] = []
+    for avoid, visits in pairs:
+        parts = graph.maximal_end_components(edges, ~avoid, costless)
+        states = parts.meeting(visits)
+        if states.any():
+            of = np.where(states, parts.of, -1).astype(np.int32)
+            rows = parts.rows & states[edges.owner_of_rows]
+            stays.append(Stay(states, gains, graph.EndComponents(of, rows, parts.count)))
     return stays
 
 
@@ -107,6 +139,7 @@ class Flow:
         matrix: the MDP; its entries and the rewards are float64, or all of them rationals.
         initial: the number of the initial state.
         rewards: [objectives, rows], what each row gains for each objective.
+        averages: [objectives, rows], what each row gains for a long-run average.
         stays: where runs may settle.
         banned: bool[states], states that must not be entered; None for none.
     """
@@ -114,6 +147,7 @@ class Flow:
     matrix: SparseMatrix
     initial: int
     rewards: Numbers = field(repr=False)
+    averages: Numbers = field(repr=False)
     stays: Sequence[Stay] = field(repr=False)
     banned: Bools | None = field(default=None, repr=False)
 
@@ -161,6 +195,15 @@ class Flow:
         """Per stay: the states where it may be taken."""
         return [np.flatnonzero(s.states & self.live) for s in self.stays]
 
+    @cached_property
+    def lasting(self) -> list[Int64s]:
+        """Per stay: the rows whose frequencies after settling are variables."""
+        live = self.live[self.edges.owner_of_rows]
+        return [
+            np.flatnonzero(live & s.parts.rows) if s.parts is not None else self.usable[:0]
+            for s in self.stays
+        ]
+
     def _row_sums(self, states: Bools) -> Numbers:
         """Per row of all states: the probability of entering some states."""
         return self.matrix.sums(np.ones(self.matrix.states, np.bool_), states)
@@ -197,12 +240,64 @@ class Flow:
         return np.concatenate(equations), np.concatenate(variables), np.concatenate(values)
 
     @cached_property
-    def _begin(self) -> Numbers:
-        """The right sides of these equations."""
-        begin = self._full(int(self.live.sum()), 0)
+    def _recurrence(self) -> tuple[Int64s, Int64s, Numbers, int]:
+        """Rows, columns and entries of the equations of frequencies, and their number.
+
+        Per end component of a stay: settling - frequencies = 0; per state: outflow - inflow = 0.
+        """
+        m = self.matrix
+        equations, variables = [self.usable[:0]], [self.usable[:0]]
+        values = [self._full(0, 0)]
+        settled = len(self.usable)
+        frequency = settled + sum(map(len, self.places))
+        count = 0
+        for stay, places, rows in zip(self.stays, self.places, self.lasting, strict=True):
+            if stay.parts is not None:
+                of, owner = stay.parts.of, self.edges.owner_of_rows[rows]
+                components = np.unique(of[places])
+                states = count + len(components)
+                entries = spans(m.indptr[:-1][rows], m.indptr[1:][rows])
+                columns = frequency + np.arange(len(rows))
+                equations += [
+                    count + np.searchsorted(components, of[places]),
+                    count + np.searchsorted(components, of[owner]),
+                    states + np.searchsorted(places, owner),
+                    states + np.searchsorted(places, m.indices[entries]),
+                ]
+                variables += [
+                    settled + np.arange(len(places)),
+                    columns,
+                    columns,
+                    np.repeat(columns, m.lengths[rows]),
+                ]
+                values += [
+                    self._full(len(places), 1),
+                    self._full(len(rows), -1),
+                    self._full(len(rows), 1),
+                    -m.data[entries],
+                ]
+                count = states + len(places)
+                frequency += len(rows)
+            settled += len(places)
+        return (
+            np.concatenate(equations),
+            np.concatenate(variables),
+            np.concatenate(values),
+            count,
+        )
+
+    @cached_property
+    def _right(self) -> Numbers:
+        """The right sides of all equations: 1 for the initial state, 0 for all others."""
+        right = self._full(int(self.live.sum()) + self._recurrence[3], 0)
         if self.live[self.initial]:
-            begin[int(self.live[: self.initial].sum())] = self._full(1, 1)[0]
-        return begin
+            right[int(self.live[: self.initial].sum())] = self._full(1, 1)[0]
+        return right
+
+    @property
+    def equations(self) -> int:
+        """The number of equations, without those of bounds."""
+        return len(self._right)
 
     @cached_property
     def gains(self) -> Numbers:
@@ -212,6 +307,7 @@ class Flow:
             np.tile(numbers(stay.gains, exact=self.exact)[:, None], len(places))
             for stay, places in zip(self.stays, self.places, strict=True)
         ]
+        parts += [self.averages[:, rows] for rows in self.lasting]
         return np.concatenate(parts, axis=1)
 
     def best(self, weights: Numbers, least: Numbers) -> Outcome | None:
@@ -242,14 +338,15 @@ class Flow:
         if not self.live[self.initial]:
             return None
         rows, columns, values = self._balance
-        n, k, size = len(self._begin), len(limit), len(objective)
+        more, variables, entries, _ = self._recurrence
+        n, k, size = self.equations, len(limit), len(objective)
         places = np.nonzero(above != 0)
         slack = np.arange(k)
         program = Program(
-            np.concatenate((rows, n + places[0], n + slack)),
-            np.concatenate((columns, places[1], size + slack)),
-            np.concatenate((values, above[places], self._full(k, 1))),
-            np.concatenate((self._begin, limit)),
+            np.concatenate((rows, int(self.live.sum()) + more, n + places[0], n + slack)),
+            np.concatenate((columns, variables, places[1], size + slack)),
+            np.concatenate((values, entries, above[places], self._full(k, 1))),
+            np.concatenate((self._right, limit)),
             np.concatenate((objective, self._full(k, 0))),
         )
         optimum = solve_program(program)
@@ -333,73 +430,3 @@ class Flow:
         if optimum is None:
             return None
         return zeros if optimum.x is None else optimum.x[size:]
-
-
-def pareto_vertices(
-    flow: Flow, first: int, second: int, least: Numbers
-) -> list[tuple[float | Fraction, float | Fraction]] | None:
-    """The vertices of the Pareto curve of two objectives, by decreasing value of the first.
-
-    First each objective is maximised (ties are broken by the other), then, between two neighbours,
-    the weighted sum that is constant on the line through them, until no vertex lies beyond a line.
-
-    Args:
-        flow: the flow of the MDP.
-        first: the number of one objective.
-        second: the number of the other one.
-        least: lower bounds of all objectives.
-
-    Returns:
-        The vertices; None if the bounds cannot be met.
-
-    Raises:
-        NumericalError: an objective is unbounded.
-    """
-    tolerance = flow.tolerance
-
-    def at(weights: Numbers, floor: Numbers) -> Numbers | None:
-        w = full(flow.objectives, 0, exact=flow.exact)
-        w[[first, second]] = weights
-        optimum = flow.best(w, floor)
-        if optimum is None:
-            return None
-        if isinf(optimum.value):
-            raise NumericalError(
-                "a reward of this Pareto query has no bound: some strategy collects it for ever"
-            )
-        return optimum.gains[[first, second]]
-
-    def extreme(main: int, other: int) -> Numbers | None:
-        weights = numbers(np.eye(2).ravel(), exact=flow.exact).reshape(2, 2)
-        best = at(weights[main], least)
-        if best is None:
-            return None
-        floor = least.copy()
-        index = (first, second)[main]
-        floor[index] = max(floor[index], best[main] - tolerance / 100 * max(1, abs(best[main])))
-        return at(weights[other], floor)
-
-    ends = extreme(0, 1), extreme(1, 0)
-    if ends[0] is None or ends[1] is None:
-        return None
-    points = [ends[0], ends[1]]
-    done = False
-    while not done:
-        done = True
-        for i, (p, q) in enumerate(pairwise(points)):
-            if not _apart(p, q, tolerance):
-                continue
-            normal = np.abs(np.array([p[1] - q[1], q[0] - p[0]]))
-            normal = normal / normal.max()
-            vertex = at(normal, least)
-            slack = tolerance * max(1, np.abs(p).max())
-            if vertex is not None and normal @ vertex > normal @ p + slack:
-                points.insert(i + 1, vertex)
-                done = False
-                break
-    kept = [p for i, p in enumerate(points) if i == 0 or _apart(p, points[i - 1], tolerance)]
-    return [(p[0], p[1]) for p in kept]
-
-
-def _apart(p: Numbers, q: Numbers, tolerance: float | Fraction) -> bool:
-    return bool(np.abs(p - q).max() > 100 * tolerance * max(1, np.abs(p).max()))
