@@ -369,6 +369,9 @@ class GraphOf(Protocol[S]):
     def accepting_end_components(self, pairs: Sequence[tuple[S, Sequence[S]]]) -> S:
         """States in an accepting end component.
 
+        There may also be states from which such a component is reached almost surely by choices
+        that avoid what it avoids: the probability of reaching the set is the same.
+
         Args:
             pairs: (avoid, visits); an end component is accepting if, for some pair, it avoids
                 `avoid` and meets every set in `visits`.

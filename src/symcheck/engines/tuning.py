@@ -97,6 +97,10 @@ BSCC_PIVOTS = 12
 are enumerated. The number matters little: crowds with 5 members takes 18 to 27 ms for 0 to 100
 pivots, least for few."""
 
+END_COMPONENT_STATES = 1_000_000
+"""States up to which the end components of a set are found on their rows; almost-sure acceptance
+in larger sets is a fixpoint on diagrams."""
+
 CACHED_ANSWERS = 4
 """Answers to graph questions that are kept: a query for values asks for prob0 and prob1 again."""
 

@@ -326,11 +326,15 @@ class StateFilter(StateOperator):
 
 @dataclass(frozen=True, slots=True)
 class MultiObjective(StateOperator):
-    """`multi(objective, …)` of an MDP."""
+    """`multi(objective, …)` of an MDP.
+
+    lexicographic: `multilex(…)`, where each objective matters more than all that follow.
+    """
 
     reads_rewards = False
 
     objectives: tuple[Expression, ...]
+    lexicographic: bool = False
 
 
 # ------------------------------------------------------------------------------------ path formulas

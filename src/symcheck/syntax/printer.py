@@ -97,8 +97,8 @@ def _text(node: Tree) -> tuple[str, int]:
             return f"{_tree(condition, inner)} ? {branches}", _CONDITIONAL
         case ast.Call(function, arguments):
             return f"{function}({_list(*arguments)})", _ATOM
-        case ast.MultiObjective(objectives):
-            return f"multi({_list(*objectives)})", _ATOM
+        case ast.MultiObjective(objectives, lexicographic):
+            return f"multi{'lex' * lexicographic}({_list(*objectives)})", _ATOM
         case ast.Filter(operator, formula, states):
             return f"filter({operator}, {_list(formula, states)})", _ATOM
         case ast.Quantile(optimum, variable, formula):

@@ -592,7 +592,10 @@ class PropertiesBuilder(Builder):
     time = partialmethod(_measure, ast.ExpectedTime)
     steady = partialmethod(_measure, ast.SteadyState)
     quantifier = _node(ast.PathQuantifier, 0, 2)
-    multi = _node(ast.MultiObjective, 2)
+
+    def multi(self, values: Values) -> ast.MultiObjective:
+        lexicographic = values[0].value == "multilex"
+        return ast.MultiObjective(values[2], lexicographic, span=self._span(values))
 
     def structure(self, values: Values) -> Structure:
         opening, inner, closing = values

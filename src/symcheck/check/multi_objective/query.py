@@ -5,7 +5,8 @@ one objective without bound (numerical query), it is the optimal value over the 
 satisfy the bounds, NaN if there are none. With more (Pareto query), it is the vertices of their
 Pareto front. Objectives are P with any LTL formula, R with C, C<=k, S and F states, T with F
 states, and S. The reward until F states is what a run earns before it reaches them, also if it
-never does.
+never does. A lexicographic query, `multilex(...)`, optimises its first objective, then the second
+one over the strategies that are optimal for the first, and so on.
 Source: see `symcheck.numerics.multi_objective.linear_program`.
 
 Linear programs are first solved in floating point. The optimal vertex of a small one is proved in
@@ -152,6 +153,8 @@ def _result(context: Context, found: _Asked) -> Result:
 
 def _solve(context: Context, formula: MultiObjective, states_of: StatesOf) -> _Asked:
     objectives = [_objective(o) for o in formula.objectives]
+    if formula.lexicographic:
+        return _lexicographic(context, objectives, states_of)
     asked = [i for i, o in enumerate(objectives) if o.bound is None]
     query = _query(context, objectives, asked, states_of)
     value, about = query.answer()
@@ -169,6 +172,46 @@ def _solve(context: Context, formula: MultiObjective, states_of: StatesOf) -> _A
     flow = query.flow
     size, equations = flow.gains.shape[1], flow.equations + len(objectives)
     return _Asked(value, about, size, equations, flow.exact, close, query.front)
+
+
+def _lexicographic(
+    context: Context, objectives: Sequence[Objective], states_of: StatesOf
+) -> _Asked:
+    """Optimise one objective after the other; those before keep their optimal values.
+
+    An objective takes part only when its turn comes, because a finite cost is a restriction.
+
+    Source: Chatterjee, Katoen, Mohr, Weininger & Winkler (2023), 'Stochastic games with
+    lexicographic objectives', for the notion; the linear programs are those of `multi(...)`.
+    """
+    fixed = [o for o in objectives if o.bound is not None]
+    asked = [o for o in objectives if o.bound is None]
+    if not asked:
+        raise UnsupportedError("multilex(...) needs objectives with =?; multi(...) checks bounds")
+    query = _query(context, fixed, (), states_of)
+    met, about = query.answer()
+    close, values = query.close, list[Number]()
+    for objective in asked if met else ():
+        query = _query(context, [*fixed, objective], (len(fixed),), states_of)
+        value, _ = query.answer()
+        assert isinstance(value, float | Fraction)
+        if value is nan and not _cost(objective):
+            raise NumericalError(
+                "an optimum of multilex(...) is not attained within rounding errors"
+            )
+        # Otherwise each strategy that is optimal so far has infinite cost, and all are equal.
+        values.append(inf if value is nan else value)
+        if value == inf and objective is not asked[-1]:
+            raise UnsupportedError(
+                "an objective of multilex(...) whose reward some strategy collects for ever is "
+                "supported in the last place only"
+            )
+        if isfinite(value):
+            fixed.append(replace(objective, bound=Fraction(value)))
+    flow = query.flow
+    found = [tuple(values)] if met else []
+    about = "lexicographic optimum" if met else about
+    return _Asked(found, about, flow.gains.shape[1], flow.equations + len(fixed), flow.exact, close)
 
 
 def _query(

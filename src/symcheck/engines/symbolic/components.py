@@ -116,16 +116,53 @@ class Components:
         for c in range(mecs.count):
             yield self._numbered(part.states.odd, order[start[c] : start[c + 1]])
 
-    def _end_components(
-        self, within: Bdd
-    ) -> tuple[System, graph.EndComponents] | tuple[None, graph.EndComponents]:
-        """End components by enumeration of the states that can stay in `within` for ever."""
+    def _lasting(self, within: Bdd) -> Bdd:
+        """The states from which some strategy stays in a set for ever."""
         stay = within
         while True:
             smaller = stay & self._d.union(self.steps.slots_within(stay))
             if smaller == stay:
-                break
+                return stay
             stay = smaller
+
+    def _surely_accepted(self, stay: Bdd, visits: Sequence[SymbolicSet]) -> Bdd:
+        """The states from which some strategy surely stays and almost surely visits each set
+        infinitely often.
+
+        From each state of the fixpoint, choices that stay in it lead to a member of each set that
+        has such a choice: taking these paths again and again succeeds with probability 1.
+
+        Source: Chatterjee & Henzinger (2011), for almost-sure Buchi objectives.
+        """
+        while stay:
+            within = self.steps.slots_within(stay)
+            closed = not self.steps.before(self._d.states - stay) & stay
+            inside = stay & self._d.union(within)
+            for visit in visits:
+                target = visit.bdd & inside
+                # No choice leaves a closed set, so that any path will do.
+                inside = inside & (
+                    self.steps.backward(target, stay) if closed else self._nearing(target, within)
+                )
+            if inside == stay:
+                break
+            stay = inside
+        return stay
+
+    def _nearing(self, target: Bdd, within: Sequence[Bdd]) -> Bdd:
+        """The states with a path into a target by the choices of the states per slot."""
+        found = fresh = target
+        while fresh:
+            before = self.steps.slots_before(fresh)
+            fresh = self._d.union([w & b for w, b in zip(within, before, strict=True)]) - found
+            found = found | fresh
+        return found
+
+    def _end_components(
+        self, within: Bdd
+    ) -> tuple[System, graph.EndComponents] | tuple[None, graph.EndComponents]:
+        """End components by enumeration of the states that can stay in `within` for ever."""
+        stay = self._lasting(within)
         if not stay:
             return None, graph.EndComponents(np.empty(0, np.int32), np.empty(0, bool), 0)
         part = self._part(stay)
@@ -136,11 +173,16 @@ class Components:
         self, pairs: Sequence[tuple[SymbolicSet, Sequence[SymbolicSet]]]
     ) -> SymbolicSet:
         """States in an end component that, for some pair (avoid, visits), avoids `avoid` and meets
-        every set in `visits`.
+        every set in `visits`; if there are many, also those from which such a component is reached
+        almost surely while `avoid` is avoided.
         """
         accepted = []
         for avoid, visits in pairs:
-            part, mecs = self._end_components(self._d.states - avoid.bdd)
+            stay = self._lasting(self._d.states - avoid.bdd)
+            if self._set(stay).count > tuning.END_COMPONENT_STATES:
+                accepted.append(self._surely_accepted(stay, visits))
+                continue
+            part, mecs = self._end_components(stay)
             if part is None:
                 continue
             odd = part.states.odd
