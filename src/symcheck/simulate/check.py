@@ -23,6 +23,7 @@ from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.simulate.monitors import Monitor, path_monitor, reward_monitor
+from symcheck.simulate.path import used_seed
 from symcheck.simulate.sampling import Sampler
 from symcheck.simulate.sources import CommandSource, Source, TableSource
 from symcheck.simulate.statistics import IntervalEstimate, Plan, estimate, sequential_test
@@ -88,7 +89,7 @@ def check_by_sampling(
             "-sim cannot be combined with -exact: sampling estimates values, and -exact computes "
             "them in rational arithmetic"
         )
-    seed = int(np.random.SeedSequence().generate_state(1)[0]) if plan.seed is None else plan.seed
+    seed = used_seed(plan.seed)
     source: Source = (
         CommandSource(model, reward, labels)
         if table is None

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from symcheck.errors import Diagnostic, NameFault
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.interpreter import State
@@ -18,7 +20,7 @@ from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import ModelType
 from symcheck.tables import Table, Tabular
 
-__all__ = ["Path", "PathFormat", "PathStep", "rows", "table"]
+__all__ = ["Path", "PathFormat", "PathStep", "rows", "table", "used_seed"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +138,11 @@ class PathFormat:
     probabilities: bool = False
     changes: bool = False
     snapshot: float | None = None
+
+
+def used_seed(seed: int | None) -> int:
+    """The seed, or one that is drawn."""
+    return int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
 
 
 def table(path: Path, path_format: PathFormat | None = None) -> str:

@@ -14,7 +14,7 @@ from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import UsageError
 from symcheck.semantics.interpreter import State
 from symcheck.semantics.state_faults import describe_state
-from symcheck.simulate.path import Path, PathStep
+from symcheck.simulate.path import Path, PathStep, used_seed
 from symcheck.simulate.steps import Choice, Steps
 from symcheck.syntax.ast import ModelType
 
@@ -44,7 +44,7 @@ class Simulator:
     """
 
     def __init__(self, steps: Steps, seed: int | None = None) -> None:
-        self.seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
+        self.seed = used_seed(seed)
         self._steps = steps
         self._generator = np.random.default_rng(self.seed)
         self._path: list[PathStep] = [steps.start(self._generator)]

@@ -9,7 +9,7 @@ import numpy as np
 
 from symcheck.errors import UsageError, converts_memory_error
 from symcheck.semantics.interpreter import State
-from symcheck.simulate.path import Path
+from symcheck.simulate.path import Path, used_seed
 from symcheck.simulate.steps import Steps
 
 __all__ = ["simulate"]
@@ -44,8 +44,8 @@ def simulate(
     """
     if steps is not None and (not isinstance(cast(object, steps), Integral) or steps < 0):
         raise UsageError(f"steps={steps!r}: expected a whole number from 0, or None")
-    used_seed = int(np.random.SeedSequence().generate_state(1)[0]) if seed is None else seed
-    generator = np.random.default_rng(used_seed)
+    seed = used_seed(seed)
+    generator = np.random.default_rng(seed)
     limit = max_steps if steps is None else min(steps, max_steps)
     path = [model.start(generator)]
     forced: set[State] = set()  # states since the last one with several branches
@@ -67,4 +67,4 @@ def simulate(
         if time is not None and path[-1].time >= time:
             end = "time"
             break
-    return Path(model.model, tuple(path), end, used_seed)
+    return Path(model.model, tuple(path), end, seed)

@@ -42,6 +42,7 @@ from symcheck.teach.vectors import (
     reward_trace,
     until_trace,
 )
+from symcheck.view.choice_graph import GivenModel
 from symcheck.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -56,27 +57,12 @@ _MOST_STEPS = 3000
 """Iterations of a method that are computed for a page."""
 
 
-class PageModel(Protocol):
+class PageModel(GivenModel, Protocol):
     """What a page needs of a model: `symcheck.Model`."""
 
     @property
     def program(self) -> Program:
         """The parsed text."""
-        ...
-
-    @property
-    def bound(self) -> BoundModel:
-        """The bound model."""
-        ...
-
-    @property
-    def options(self) -> Options:
-        """How it is built and checked."""
-        ...
-
-    @property
-    def engine(self) -> Engine:
-        """The built model."""
         ...
 
     def with_options(self, **options: Unpack[OptionValues]) -> PageModel:

@@ -208,11 +208,9 @@ class QuotientEngine(BlockEngine):
         return ArraySet(self.base.where(expression).members[self.lumping.first])
 
 
-class _Chosen(list[Floats]):
+def _chosen(rewards: Mapping[int, Floats]) -> list[Floats]:
     """Rewards of the structures that the partition respects; others are empty."""
-
-    def __init__(self, rewards: Mapping[int, Floats]) -> None:
-        super().__init__(rewards.get(i, np.empty(0)) for i in range(max(rewards, default=-1) + 1))
+    return [rewards.get(i, np.empty(0)) for i in range(max(rewards, default=-1) + 1)]
 
 
 def lumped_engine(base: ExplicitEngine, lumping: Lumping) -> ExplicitEngine:
@@ -232,7 +230,7 @@ def lumped_diagrams_engine(source: SymbolicEngine, lumped: LumpedDiagrams) -> Ex
         np.full(lumped.matrix.rows, -1, np.int32),
         lumped.meeting(d.initial),
         lumped.meeting(d.deadlocks),
-        _Chosen({i: lumped.at_members(d.state_rewards[i]) for i in lumped.rewards}),
-        _Chosen(lumped.rewards),
+        _chosen({i: lumped.at_members(d.state_rewards[i]) for i in lumped.rewards}),
+        _chosen(lumped.rewards),
     )
     return BlockEngine(model)

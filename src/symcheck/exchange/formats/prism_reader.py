@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from symcheck.errors import UsageError
-from symcheck.exchange.column_reader import Columns, number_table, read_columns
+from symcheck.exchange.column_reader import Columns, read_columns
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, row_rewards
 from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
@@ -296,9 +296,6 @@ def _read_states(path: Path, n: int) -> list[tuple[str, Type, Int64s]]:
     names = [x for x in match[1].split(",") if x]
     if len(set(names)) < len(names):
         file.fault(0, "two variables have the same name", "repeated")
-    plain = _plain_states(file, names, n)
-    if plain is not None:
-        return plain
     if len(file.rows) - 1 != n:
         file.fault(
             len(file.rows) - 1,
@@ -319,44 +316,6 @@ def _read_states(path: Path, n: int) -> list[tuple[str, Type, Int64s]]:
         values[number] = own
     return [_column(file, name, [v[j] for v in values]) for j, name in enumerate(names)] or [
         ("x", Type.INT, np.arange(n))
-    ]
-
-
-def _plain_states(
-    file: Columns, names: Sequence[str], n: int
-) -> list[tuple[str, Type, Int64s]] | None:
-    """The states of a file that lists all of them in order without a fault.
-
-    None for any other file; it is then read line by line, which is slower.
-    """
-    body = file.source.text[file.body :]
-    if (
-        not names
-        or body.count(":(") != n
-        or body.count(")\n") + body.endswith(")") != n
-        or body.count(",") != n * (len(names) - 1)
-    ):
-        return None
-    switches = [
-        word in ("true", "false") for word in re.split(r"[(),:\s]+", body[: body.find("\n")])[1:-1]
-    ]
-    if body.count("true") + body.count("false") != n * sum(switches) or len(switches) != len(names):
-        return None
-    numbers = (
-        body.translate(str.maketrans("(),:", "    ")).replace("true", "1").replace("false", "0")
-    )
-    table = number_table(numbers)
-    if (
-        table is None
-        or table.shape != (n, len(names) + 1)
-        or not np.array_equal(table[:, 0], np.arange(n))
-    ):
-        return None
-    if not np.array_equal(table, np.floor(table)):
-        return None
-    return [
-        (name, Type.BOOL if switch else Type.INT, table[:, i].astype(np.int64))
-        for i, (name, switch) in enumerate(zip(names, switches, strict=True), 1)
     ]
 
 

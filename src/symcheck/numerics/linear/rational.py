@@ -7,7 +7,7 @@ Source: Dixon (1982), 'Exact solution of linear equations using p-adic expansion
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from typing import Any
@@ -25,7 +25,6 @@ __all__ = [
     "flint_number",
     "fractions",
     "least_solution",
-    "number_form",
     "number_rows",
     "restrict_rows",
     "solve_chain",
@@ -37,12 +36,8 @@ CHEAP_PIVOT = 400
 large, and lifting is faster: the steady state of fms with n=2 (810 states) takes 0.5 s, 0.9 s
 without elimination, and over 100 s by elimination alone."""
 
-SMALL_SYSTEM = 20
-"""Unknowns up to which numbers stay Fractions: loading FLINT takes 25 ms, longer than solving them.
-All of these unknowns are eliminated, because a pivot takes at most 20 * 20 products."""
-
 Number = Any
-"""A Fraction or a flint.fmpq: rationals with the same operators, all of one kind in a system."""
+"""A flint.fmpq, or an int."""
 Row = dict[int, Number]
 """The entries of a row by column."""
 
@@ -54,15 +49,10 @@ def flint_number(value: Fraction) -> Number:
     return flint.fmpq(value.numerator, value.denominator)
 
 
-def number_form(n: int) -> Callable[[Fraction], Number]:
-    """The conversion of Fractions to the numbers of a system of n unknowns."""
-    return flint_number if n > SMALL_SYSTEM else Fraction
-
-
-def number_rows(matrix: SparseMatrix, form: Callable[[Fraction], Number]) -> list[Row]:
+def number_rows(matrix: SparseMatrix) -> list[Row]:
     """The rows of a matrix of rationals."""
     known: dict[Fraction, Number] = {}
-    data = [known[v] if v in known else known.setdefault(v, form(v)) for v in matrix.data]
+    data = [known[v] if v in known else known.setdefault(v, flint_number(v)) for v in matrix.data]
     columns, starts = matrix.indices.tolist(), matrix.indptr.tolist()
     return [dict(zip(columns[i:j], data[i:j], strict=True)) for i, j in pairwise(starts)]
 
@@ -80,8 +70,7 @@ def solve_chain(matrix: SparseMatrix, constant: Numbers) -> Rationals:
     Raises:
         NumericalError: the solution is not finite, or not unique.
     """
-    form = number_form(matrix.rows)
-    return fractions(least_solution(number_rows(matrix, form), [form(c) for c in constant]))
+    return fractions(least_solution(number_rows(matrix), [flint_number(c) for c in constant]))
 
 
 def fractions(values: Sequence[Number]) -> Rationals:
@@ -225,8 +214,11 @@ def stationary_distribution(matrix: SparseMatrix) -> Rationals:
         One rational per state; they sum to 1.
     """
     n = matrix.rows
-    form = number_form(n)
-    rows, one, zero = number_rows(matrix, form), form(Fraction(1)), form(Fraction(0))
+    rows, one, zero = (
+        number_rows(matrix),
+        flint_number(Fraction(1)),
+        flint_number(Fraction(0)),
+    )
     if n == 1:
         return fractions([one])
     # With weight 1 at state 0: pi_j * leave_j = sum of pi_i * rate_ij, an equation per state j > 0.

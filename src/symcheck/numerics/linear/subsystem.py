@@ -35,6 +35,7 @@ from symcheck.numerics.settings import Accuracy, Settings
 __all__ = [
     "Bounds",
     "LocalSystem",
+    "component_solver",
     "make_proper",
     "policy_iteration",
     "solve_direct",
@@ -53,6 +54,14 @@ class Bounds:
     upper: Floats
     policy: Int32s | None = None
     iterations: int = 0
+
+
+def component_solver(problem: LinearProblem) -> ComponentSolver:
+    """The equations of a problem, as compiled methods read them."""
+    m = problem.rows
+    return ComponentSolver(
+        *m.arrays, m.groups, problem.constant, problem.high, problem.leaving, problem.mode
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,19 +83,8 @@ class LocalSystem:
     @staticmethod
     def whole(problem: LinearProblem) -> LocalSystem:
         """All equations of a problem."""
-        m = problem.rows
-        system = ComponentSolver(
-            *m.arrays,
-            m.groups,
-            problem.constant,
-            problem.high,
-            problem.leaving,
-            problem.mode,
-        )
-        return LocalSystem(
-            system.block(np.arange(problem.n, dtype=np.int32), np.zeros((problem.n, 2))),
-            problem.mode,
-        )
+        states, values = np.arange(problem.n, dtype=np.int32), np.zeros((problem.n, 2))
+        return LocalSystem(component_solver(problem).block(states, values), problem.mode)
 
     @property
     def n(self) -> int:

@@ -10,9 +10,8 @@ from symcheck.errors import UnsupportedError
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.methods import (
+    bounds,
     estimates,
-    interval,
-    optimistic,
     policy,
     rational,
     topological,
@@ -103,7 +102,7 @@ METHODS: Mapping[str, Method] = {
         ),
         Method(
             "interval",
-            interval.solve,
+            bounds.interval,
             "products",
             True,
             "lower and upper bounds from both sides",
@@ -111,7 +110,7 @@ METHODS: Mapping[str, Method] = {
         ),
         Method(
             "optimistic",
-            optimistic.solve,
+            bounds.optimistic,
             "products",
             True,
             "lower bounds, then a guessed and verified upper bound",

@@ -27,6 +27,7 @@ from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, 
 from symcheck.numerics.linear.subsystem import (
     Bounds,
     LocalSystem,
+    component_solver,
     solve_direct,
     solve_krylov,
 )
@@ -102,22 +103,14 @@ def solve_masked(
 
 def _solve_rows(problem: LinearProblem, settings: Settings, observer: Observer | None) -> Solution:
     """Solve a problem with non-negative constants, whose end components are collapsed."""
-    m = problem.rows
-    system = ComponentSolver(
-        *m.arrays,
-        m.groups,
-        problem.constant,
-        problem.high,
-        problem.leaving,
-        problem.mode,
-    )
+    system = component_solver(problem)
     known_exactly = problem.upper is None or bool(np.array_equal(problem.constant, problem.upper))
     strategy = np.full(problem.n if problem.mode else 0, -1, dtype=np.int64)
     values = np.zeros((problem.n, 2))
     run = TopologicalRun(
         system, problem.probability, known_exactly, values, strategy, settings, observer
     )
-    return _solve_components(run, graph.Incidence(m), None, problem.n)
+    return _solve_components(run, graph.Incidence(problem.rows), None, problem.n)
 
 
 def _solve_components(

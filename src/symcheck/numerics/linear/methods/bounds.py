@@ -1,11 +1,4 @@
-"""Optimistic value iteration, with products only.
-
-Lower bounds are iterated from 0 until they change little. Then an upper bound is guessed, which is
-proved as soon as one iteration does not raise it. No end components need to be collapsed if the
-least solution is wanted.
-
-Source: Hartmanns & Kaminski (2020), Optimistic value iteration.
-"""
+"""Proved bounds with products only."""
 
 from __future__ import annotations
 
@@ -24,11 +17,35 @@ from symcheck.numerics.linear.problem import (
 )
 from symcheck.numerics.settings import Settings
 
-__all__ = ["solve"]
+__all__ = ["interval", "optimistic"]
 
 
-def solve(problem: LinearProblem, settings: Settings, observer: Observer | None = None) -> Solution:
-    """Certified bounds; the upper bounds are infinite if no guess could be verified."""
+def interval(
+    problem: LinearProblem, settings: Settings, observer: Observer | None = None
+) -> Solution:
+    """Interval iteration for probabilities: lower bounds start at 0 and upper bounds at 1.
+
+    If there are end components (without rows, they are not collapsed), the bounds are correct but
+    need not converge; those of `optimistic` do.
+
+    Source: Haddad & Monmege (2018), Interval iteration algorithm for MDPs and IMDPs.
+    """
+    bellman = BellmanOperator.of(problem)
+    lower, upper = np.zeros(problem.n), np.ones(problem.n)
+    return iterate_bounds("interval iteration", bellman, lower, upper, 0, settings, observer)
+
+
+def optimistic(
+    problem: LinearProblem, settings: Settings, observer: Observer | None = None
+) -> Solution:
+    """Optimistic value iteration; upper bounds are infinite if no guess could be verified.
+
+    Lower bounds are iterated from 0 until they change little. Then an upper bound is guessed, which
+    is proved as soon as one iteration does not raise it. No end components need to be collapsed if
+    the least solution is wanted.
+
+    Source: Hartmanns & Kaminski (2020), Optimistic value iteration.
+    """
     if problem.signed:
         raise UnsupportedError("method 'optimistic' requires non-negative rewards")
     bellman = BellmanOperator.of(problem)
