@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from io import StringIO
 from math import isclose, isinf
+from pathlib import Path
 from random import Random
 
 import pytest
@@ -13,7 +14,12 @@ from hypothesis import strategies as st
 import symcheck
 from exchange.models import some_model
 from symcheck.errors import SymcheckError, SyntaxFault, UnsupportedError, UsageError
-from symcheck.exchange.strategies import strategy_target, strategy_texts, write_strategy
+from symcheck.exchange.strategies import (
+    strategy_target,
+    strategy_texts,
+    write_strategy,
+    write_strategy_files,
+)
 from symcheck.syntax.ast import ModelType
 
 ROBOT = """mdp
@@ -169,3 +175,22 @@ def test_equal_actions_need_indices(tmp_path):
     (tmp_path / "s.txt").write_text("0=1\n")
     chain = symcheck.induced_chain(model, symcheck.load_strategy(model, tmp_path / "s.txt"))
     assert chain.check("P=? [ F x=1 ]").value == 1
+
+
+@pytest.mark.parametrize("options", NUMBERS)
+def test_the_chain_of_a_strategy_with_memory_is_written_and_read(options, tmp_path):
+    best = symcheck.loads(ROBOT, strategy=True, **options).check('Pmax=? [ F<=3 "goal" ]')
+    target = strategy_target(f"{tmp_path}/best.tra,sta,lab,srew,trew")
+    assert target.kind == "induced"
+    names = write_strategy_files(best.strategy, target, StringIO())
+    assert [Path(name).suffix for name in names] == [".tra", ".sta", ".lab", ".srew", ".trew"]
+    read = symcheck.load_explicit(str(tmp_path / "best.all"), **options)
+    assert read.check('P=? [ F<=3 "goal" ]').value == best.value
+
+
+def test_constants_stay_known():
+    text = ROBOT.replace("const double p = 1/2;", "const double p;")
+    model = symcheck.loads(text, constants={"p": 0.25}, strategy=True)
+    chain = symcheck.induced_chain(model, model.check(GOAL.format("min")))
+    assert chain.given_constants == {"p": 0.25}
+    assert chain.check("p").value == 0.25

@@ -616,7 +616,8 @@ def _output(parser: _Parser) -> None:
         "exportstrat",
         metavar="FILE[:type=KIND]",
         action=_BuiltModel,
-        help="write a strategy of each mdp property: actions (default), indices, induced, dot",
+        help="write a strategy of each mdp property: actions (default), indices, induced, dot; "
+        "the induced chain also as FILE.tra,sta,lab or FILE.all",
     )
     parser.add(
         "exportvector",

@@ -212,15 +212,14 @@ def _write_product(
 
 
 def _write_strategy(argument: str, output: Output, result: Result, varying: ConstantTexts) -> None:
-    from symcheck.exchange.strategies import strategy_target, strategy_texts
-    from symcheck.exchange.text import write_text
+    from symcheck.exchange.strategies import strategy_target, write_strategy_files
 
     target = strategy_target(argument)
-    path = instance_path(target.path, varying)
+    target = replace(target, path=instance_path(target.path, varying))
     assert result.strategy is not None
-    write_text(path, strategy_texts(result.strategy, target), output.out)
-    if path != "stdout":
-        output.line(f'Strategy written to "{path}" ({target.kind})')
+    for path in write_strategy_files(result.strategy, target, output.out):
+        if path != "stdout":
+            output.line(f'Strategy written to "{path}" ({target.kind})')
 
 
 def _write_vector(path: str, output: Output, result: Result, precision: int) -> None:

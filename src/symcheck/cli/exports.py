@@ -103,6 +103,11 @@ def export_constants(
     Raises UsageError.
     """
     if a.exportprismconst is not None:
+        if a.importstrat is not None:
+            raise UsageError(
+                "the chain under a strategy has no text in the PRISM language; "
+                "-exportmodel writes it"
+            )
         path = instance_path(a.exportprismconst, varying)
         _write_program(a, path, output, model.instantiated())
 

@@ -51,7 +51,8 @@ def induced_chain(model: Model, strategy: Strategy | Result, *, reach: bool = Tr
             "  hint: check Pmin, Pmax, Rmin or Rmax of an MDP with the option strategy=True"
         )
     data = replace(induced_data(found, reach=reach), names=model.instantiated())
-    return explicit_model(data, replace(model.options, strategy=False, fairness=False))
+    chain = explicit_model(data, replace(model.options, strategy=False, fairness=False))
+    return replace(chain, given_constants=model.given_constants)
 
 
 def induced_data(

@@ -11,17 +11,27 @@ from typing import TextIO
 
 import numpy as np
 
+from symcheck.engines.base import StateSet
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import UsageError
 from symcheck.exchange.explicit_data import build_imported
 from symcheck.exchange.explicit_export import ExplicitExport, explicit_export
+from symcheck.exchange.export import EXTENSIONS, export, parse_target
 from symcheck.exchange.formats.dot import dot_file
 from symcheck.exchange.formats.prism_writer import transitions_file
 from symcheck.exchange.induced import induced_data
+from symcheck.exchange.text import write_text
 from symcheck.options import Options
 from symcheck.semantics.expressions.literals import format_state
 
-__all__ = ["KINDS", "StrategyTarget", "strategy_target", "strategy_texts", "write_strategy"]
+__all__ = [
+    "KINDS",
+    "StrategyTarget",
+    "strategy_target",
+    "strategy_texts",
+    "write_strategy",
+    "write_strategy_files",
+]
 
 KINDS = ("actions", "indices", "induced", "dot")
 
@@ -49,7 +59,8 @@ class StrategyTarget:
 def strategy_target(argument: str) -> StrategyTarget:
     """Parse `FILE[:type=KIND][,reach=…][,mode=restrict|reduce][,states=…]`.
 
-    Without `type`, the extension of the file says the kind. Without `reach`, only the induced chain
+    Without `type`, the extension of the file says the kind; that of the induced chain may name
+    several files, as `best.tra,sta,lab` or `best.all`. Without `reach`, only the induced chain
     has the states that are not reached.
 
     Raises:
@@ -61,10 +72,9 @@ def strategy_target(argument: str) -> StrategyTarget:
     options = dict(part.partition("=")[::2] for part in text.split(",") if part)
     # This option merges states with equal observations, and applies to POMDPs only.
     options.pop("obs", None)
-    kind = options.pop(
-        "type",
-        "dot" if path.endswith(".dot") else "induced" if path.endswith(".tra") else "actions",
-    )
+    kind = options.pop("type", "dot" if path.endswith(".dot") else "actions")
+    if kind == "actions" and _parts(path):
+        kind = "induced"
     mode = options.pop("mode", "reduce")
     reach = options.pop("reach", "false" if kind == "induced" else "true")
     states = options.pop("states", "true")
@@ -79,6 +89,33 @@ def strategy_target(argument: str) -> StrategyTarget:
         )
         raise UsageError(f"-exportstrat: cannot read '{text}'\n  hint: {known}")
     return StrategyTarget(path, kind, reach == "true", mode == "restrict", states == "true")
+
+
+def _parts(path: str) -> list[str]:
+    """The formats that a name such as `base.tra,sta`, `base.all` or `base.umb` ends in, or []."""
+    kinds = path.rpartition(".")[2].split(",")
+    return kinds if set(kinds) <= {*EXTENSIONS, "all", "rew"} - {"dot"} else []
+
+
+def write_strategy_files(strategy: Strategy, target: StrategyTarget, out: TextIO) -> list[str]:
+    """Write the file of a strategy, or the files of the induced chain, such as `best.tra,sta,lab`.
+
+    Args:
+        strategy: the strategy.
+        target: path and format.
+        out: the stream that 'stdout' stands for.
+
+    Returns:
+        The names of the files.
+
+    Raises:
+        UsageError: a file cannot be written.
+    """
+    if target.kind == "induced" and _parts(target.path) not in ([], ["tra"]):
+        parts = parse_target(target.path, "strategy")
+        return list(export(_export(strategy, target), parts, out))
+    write_text(target.path, strategy_texts(strategy, target), out)
+    return [target.path]
 
 
 def strategy_texts(strategy: Strategy, target: StrategyTarget) -> Iterator[str]:
@@ -132,4 +169,10 @@ def _decisions(
 
 def _export(strategy: Strategy, target: StrategyTarget) -> ExplicitExport:
     data = induced_data(strategy, reach=target.reach, restrict=target.restrict)
-    return explicit_export(build_imported(data, Options()))
+    engine = build_imported(data, Options(exact=strategy.engine.exact))
+    model = engine.model
+
+    def states(name: str) -> StateSet:
+        return engine.where(model.labels[name])
+
+    return explicit_export(engine, list(model.labels), states)

@@ -79,8 +79,8 @@ class _Decisions:
             if memory:
                 raise UnsupportedError(
                     f"'{self.file.source.name}' is a strategy with memory, and its file does not "
-                    "say how the memory changes\n  hint: -exportstrat FILE.tra writes the chain "
-                    "that it induces, and -importmodel FILE.tra reads it"
+                    "say how the memory changes\n  hint: -exportstrat FILE.all writes the chain "
+                    "that it induces, and -importmodel FILE.all reads it"
                 )
             number = self._number(i, state)
             if rows[number] >= 0:
