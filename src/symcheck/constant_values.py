@@ -201,7 +201,9 @@ def _values(name: str, text: str) -> tuple[str, ...]:
         raise ValueError(f"the range '{name}={text}' needs plain numbers") from None
     low, high = numbers[0], numbers[-1]
     step = numbers[1] if len(numbers) == 3 else Fraction(1)
-    if step <= 0 or high < low:
+    if step <= 0:
+        raise ValueError(f"the step of the range '{name}={text}' is not above 0")
+    if high < low:
         raise ValueError(f"the range '{name}={text}' is empty")
     integral = all(n.denominator == 1 for n in (low, step)) and not any(
         "." in part or "e" in part.lower() for part in parts

@@ -391,3 +391,16 @@ def test_details_are_sentences(engine, queue, capsys):
     assert status == 0
     assert "Long run: " in out
     assert not re.search(r"\w+\([a-z_]+=|[A-Z]\w+\(\d|\[\]: ", out)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["-const", "mu=1:0:3"], "the step of the range 'mu=1:0:3' is not above 0"),
+        (["-const", "mu=3:1"], "the range 'mu=3:1' is empty"),
+    ],
+)
+def test_messages_about_ranges(words, message, queue, capsys):
+    status, out, err = run(capsys, "q.sm", *words)
+    assert status in (1, 2)
+    assert message in out + err

@@ -148,7 +148,8 @@ class _Conditions:
                     "unknown-rewards",
                     f'there is no reward structure "{structure}"',
                     node.span,
-                    suggest(structure, named),
+                    suggest(structure, named)
+                    or (f"the names are {', '.join(named)}" if named else "the model has none"),
                 )
         elif structure is not None:
             number = self._constant(structure, "the number of a reward structure")
