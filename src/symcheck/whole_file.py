@@ -6,11 +6,8 @@ A file is written completely or not at all.
 from __future__ import annotations
 
 import errno
-import gzip
 import io
-import lzma
 import os
-import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -50,14 +47,23 @@ def read_whole(path: str | Path) -> bytes:
     """The bytes of a file, uncompressed. Raises UsageError if it cannot be read."""
     if not str(path):
         raise UsageError("the name of a file is empty")
-    _, ending = uncompressed_name(path)
     try:
         data = Path(path).read_bytes()
-        return {".gz": gzip.decompress, ".xz": lzma.decompress}.get(ending, bytes)(data)
-    except (EOFError, zlib.error, lzma.LZMAError, gzip.BadGzipFile) as error:
-        raise UsageError(f"cannot read {path}: not a whole {ending} file: {error}") from None
     except OSError as error:
         raise UsageError(f"cannot read {path}: {error.strerror or error}") from error
+    ending = uncompressed_name(path)[1]
+    return _uncompressed(data, ending, path) if ending else data
+
+
+def _uncompressed(data: bytes, ending: str, path: str | Path) -> bytes:
+    import gzip
+    import lzma
+    import zlib
+
+    try:
+        return gzip.decompress(data) if ending == ".gz" else lzma.decompress(data)
+    except (EOFError, zlib.error, lzma.LZMAError, gzip.BadGzipFile) as error:
+        raise UsageError(f"cannot read {path}: not a whole {ending} file: {error}") from None
 
 
 @contextmanager
@@ -65,6 +71,8 @@ def open_for_text(path: Path, name: str | Path) -> Iterator[TextIO]:
     """Open a file for writing text, compressed as a name asks for."""
     match uncompressed_name(name)[1]:
         case ".gz":
+            import gzip
+
             # Without a time and a name, the same text gives the same file.
             with (
                 path.open("wb") as whole,
@@ -73,6 +81,8 @@ def open_for_text(path: Path, name: str | Path) -> Iterator[TextIO]:
             ):
                 yield file
         case ".xz":
+            import lzma
+
             with lzma.open(path, "wt", encoding="utf-8") as file:
                 yield file
         case _:

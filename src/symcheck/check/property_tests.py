@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import overload
-from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
+from typing import TYPE_CHECKING, overload
 
 from symcheck.check.expected_results import Verdict, VerdictKind, expected_value, judge
 from symcheck.check.property_instance import PropertyInstance
@@ -20,6 +18,9 @@ from symcheck.errors import UsageError
 from symcheck.semantics.model import Value
 from symcheck.tables import Table, Tabular
 from symcheck.whole_file import write_whole
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element  # XML and JSON are imported where a report is written
 
 __all__ = ["PropertyTest", "PropertyTests", "check_report_file", "property_test"]
 
@@ -202,6 +203,8 @@ def check_report_file(path: str | Path) -> str:
 
 
 def _write_json(tests: PropertyTests, path: Path) -> None:
+    import json
+
     columns = tests.columns()
     places = {"file": [t.file for t in tests], "line": [t.line for t in tests]}
     table = {**columns, **places}
@@ -221,6 +224,8 @@ def _write_junit(tests: PropertyTests, path: Path) -> None:
     """The format that JUnit's Ant task introduced: a failure is an assertion that does not hold, an
     error anything else.
     """
+    from xml.etree.ElementTree import ElementTree, indent
+
     unsupported = sum(t.verdict.kind is VerdictKind.UNSUPPORTED for t in tests)
     ended = tests.error is not None
     counts = {
@@ -254,6 +259,8 @@ def _write_junit(tests: PropertyTests, path: Path) -> None:
 
 
 def _element(parent: Element | None, tag: str, **attributes: object) -> Element:
+    from xml.etree.ElementTree import Element, SubElement
+
     texts = {name: _clean(str(value)) for name, value in attributes.items()}
     return Element(tag, texts) if parent is None else SubElement(parent, tag, texts)
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 import importlib
 import os
 import sys
-from ctypes.util import find_library
 from types import ModuleType
 from typing import Any
 
@@ -62,6 +61,8 @@ def library() -> str:
     """
     if cudd is not None:
         return str(cudd.__file__)
+    from ctypes.util import find_library  # it imports modules that are needed nowhere else
+
     name = os.environ.get("SYMCHECK_CUDD") or find_library("cudd")
     if name is None:
         raise UnsupportedError(
