@@ -165,6 +165,33 @@ def test_strategies_of_mdps(formula):
             assert taken.setdefault(p.states[: i + 1], action) == action
 
 
+@pytest.mark.parametrize(
+    "formula", ['P<0.256 [ F "rich" ]', 'P>=0.3 [ F "rich" ]', 'P<32/125 [ F<=4 "rich" ]']
+)
+def test_sums_over_a_strategy_are_exact(formula):
+    model = symcheck.load(STAKES, exact=True)
+    found = model.check(formula).counterexample(paths=2000)
+    assert found.complete
+    assert found.probability == sum(p.probability for p in found.paths)
+    assert all(p.probability == replayed(model, p) for p in found.paths[:50])
+
+
+def test_paths_begin_in_an_initial_state_that_breaks_the_bound():
+    text = "dtmc module m x:[0..3]; y:[0..1]; [] x<3 -> 0.5:(x'=x+1)+0.5:(x'=0); endmodule init x=0 endinit"
+    found = symcheck.loads(text, exact=True).check("P<=0.3 [ F x=3&y=1 ]").counterexample()
+    assert {p[0].valuation for p in found.paths} == {(0, 1)}
+
+
+def test_models_without_commands():
+    found = (
+        symcheck.from_matrix([[0, 0.5, 0.5], [0, 1, 0], [0.5, 0, 0.5]])
+        .check("P<=0.6 [ F s=1 ]")
+        .counterexample()
+    )
+    assert [[s["s"] for s in p] for p in found.paths] == [[0, 1], [0, 2, 0, 1]]
+    assert found.note == "no commands: the model has none"
+
+
 @pytest.mark.parametrize("kind", ["dtmc", "mdp"])
 @pytest.mark.parametrize("engine", ["explicit", "sparse", "mtbdd"])
 def test_every_engine_gives_the_same_paths(kind, engine):
@@ -298,6 +325,8 @@ def test_nothing_needs_to_be_shown_of_a_trivial_bound():
 
 
 def test_an_initial_target_is_a_path():
+    none = symcheck.load(DIE).check("P<=0.1 [ F<=0 d=6 ]").counterexample()
+    assert [(len(p), p.probability) for p in none.paths] == [(1, 1.0)]
     found = symcheck.load(DIE).check("P<=0.5 [ F s=0 ]").counterexample()
     assert [len(p) for p in found.paths] == [1]
     assert found.note == "no commands: the initial state decides"

@@ -128,6 +128,14 @@ def test_certain_steps_have_no_length():
     assert (only.states, only.rows, only.probability) == ((0, 1, 2, 3), (0, 1, 2), 1.0)
 
 
+def test_no_step_is_left():
+    nothing = np.zeros(6, bool)
+    (only,) = likeliest_paths(
+        StepProblem(random_chain(Random(1)), ~nothing, nothing, ~nothing, 0), 0
+    )
+    assert (only.states, only.rows, only.probability) == ((0,), (), 1)
+
+
 def test_no_walk():
     matrix = random_chain(Random(1))
     nothing = np.zeros(6, bool)

@@ -183,7 +183,7 @@ class Result:
         if paths is not None and paths < 0:
             raise UsageError(f"paths={paths}: expected a number of paths from 0")
         if self.explain is None:
-            raise UnsupportedError("this result is not that of a check: there are no paths")
+            raise UnsupportedError("an estimate has no counterexample")
         return self.explain(paths)
 
     @property
