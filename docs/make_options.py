@@ -10,8 +10,8 @@ import re
 from pathlib import Path
 
 from symcheck import __version__
-from symcheck.cli.arguments import HELP_EPILOGUE, make_parser
-from symcheck.cli.switch_help import manual_page
+from symcheck.cli.switches.arguments import HELP_EPILOGUE, make_parser
+from symcheck.cli.switches.switch_help import manual_page
 from symcheck.options import OPTIONS, Option
 
 PAGE = Path(__file__).parent / "command_line.md"

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from symcheck.check.checker import check
-from symcheck.check.expected_results import Verdict, judge
 from symcheck.check.result import Result
+from symcheck.check.testing.expected_results import Verdict, judge
 from symcheck.engines.base import Engine
 from symcheck.engines.registry import build
 from symcheck.errors import SymcheckError

@@ -58,8 +58,8 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
-    from symcheck.check.property_tests import PropertyTests
     from symcheck.check.state_distributions import Distribution
+    from symcheck.check.testing.property_tests import PropertyTests
     from symcheck.engines.transition_table import TransitionTable
     from symcheck.matrices.rows import Floats
     from symcheck.semantics.reduction.reset_dead_variables import Reduction
@@ -365,7 +365,7 @@ class Model:
         r"""Compare the results of properties with the comments `// RESULT: …` above them.
 
         An error of a property, or of building the model, is the result of the property. The
-        convention is that of PRISM's tests: see `symcheck.check.expected_results`.
+        convention is that of PRISM's tests: see `symcheck.check.testing.expected_results`.
 
         Args:
             properties: as for `check_all`.
@@ -384,7 +384,7 @@ class Model:
             >>> model.test("// RESULT: 1/6\\nP=? [ F d=6 ]").ok
             True
         """
-        from symcheck.check.property_tests import PropertyTests, property_test
+        from symcheck.check.testing.property_tests import PropertyTests, property_test
 
         file = properties_file(properties)
         given = constant_values(constants)

@@ -40,7 +40,7 @@ def test_texts(text, values):
         ("x=1,x=2", "x is given twice"),
         ("x={}", "the list of values of x is empty"),
         ("x=3:1", "the range 'x=3:1' is empty"),
-        ("x=1:0:3", "is empty"),
+        ("x=1:0:3", "the step of the range 'x=1:0:3' is not above 0"),
         ("x=1:a", "needs plain numbers"),
         ("x=1:2:3:4", "has more than LOW:STEP:HIGH"),
     ],

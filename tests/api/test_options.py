@@ -9,7 +9,7 @@ from dataclasses import fields
 import pytest
 
 import symcheck
-from symcheck.cli.arguments import make_parser, parse_arguments
+from symcheck.cli.switches.arguments import make_parser, parse_arguments
 from symcheck.engines.registry import BUILDERS
 from symcheck.errors import UsageError
 from symcheck.exchange.api_io import load_explicit

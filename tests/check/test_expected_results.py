@@ -7,8 +7,8 @@ from math import inf, nan
 
 import pytest
 
-from symcheck.check.expected_results import VerdictKind, expected_value, judge
 from symcheck.check.result import Certified, Exact, Result, SolverRun, Statistical
+from symcheck.check.testing.expected_results import VerdictKind, expected_value, judge
 from symcheck.errors import (
     InternalError,
     ModelFault,

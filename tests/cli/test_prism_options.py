@@ -8,7 +8,7 @@ import re
 import pytest
 
 from symcheck.cli import main
-from symcheck.cli.arguments import parse_arguments
+from symcheck.cli.switches.arguments import parse_arguments
 from symcheck.errors import UsageError
 
 QUEUE = """ctmc

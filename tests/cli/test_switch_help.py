@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from symcheck.cli import main
-from symcheck.cli.arguments import make_parser
-from symcheck.cli.switch_help import SHELLS, completion
+from symcheck.cli.switches.arguments import make_parser
+from symcheck.cli.switches.switch_help import SHELLS, completion
 from symcheck.options import METHODS, OPTIONS
 
 ROOT = Path(__file__).parents[2]

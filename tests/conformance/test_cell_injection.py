@@ -9,7 +9,7 @@ import pytest
 from checking import judge_file
 from symcheck.api import load
 from symcheck.check.checker import check
-from symcheck.check.expected_results import VerdictKind
+from symcheck.check.testing.expected_results import VerdictKind
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.registry import BUILDERS
 from symcheck.errors import ModelFault

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from checking import RESULTS, judge_file
-from symcheck.check.expected_results import VerdictKind
+from symcheck.check.testing.expected_results import VerdictKind
 from symcheck.engines.registry import BUILDERS
 
 RUNS = [

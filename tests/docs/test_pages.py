@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 
 from symcheck.api import load
-from symcheck.cli import main, prism_options
-from symcheck.cli.arguments import make_parser
+from symcheck.cli import main
+from symcheck.cli.switches import prism_options
+from symcheck.cli.switches.arguments import make_parser
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

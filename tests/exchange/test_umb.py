@@ -44,18 +44,22 @@ def test_the_model_is_in_the_file(kind, tmp_path):
         model.engine, ["a", "b"], lambda n: model.engine.where(model.bound.labels[n])
     )
     system = raw.index.transition_system
-    assert (system.num_states, system.num_choices, system.num_branches) == (
-        shot.n,
-        shot.matrix.rows,
-        shot.matrix.entries,
-    )
+    assert (system.num_states, system.num_choices) == (shot.n, shot.matrix.rows)
+    # A chain has a branch for each action that contributes to an entry: the sum is the entry.
+    row_of_branch = np.repeat(np.arange(shot.matrix.rows), np.diff(raw.choice_to_branches))
+    pairs = np.stack([row_of_branch, raw.branch_to_target])
+    entries, entry_of_branch = np.unique(pairs, axis=1, return_inverse=True)
+    assert system.num_branches == len(row_of_branch)
+    assert kind != "mdp" or system.num_branches == shot.matrix.entries
     assert (
         np.flatnonzero(raw.state_is_initial).tolist()
         == np.flatnonzero(shot.labels["init"]).tolist()
     )
     values = shot.values / shot.row_sums[shot.row_of_entry] if kind == "ctmc" else shot.values
-    assert raw.branch_to_target == shot.matrix.indices.tolist()
-    assert [float(p) for p in raw.branch_to_probability] == pytest.approx(values.tolist())
+    assert entries.tolist() == [shot.row_of_entry.tolist(), shot.matrix.indices.tolist()]
+    probabilities = np.array([float(p) for p in raw.branch_to_probability])
+    sums = np.bincount(entry_of_branch, probabilities)
+    assert sums.tolist() == pytest.approx(values.tolist())
     if kind == "ctmc":
         assert [float(r) for r in raw.state_to_exit_rate] == pytest.approx(shot.row_sums.tolist())
     assert {n: v["states"] for n, v in raw.annotations["aps"].items()} == {
@@ -63,8 +67,9 @@ def test_the_model_is_in_the_file(kind, tmp_path):
     }
     rewards = raw.annotations["rewards"]["r"]
     assert rewards["states"] == shot.rewards[0].states.tolist()
-    entries = rewards.get("branches") or np.array(rewards["choices"])[shot.row_of_entry].tolist()
-    assert entries == pytest.approx(shot.entry_rewards(0).tolist())
+    earned = np.array(rewards.get("branches") or np.array(rewards["choices"])[row_of_branch])
+    means = np.bincount(entry_of_branch, earned * probabilities) / sums
+    assert means.tolist() == pytest.approx(shot.entry_rewards(0).tolist())
     names = [v.name for v in shot.variables]
     assert raw.valuations["states"] == [
         dict(zip(names, row, strict=True)) for row in np.array(shot.columns).T.tolist()

@@ -9,7 +9,7 @@ import pytest
 
 from kernels.columns import run_masked
 from symcheck.check.context import Context
-from symcheck.check.reward_queries import reward_values
+from symcheck.check.queries.rewards import reward_values
 from symcheck.check.state_formulas import is_plain, numbers, satisfying
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.compile import compile_expression

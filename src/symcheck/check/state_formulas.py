@@ -11,10 +11,10 @@ from symcheck.check.context import Context
 from symcheck.check.filters import AppliedFilter
 from symcheck.check.omega_regular import ctl
 from symcheck.check.path_formulas import StatesOf, resolve
-from symcheck.check.path_probabilities import probability, qualitative
+from symcheck.check.queries.path_probabilities import probability, qualitative
+from symcheck.check.queries.rewards import expected_time, reward_of, reward_values
+from symcheck.check.queries.steady_state import steady_values
 from symcheck.check.rebind_exact import exact_twin
-from symcheck.check.reward_queries import expected_time, reward_of, reward_values
-from symcheck.check.steady_state import steady_values
 from symcheck.check.thresholds import decide
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
@@ -137,7 +137,7 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
         case Filter() | StateFilter():
             return applied_filter(context, formula, matter).number().per_state
         case Quantile():
-            from symcheck.check.quantile import quantile
+            from symcheck.check.queries.quantile import quantile
 
             return quantile(context, formula, satisfying, matter)
         case MultiObjective():
@@ -252,7 +252,7 @@ def _measured(
             read = resolve(path, states_of(context), context.engine)
             return lambda c: probability(c, read, direction)
         case ConditionalProbability():
-            from symcheck.check.conditional import conditional_probability
+            from symcheck.check.queries.conditional import conditional_probability
 
             return lambda c: conditional_probability(c, formula, states_of(c), direction)
         case ExpectedTime(_, _, path):

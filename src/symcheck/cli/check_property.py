@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symcheck.api import Model
-from symcheck.check.expected_results import Verdict, VerdictKind, expected_value, judge
 from symcheck.check.property_instance import PropertyInstance
-from symcheck.check.property_tests import PropertyTest, property_test
 from symcheck.check.result import Result
-from symcheck.cli.arguments import Arguments
+from symcheck.check.testing.expected_results import Verdict, VerdictKind, expected_value, judge
+from symcheck.check.testing.property_tests import PropertyTest, property_test
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import ConstantTexts, instance_path
 from symcheck.cli.properties_input import UnparsedProperty
 from symcheck.cli.run_state import RunState
+from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import (
     InternalError,
     OutputError,

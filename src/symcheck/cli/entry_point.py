@@ -11,13 +11,13 @@ from threading import Lock, Thread
 from time import perf_counter
 from typing import NoReturn, TextIO
 
-from symcheck.cli.arguments import information, parse_arguments
 from symcheck.cli.check_property import internal_error
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import check_files, check_results_file, write_results
 from symcheck.cli.run import run
 from symcheck.cli.run_state import RunState
 from symcheck.cli.signals import StopSignals
+from symcheck.cli.switches.arguments import information, parse_arguments
 from symcheck.errors import (
     Interrupted,
     OutputError,

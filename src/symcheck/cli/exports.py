@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symcheck.api import Model
-from symcheck.cli.arguments import Arguments
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path
+from symcheck.cli.switches.arguments import Arguments
 from symcheck.constant_values import combinations, parse_constants
 from symcheck.engines.base import Engine
 from symcheck.errors import UnsupportedError, UsageError

@@ -8,7 +8,7 @@ from time import perf_counter
 
 from symcheck.api import Model, ReducedModel
 from symcheck.check.property_instance import PropertyInstance
-from symcheck.check.property_tests import property_test
+from symcheck.check.testing.property_tests import property_test
 from symcheck.cli import exports
 from symcheck.cli.check_property import check_property, report_unbuilt_model
 from symcheck.cli.output_paths import ConstantTexts

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from symcheck.api import Model
-from symcheck.cli.arguments import Arguments
+from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import UsageError
 from symcheck.syntax.parse import is_jani, parse_model, parse_model_file
 from symcheck.whole_file import uncompressed_name

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from typing import TextIO
 
 from symcheck import __version__
-from symcheck.check.property_tests import PropertyTests
 from symcheck.check.result import Estimate, Result
+from symcheck.check.testing.property_tests import PropertyTests
 from symcheck.engines.base import Engine
 from symcheck.engines.selection import Choice
 from symcheck.semantics.expressions.literals import format_value

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 
-from symcheck.cli.arguments import Arguments
+from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import UsageError
 from symcheck.experiments.rows import Row
 
@@ -66,7 +66,7 @@ def check_files(a: Arguments) -> None:
         except UsageError as error:
             raise UsageError(f"-exportpareto: {error}") from None
     if a.exporttests is not None:
-        from symcheck.check.property_tests import check_report_file
+        from symcheck.check.testing.property_tests import check_report_file
 
         try:
             check_report_file(a.exporttests)

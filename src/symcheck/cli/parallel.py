@@ -10,13 +10,13 @@ from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from io import StringIO
 
-from symcheck.check.property_tests import PropertyTest
-from symcheck.cli.arguments import Arguments
+from symcheck.check.testing.property_tests import PropertyTest
 from symcheck.cli.check_property import report_unbuilt_model
 from symcheck.cli.instance import InstancesTask
 from symcheck.cli.output import Output
 from symcheck.cli.progress import Progress
 from symcheck.cli.run_state import RunState, TestFailed
+from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import ResourceError, SymcheckError
 from symcheck.experiments.pool import LOST, completed
 from symcheck.experiments.rows import Row

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from symcheck.check.expected_results import VerdictKind
-from symcheck.check.property_tests import PropertyTest, PropertyTests
-from symcheck.cli.arguments import Arguments
+from symcheck.check.testing.expected_results import VerdictKind
+from symcheck.check.testing.property_tests import PropertyTest, PropertyTests
 from symcheck.cli.output import Output
+from symcheck.cli.switches.arguments import Arguments
 from symcheck.experiments.rows import Row
 from symcheck.options import Options
 

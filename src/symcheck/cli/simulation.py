@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from symcheck.api import Model
-from symcheck.cli.arguments import Arguments
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path
+from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import UsageError
 
 if TYPE_CHECKING:  # the simulator is imported where it is used: most runs do without

@@ -6,8 +6,8 @@ import sys
 from typing import TYPE_CHECKING
 
 from symcheck.api import Model
-from symcheck.cli.arguments import Arguments
 from symcheck.cli.output import Output
+from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import InputError, UsageError
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Protocol, Unpack
 from symcheck.check.context import Context
 from symcheck.check.path_formulas import UntilPath, resolve
 from symcheck.check.property_instance import PropertyInstance
+from symcheck.check.queries.rewards import reward_of
 from symcheck.check.result import Result, show_value
-from symcheck.check.reward_queries import reward_of
 from symcheck.check.state_formulas import states_of
 from symcheck.constant_values import GivenConstants, constant_values
 from symcheck.direction import Direction

@@ -13,7 +13,7 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.omega_regular.ltl import linear_product
 from symcheck.check.path_formulas import StatesOf, TemporalPath, UntilPath, resolve, temporal
-from symcheck.check.reward_queries import reward_of
+from symcheck.check.queries.rewards import reward_of
 from symcheck.engines.base import Engine, Number, Product, StateSet
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, full, is_infinite

@@ -24,7 +24,7 @@ from symcheck.check.path_formulas import (
     resolve,
     temporal,
 )
-from symcheck.check.reward_queries import discount_of, reward_of
+from symcheck.check.queries.rewards import discount_of, reward_of
 from symcheck.check.strategies.bounded import first_steps, within_rewards
 from symcheck.check.strategies.builder import StrategyBuilder
 from symcheck.check.strategies.to_explicit import to_explicit

@@ -65,7 +65,7 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
         return satisfied.choose(known, context.engine.constant(0, 1))
     # A difference of rationals is exact; one of doubles loses the digits of a small probability.
     if isinstance(path, UntilPath) and path.negative and not context.engine.exact:
-        from symcheck.check.complement_until import complement_until
+        from symcheck.check.queries.complement_until import complement_until
 
         certain = _probability_zero(context, path.left, path.right, direction and direction.dual)
         return complement_until(context, path, direction, certain)

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from symcheck.cli.prism_options import ignored_switches, refused_switches
+from symcheck.cli.switches.prism_options import ignored_switches, refused_switches
 from symcheck.errors import UsageError
 from symcheck.options import OPTIONS, Option
 

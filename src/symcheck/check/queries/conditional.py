@@ -7,7 +7,7 @@ from typing import cast
 
 from symcheck.check.context import Context
 from symcheck.check.path_formulas import Path, StatesOf, UntilPath, resolve
-from symcheck.check.path_probabilities import complement, probability
+from symcheck.check.queries.path_probabilities import complement, probability
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.errors import Diagnostic, InputError, UnsupportedError

@@ -15,7 +15,7 @@ from copy import copy
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, TypeVar
 
 from symcheck import __version__
-from symcheck.cli.prism_options import Adapted, adapt
+from symcheck.cli.switches.prism_options import Adapted, adapt
 from symcheck.errors import UsageError
 from symcheck.options import (
     OPTIONS,
@@ -30,7 +30,7 @@ from symcheck.syntax.ast import ModelType
 __all__ = ["HELP_EPILOGUE", "Arguments", "Export", "information", "make_parser", "parse_arguments"]
 
 if TYPE_CHECKING:  # most runs do without
-    from symcheck.cli.switch_help import SwitchDescription
+    from symcheck.cli.switches.switch_help import SwitchDescription
 
 T = TypeVar("T")
 
@@ -198,7 +198,7 @@ class _Parser(argparse.ArgumentParser):
 
     def switches(self) -> list[SwitchDescription]:
         """The switches, in the order of the help."""
-        from symcheck.cli.switch_help import SwitchDescription
+        from symcheck.cli.switches.switch_help import SwitchDescription
 
         found = []
         for action in self._actions:
@@ -720,7 +720,7 @@ def information(arguments: Arguments) -> str | None:
         return f"Python {number}: symcheck needs no Java virtual machine"
     if arguments.help is None and arguments.completion is None:
         return None
-    from symcheck.cli.switch_help import completion, explain
+    from symcheck.cli.switches.switch_help import completion, explain
 
     parser = make_parser()
     if arguments.help is not None:

@@ -10,9 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
-from symcheck.check.expected_results import Verdict, VerdictKind, expected_value, judge
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result, show_value
+from symcheck.check.testing.expected_results import Verdict, VerdictKind, expected_value, judge
 from symcheck.constant_values import GivenConstants
 from symcheck.errors import UsageError
 from symcheck.semantics.model import Value

@@ -138,7 +138,7 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
         elif name == "settings":
             if not (path := rest.take()):
                 raise UsageError("-settings: expected a file of PRISM's settings")
-            from symcheck.cli.prism_settings import read_settings
+            from symcheck.cli.switches.prism_settings import read_settings
 
             saved = read_settings(path)
             settings += saved.words

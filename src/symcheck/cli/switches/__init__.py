@@ -1,0 +1,1 @@
+"""The switches of the command line, and those of PRISM."""
