@@ -13,6 +13,7 @@ from symcheck.cli.model_input import STANDARD_INPUT, choose_model_file, read_mod
 from symcheck.cli.output_paths import NO_CONSTANTS
 from symcheck.cli.properties_input import PropertiesInput, read_properties
 from symcheck.cli.run_state import RunState, TestFailed
+from symcheck.cli.switches.arguments import Arguments
 from symcheck.constant_values import combinations, parse_constants
 from symcheck.errors import Diagnostic, NameFault, UsageError
 from symcheck.semantics.binding.bind import split_constants
@@ -53,6 +54,8 @@ def run(state: RunState) -> int:
     _note_unused_switches(state)
     model = read_model(a)
     properties = read_properties(a.properties, a.pf)
+    if not (properties.file.properties or properties.unparsed):
+        _refuse_exports_of_results(a)
     split = split_constants(model.program, properties.file, dict.fromkeys(given, ""))
     for warning in split.warnings:
         # No error: scripts give one list of constants to many models.
@@ -124,6 +127,22 @@ def _note_unused_switches(state: RunState) -> None:
             "Note: -exact has an engine of its own (states one by one, rational numbers); "
             f"-{engine} has no effect"
         )
+
+
+def _refuse_exports_of_results(a: Arguments) -> None:
+    """Without properties, nothing can be written to these files."""
+    for switch, target in (
+        ("exportstrat", a.exportstrat),
+        ("exportpareto", a.exportpareto),
+        ("exportcounterexample", a.exportcounterexample),
+        ("exporttests", a.exporttests),
+        ("exportresults", a.exportresults),
+    ):
+        if target is not None:
+            raise UsageError(
+                f"-{switch} needs a property\n  hint: name a file of properties, or -pf "
+                "'P=? [ F … ]'"
+            )
 
 
 def _selected_properties(file: PropertiesFile, selection: str | None) -> list[int]:

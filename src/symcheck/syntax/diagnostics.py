@@ -82,6 +82,8 @@ _SIGNS = {
     "\u200b": "nothing",
     "\ufeff": "nothing",
 }
+_PROPERTY_WORDS = _set("P Pmin Pmax R Rmin Rmax S T Tmin Tmax filter multi multilex quantile E A")
+_FOREIGN_OPERATORS = {"and": "&", "or": "|", "not": "!"}
 _MODEL_WORDS = _set("dtmc ctmc mdp module endmodule probabilistic stochastic nondeterministic")
 _OTHER_MODELS = {
     "pta": "probabilistic timed automata",
@@ -118,6 +120,21 @@ def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
             _span(source, fault),
             "model",
             "a run has one model: symcheck MODEL PROPERTIES",
+        )
+    if "MODULE" in expected and (found in _PROPERTY_WORDS or fault.token.type == "STRING"):
+        return Diagnostic(
+            "this is a property, where a model is expected",
+            _span(source, fault),
+            "model",
+            "a run has a model and properties: symcheck MODEL PROPERTIES; in Python, "
+            "model.check_all(path) checks a file of properties",
+        )
+    if "MODULE" in expected and found == "{":
+        return Diagnostic(
+            "this is no model in the PRISM language",
+            _span(source, fault),
+            "model",
+            "the name of a file in the JANI format ends in .jani",
         )
     special = (
         _other_model(fault, source, expected)
@@ -285,6 +302,10 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
     if glued and text[start - 1 : start + 1] in _DOUBLED:
         message, hint = _DOUBLED[text[start - 1 : start + 1]]
         return wrong(message, hint, 2, start - 1)
+    for word, at in ((fault.token.value, start), (fault.last, fault.previous - len(fault.last))):
+        if word in _FOREIGN_OPERATORS:
+            hint = f"write {_FOREIGN_OPERATORS[word]}"
+            return wrong(f"'{word}' is no operator of the language", hint, len(word), at)
     if two in ("[]", "<>") and "NEXT" in expected:
         return wrong(*_DOUBLED[two], 2)
     if two in ("||", "/*"):

@@ -673,8 +673,13 @@ class PropertiesBuilder(Builder):
         operator: str = _FILTER_SIGNS.get(word.value, word.value)
         span = self._words(values)
         if operator not in FILTERS:
-            hint = f"the filters are {', '.join((*FILTERS, 'values'))}"
-            self._wrong(f"there is no filter '{operator}'", span, "filter", hint)
+            from difflib import get_close_matches
+
+            known = (*FILTERS, "values")
+            near = get_close_matches(operator, known, 1)
+            hint = f"did you mean {near[0]}?" if near else f"the filters are {', '.join(known)}"
+            place = Span(self.source, word.start_pos, word.end_pos)
+            self._wrong(f"there is no filter '{operator}'", place, "filter", hint)
         return ast.Filter(operator, formula, states, span=span)
 
     def old_filter(self, values: Values) -> tuple[Expression, tuple[Any, ...]]:
