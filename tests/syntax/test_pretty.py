@@ -74,6 +74,12 @@ def temporal(inner: st.SearchStrategy[PathFormula]) -> st.SearchStrategy[PathFor
     return st.one_of(
         *(st.builds(kind, inner, bound) for kind in (ast.Next, ast.Eventually, ast.Globally)),
         *(st.builds(kind, inner, inner, bound) for kind in (ast.Until, ast.WeakUntil, ast.Release)),
+    )
+
+
+def path_formulas(inner: st.SearchStrategy[PathFormula]) -> st.SearchStrategy[PathFormula]:
+    return st.one_of(
+        temporal(inner),
         st.builds(
             Binary, st.sampled_from(["&", "|", "=>", "<=>", "="]).map(Operator), inner, inner
         ),
@@ -84,7 +90,7 @@ def temporal(inner: st.SearchStrategy[PathFormula]) -> st.SearchStrategy[PathFor
 
 def properties(inner: st.SearchStrategy[Expression]) -> st.SearchStrategy[Expression]:
     """Properties over inner ones."""
-    paths = st.recursive(inner, temporal, max_leaves=4)
+    paths = st.recursive(inner, path_formulas, max_leaves=4)
     queries = st.one_of(
         paths,
         EXPRESSIONS.map(lambda e: ast.CumulativeReward(ast.TimeBound(upper=e))),
