@@ -95,6 +95,50 @@ def test_a_certain_cost_is_attained(engine):
     assert check_text(model, "quantile(min B, Pmin>=1 [ F<=B x=4 ])").value == 4
 
 
+SLOW = """
+mdp
+module m
+  s : [0..3];
+  [a] s=0 -> 0.5 : (s'=2) + 0.5 : (s'=3);
+  [b] s=0 -> 0.5625 : (s'=1) + 0.4375 : (s'=3);
+  []  s=1 -> 0.0625 : (s'=2) + 0.9375 : (s'=1);
+  []  s>=2 -> true;
+endmodule
+rewards "cost" s<2 : 1; endrewards
+"""
+"""[a] attains 0.5 at once; [b] comes near 0.5625 slowly, so that the least limit says little."""
+
+TWO = """
+dtmc
+module m
+  s : [0..1];
+  [] s=0 -> (s'=1);
+  [] s=1 -> (s'=0);
+endmodule
+rewards "c" true : 1; endrewards
+rewards "d" s=0 : 1; endrewards
+"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    ("model", "path"),
+    [
+        (SLOW, 'P>=0.5 [ F{"cost"}<=B s=2 ]'),
+        (SLOW, 'P<=0.5 [ G{"cost"}<=B s!=2 ]'),
+        (TWO, 'P>=1 [ F^{rew{"c"}<=B, rew{"d"}>=20} s=1 ]'),
+    ],
+)
+def test_a_limit_at_the_threshold_may_be_met_late(engine, model, path):
+    """The answer is the first bound that satisfies the property, which is tried one by one."""
+    engine = engine_of(model, engine)
+    first = next(
+        b for b in itertools.count() if check_text(engine, path.replace("B", str(b))).value
+    )
+    assert first > 30
+    assert check_text(engine, f"quantile(min B, {path})").value == first
+
+
 def models(kind: str, count: int) -> Iterator[tuple[str, str]]:
     """Random models with a second reward structure, the costs, and states to be reached."""
     for seed in itertools.count():

@@ -301,6 +301,15 @@ def test_what_is_not_supported_is_named_with_its_place(found, message):
             text(model("ctmc", [automaton("m", ["l"], [edge("l", ("l", {}))])])),
             "edges of CTMCs need a rate",
         ),
+        (
+            text(
+                model(
+                    "ctmc",
+                    [automaton("m", ["l"], [edge("l", ("l", {}), rate=1), edge("l", ("l", {}))])],
+                )
+            ),
+            "edges of CTMCs need a rate",
+        ),
     ],
 )
 def test_faults_have_their_place(found, message):

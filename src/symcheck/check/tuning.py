@@ -16,6 +16,9 @@ LARGE_MODEL_STATES = 100_000
 """In models with at least so many states, values that are not requested are not computed."""
 QUANTILE_BOUND = 1 << 24
 """The largest bound that the search for a quantile tries."""
+QUANTILE_ROUNDS = 64
+"""Where perhaps no bound is the answer, bounds are tried up to so many times the cost of as many
+steps as there are states. A limit that is approached more slowly is left open, with an error."""
 CONDITIONAL_STATES = 1000
 """The most states of an MDP for which conditional probabilities are computed, one by one."""
 

@@ -114,8 +114,10 @@ class StopSignals:
     def writing(self) -> Iterator[None]:
         """A context that writes finished results: the process has more time to end."""
         self._deadline = monotonic() + _GRACE_FOR_FILES
-        yield
-        self._deadline = monotonic() + _GRACE
+        try:
+            yield
+        finally:
+            self._deadline = monotonic() + _GRACE
 
     @property
     def error(self) -> ResourceError:
@@ -161,7 +163,8 @@ class StopSignals:
 
     def _stop_for_memory(self) -> None:
         self._memory_ended = True
-        signal.pthread_kill(_main_thread(), signal.SIGALRM)
+        if signal.SIGALRM in self._previous:  # otherwise it is the caller's
+            signal.pthread_kill(_main_thread(), signal.SIGALRM)
 
     def _arrived(self) -> int:
         """The signal that arrives within a tenth of a second, or 0."""

@@ -106,7 +106,9 @@ def _diagrams_need_less(model: BoundModel) -> Iterator[None]:
     try:
         yield
     except (MemoryLimitError, MemoryError) as error:
-        if _is_unbounded(model):
+        from symcheck.dd.cudd_import import available
+
+        if _is_unbounded(model) or not available():
             raise
         raise _ExplorationMemoryError from error
 

@@ -12,7 +12,7 @@ from typing import overload
 
 from symcheck.api import Model, load, properties_file
 from symcheck.check.property_instance import PropertyInstance
-from symcheck.check.result import Answer, Exact, Result, show_value
+from symcheck.check.result import Answer, Estimate, Exact, Result, Statistical, show_value
 from symcheck.constant_values import GivenValues, combinations, value_lists
 from symcheck.errors import ResourceError, SymcheckError, UnsupportedError
 from symcheck.exchange.api_io import ImportedModel
@@ -305,6 +305,8 @@ def _relation(
     if isinstance(ours.value, bool) and isinstance(theirs, bool):
         if ours.value is theirs:
             return Agreement.SAME, ""
+        if isinstance(ours.accuracy, Estimate | Statistical):
+            return Agreement.DIFFERENT, "undecided: the answer of symcheck is an estimate"
         return Agreement.DIFFERENT, f"{peer} is wrong: the answer of symcheck is proved"
     ends = _ends(ours.value)
     if ends is None or isinstance(theirs, bool):

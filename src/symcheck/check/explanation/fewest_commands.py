@@ -21,6 +21,7 @@ import numpy as np
 from symcheck.check import tuning
 from symcheck.check.explanation.labelled_transitions import LabelledTransitions
 from symcheck.direction import Direction
+from symcheck.errors import NumericalError
 from symcheck.kernels.arrays import Bools
 from symcheck.matrices.numbers import full
 from symcheck.matrices.rows import SparseMatrix
@@ -124,6 +125,8 @@ def _hitting_set(cuts: list[Bools], count: int) -> Bools:
         integrality=np.ones(count),
         bounds=Bounds(0, 1),
     )
+    if found.x is None:
+        raise NumericalError(f"the smallest set of commands was not found: {found.message}")
     return np.asarray(found.x > 0.5)
 
 

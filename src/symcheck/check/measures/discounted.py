@@ -84,7 +84,7 @@ def discounted_reward(
     )
     if engine.exact or not solution.certified:
         return system.lift(solution.middle, None, exact=True)
-    margin = _rounding(context, rewards, discount, None)
+    margin = _rounding(system, rewards, discount, None)
     return _lifted(context, system, rewards, (solution.lower, solution.upper), margin)
 
 
@@ -120,7 +120,7 @@ def _iterated(
     exact, options = context.engine.exact, context.options
     factors = full(1, discount, exact=exact)
     factor = factors[0]
-    margin = 0.0 if exact else _rounding(context, rewards, discount, steps)
+    margin = 0.0 if exact else _rounding(system, rewards, discount, steps)
     # What is earned later changes nothing beyond rounding.
     negligible = 0.0 if exact else UNIT_ROUNDOFF * float(1 - discount)
     x = lower = upper = system.full(0)
@@ -147,7 +147,7 @@ def _iterated(
     return _lifted(context, system, rewards, (x, x) if steps else (lower, upper), margin)
 
 
-def _rounding(context: Context, rewards: Numbers, discount: Fraction, steps: int | None) -> float:
+def _rounding(system: System, rewards: Numbers, discount: Fraction, steps: int | None) -> float:
     """A bound on the rounding errors of the discount, of products and of the iteration.
 
     An error of c max|x| in each step amounts to c max|x| / (1 - discount) over all steps.
@@ -155,9 +155,8 @@ def _rounding(context: Context, rewards: Numbers, discount: Fraction, steps: int
     horizon = 1 / float(1 - discount)
     if steps is not None:
         horizon = min(horizon, float(steps))
-    entries = context.engine.transitions / max(1, context.engine.choices)
     largest = float(np.abs(rewards).max(initial=0.0)) * horizon
-    return 2 * (entries + 5) * UNIT_ROUNDOFF * largest * horizon
+    return 2 * (system.operator.longest + 5) * UNIT_ROUNDOFF * largest * horizon
 
 
 def _lifted(

@@ -177,9 +177,9 @@ def _lift(
     steps: int,
 ) -> Values:
     """Values that include the rounding error of the given number of steps."""
-    entries = context.engine.transitions / max(1, context.engine.choices)
-    rounding = steps * 2 * (entries + 2) * UNIT_ROUNDOFF
-    if context.engine.exact or rounding <= ROUNDING:
+    exact = context.engine.exact
+    rounding = 0.0 if exact else steps * 2 * (system.operator.longest + 2) * UNIT_ROUNDOFF
+    if rounding <= ROUNDING:
         return system.lift(low, None if high is low else high, rest, exact=high is low)
     return system.lift(low - rounding * np.abs(low), high + rounding * np.abs(high), rest)
 

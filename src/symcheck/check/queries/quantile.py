@@ -150,15 +150,16 @@ class _Search:
         at_zero = self._crossed(0, relevant)
         if at_zero:
             found[0] = at_zero
-        waiting = relevant - at_zero
+        waiting = sure = relevant - at_zero
         if waiting and self.upper:
-            never = waiting - self._crosses_at_last(waiting)
+            sure, possible = self._crosses_at_last(waiting)
+            never = waiting - sure - possible
             if never:
                 found[inf] = never
-            waiting = waiting - never
+            waiting = sure | possible
         low, high = 0, 1
         while waiting:
-            if high > tuning.QUANTILE_BOUND:
+            if high > (tuning.QUANTILE_BOUND if waiting & sure else self._last_trial()):
                 raise NumericalError(
                     f"the property does not change up to the bound {low:,}, for example in state "
                     f"{self.context.example(waiting)}, and larger bounds are not tried"
@@ -181,12 +182,14 @@ class _Search:
         self._bisect(low, middle, crossed, found)
         self._bisect(middle, high, states - crossed, found)
 
-    def _crosses_at_last(self, states: StateSet) -> StateSet:
-        """The states where some bound crosses, by the limit of the probability.
+    def _crosses_at_last(self, states: StateSet) -> tuple[StateSet, StateSet]:
+        """The states where some bound crosses, and those where one may, by the limit of the
+        probability.
 
-        If the limit is the threshold, it must be attained. A run of a strategy that attains it
-        visits no cycle with a cost, so that it costs at most that of as many steps as there are
-        states.
+        If the limit is the threshold, it must be attained. In a chain, and for a strategy that
+        makes reaching most likely, the runs that attain it visit no cycle with a cost, and cost at
+        most that of as many steps as there are states. Otherwise another strategy may have a
+        larger limit and come near it slowly; and a second bound may need cycles.
         """
         bound = self.formula.bound
         assert bound is not None
@@ -199,21 +202,42 @@ class _Search:
         )
         rest = states - sure
         if not (attains and rest):
-            return sure
+            return sure, states - states
         reached = self._with_operator(Operator.GE if self.increasing else Operator.LE, rest)
         if not reached:
-            return sure
-        return sure | self._crossed(self._largest(), reached)
+            return sure, reached
+        crossed = self._crossed(self._largest(), reached)
+        return sure | crossed, states - states if self._attained_without_cycles() else (
+            reached - crossed
+        )
 
-    def _with_operator(self, operator: Operator, states: StateSet) -> StateSet:
-        """The states whose limit compares so with the threshold."""
+    def _attained_without_cycles(self) -> bool:
+        """Whether a limit that is attained is attained within as many steps as states."""
+        path = self.formula.path
+        assert isinstance(path, UnaryTemporal | BinaryTemporal)
+        if isinstance(path.bound, RewardBounds) and len(path.bound.parts) > 1:
+            return False
+        most = Direction.MAX if isinstance(path, Eventually | Until | Next) else Direction.MIN
+        return self._direction() in (None, most)
+
+    def _last_trial(self) -> int:
+        """The largest bound that is tried where none may be the answer."""
+        return min(tuning.QUANTILE_BOUND, tuning.QUANTILE_ROUNDS * self._largest())
+
+    def _direction(self) -> str | None:
+        """The strategies that the bound is about; None for a chain."""
         direction = self.formula.direction
         if direction is None and self.context.engine.model.type is ModelType.MDP:
             above = self.formula.bound is not None and self.formula.bound.operator in (
                 Operator.GT,
                 Operator.GE,
             )
-            direction = (Direction.MIN if above else Direction.MAX).value
+            return (Direction.MIN if above else Direction.MAX).value
+        return direction
+
+    def _with_operator(self, operator: Operator, states: StateSet) -> StateSet:
+        """The states whose limit compares so with the threshold."""
+        direction = self._direction()
 
         def change(formula: ProbabilityOperator) -> ProbabilityOperator:
             path, bound = formula.path, formula.bound

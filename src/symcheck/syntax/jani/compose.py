@@ -136,8 +136,10 @@ class _Composer:
     def _check_rates(self, event_class: _EventClass) -> None:
         if self.network.type is not ModelType.CTMC:
             return
-        if not any(e.rate is not None for edges in event_class.parts.values() for e in edges):
-            edge = next(iter(event_class.parts.values()))[0]
+        # An event has a rate if each choice of edges has one: all edges of some participant do.
+        parts = event_class.parts.values()
+        if not any(all(e.rate is not None for e in edges) for edges in parts):
+            edge = next(e for edges in parts for e in edges if e.rate is None)
             raise edge.place.fault("edges of CTMCs need a rate")
 
     def _must_combine(self, classes: Sequence[_EventClass]) -> bool:
