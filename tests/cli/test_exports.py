@@ -282,3 +282,25 @@ def test_a_pareto_front_is_written(tmp_path, name):
 def test_files_of_fronts_have_a_known_extension(capsys):
     assert main([str(STAKES), "-pf", FRONT, "-exportpareto", "f.txt"]) != 0
     assert "none of .csv, .json" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("-exportstrat a -exportstrat b", "-exportstrat is given twice, and one file is written"),
+        ("-exportstrat a", "-exportstrat needs a property"),
+        ("-exportstrat a.tra.gz", "the files of an induced chain are not compressed"),
+        ("-exportpage die.html.gz", "hint: -exportpage die.html"),
+    ],
+)
+def test_what_cannot_be_written_is_said_at_once(words, message, capsys):
+    assert main([str(DIE), *words.split()]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_compare_takes_no_switches_that_it_does_not_honour(capsys):
+    die = str(DIE)
+    assert main(["compare", die, "-pf", "P=? [ F d=6 ]", "-with", "storm", "-test"]) == 2
+    assert "does not take -test" in capsys.readouterr().err
+    assert main(["compare", die, "-with", "storm"]) == 2
+    assert "compare needs a property" in capsys.readouterr().err

@@ -86,8 +86,9 @@ def check_files(a: Arguments) -> None:
     if a.exportpage is not None:
         page = Path(a.exportpage)
         if page.suffix.lower() not in (".html", ".htm"):
+            name = page.name.partition(".")[0]
             raise UsageError(
-                f"-exportpage: '{page}' is no HTML file\n  hint: -exportpage {page.stem}.html"
+                f"-exportpage: '{page}' is no HTML file\n  hint: -exportpage {name}.html"
             )
         _check_folder("-exportpage", page)
 

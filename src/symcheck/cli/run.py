@@ -55,6 +55,8 @@ def run(state: RunState) -> int:
     model = read_model(a)
     properties = read_properties(a.properties, a.pf)
     if not (properties.file.properties or properties.unparsed):
+        if peer is not None:
+            raise UsageError("compare needs a property\n  hint: name a file of properties, or -pf")
         _refuse_exports_of_results(a)
     split = split_constants(model.program, properties.file, dict.fromkeys(given, ""))
     for warning in split.warnings:

@@ -23,6 +23,7 @@ from symcheck.exchange.induced import induced_data
 from symcheck.exchange.text import write_text
 from symcheck.options import Options
 from symcheck.semantics.expressions.literals import format_state
+from symcheck.whole_file import uncompressed_name
 
 __all__ = [
     "KINDS",
@@ -69,10 +70,13 @@ def strategy_target(argument: str) -> StrategyTarget:
     path, colon, text = argument.rpartition(":")
     if not colon or "=" not in text:
         path, text = argument, ""
+    name, compressed = uncompressed_name(path)
+    if compressed and _parts(name):
+        raise UsageError("-exportstrat: the files of an induced chain are not compressed")
     options = dict(part.partition("=")[::2] for part in text.split(",") if part)
     # This option merges states with equal observations, and applies to POMDPs only.
     options.pop("obs", None)
-    kind = options.pop("type", "dot" if path.endswith(".dot") else "actions")
+    kind = options.pop("type", "dot" if name.endswith(".dot") else "actions")
     if kind == "actions" and _parts(path):
         kind = "induced"
     mode = options.pop("mode", "reduce")

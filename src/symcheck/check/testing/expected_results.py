@@ -23,6 +23,7 @@ from symcheck.semantics.model import Value
 
 __all__ = ["Verdict", "VerdictKind", "expected_value", "judge"]
 
+_INTERVAL = re.compile(r"\[([^,]+),(.+)\]")
 _LINE = re.compile(r"RESULT\s*(?:\((?P<constants>[^)]*)\))?\s*:\s*(?P<value>\S+)")
 _ABSOLUTE = 1e-12
 _RELATIVE = 1e-5
@@ -153,7 +154,7 @@ def _compare(expected: str, result: Result, constants: Mapping[str, Value], exac
             if _truth(text, constants) is not value:
                 raise _Unequal(f"{text} was expected, and the result is {show_value(value)}")
         case tuple():
-            parts = re.fullmatch(r"\[([^,]+),(.+)\]", text)
+            parts = _INTERVAL.fullmatch(text)
             if parts is None:
                 raise _Unequal(
                     f"{text} was expected, and the result is the interval {show_value(value)}"
@@ -162,6 +163,10 @@ def _compare(expected: str, result: Result, constants: Mapping[str, Value], exac
                 _compare_number(_number(part, constants), end, tolerance)
         case list():
             _compare_points(text, value, constants)
+        case int() | float() | Fraction() if parts := _INTERVAL.fullmatch(text):
+            low, high = (_number(part, constants) for part in parts.groups())
+            if not low <= value <= high:
+                _compare_number(low if value < low else high, value, tolerance)
         case int() | float() | Fraction():
             _compare_number(_number(text, constants), value, tolerance)
         case _:

@@ -741,4 +741,26 @@ def parse_arguments(words: Sequence[str]) -> Arguments:
         hint = "symcheck compare MODEL PROPERTIES -with storm (or -with prism)"
         missing = "compare needs a peer" if compares else "-with is a switch of compare"
         raise UsageError(f"{missing}\n  hint: {hint}")
+    for switch in _ONE_FILE:
+        if sum(word.split("=", 1)[0].lstrip("-") == switch for word in adapted.words) > 1:
+            raise UsageError(
+                f"-{switch} is given twice, and one file is written\n  hint: name one file"
+            )
+    if compares:
+        refused = [s for s in (*_ONE_FILE, *_NOT_COMPARED) if getattr(arguments, s)]
+        if refused:
+            raise UsageError(f"compare prints a table of answers, and does not take -{refused[0]}")
     return arguments
+
+
+_ONE_FILE = (
+    *("exportstrat", "exportresults", "exportpage", "exportcounterexample", "exportpareto"),
+    *("exporttests", "exportprodtrans", "exportprodstates"),
+)
+"""The switches that name one file."""
+
+_NOT_COMPARED = (
+    *("exports", "exportvector", "exportdot", "counterexample", "sim", "simpath", "step"),
+    *("test", "testall", "transient", "steadystate"),
+)
+"""Further switches of what `compare` does not do."""
