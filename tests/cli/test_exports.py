@@ -259,6 +259,7 @@ def test_a_faulty_time_and_an_explicit_file_are_found_first(
 
 
 STAKES = Path(__file__).parents[2] / "models" / "gambler" / "stakes.nm"
+DIE_FILE = STAKES.parents[1] / "die" / "die.pm"
 FRONT = 'multi(Pmax=? [ F "rich" ], R{"bets"}max=? [ C<=3 ])'
 
 
@@ -294,12 +295,12 @@ def test_files_of_fronts_have_a_known_extension(capsys):
     ],
 )
 def test_what_cannot_be_written_is_said_at_once(words, message, capsys):
-    assert main([str(DIE), *words.split()]) == 2
+    assert main([str(DIE_FILE), *words.split()]) == 2
     assert message in capsys.readouterr().err
 
 
 def test_compare_takes_no_switches_that_it_does_not_honour(capsys):
-    die = str(DIE)
+    die = str(DIE_FILE)
     assert main(["compare", die, "-pf", "P=? [ F d=6 ]", "-with", "storm", "-test"]) == 2
     assert "does not take -test" in capsys.readouterr().err
     assert main(["compare", die, "-with", "storm"]) == 2
