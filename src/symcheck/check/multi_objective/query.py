@@ -195,7 +195,9 @@ def _lexicographic(
         query = _query(context, [*fixed, objective], (len(fixed),), states_of)
         value, _ = query.answer()
         assert isinstance(value, float | Fraction)
-        if value is nan and not _cost(objective):
+        if value is nan and not (
+            _cost(objective) and _query(context, fixed, (), states_of).answer()[0]
+        ):
             raise NumericalError(
                 "an optimum of multilex(...) is not attained within rounding errors"
             )

@@ -88,7 +88,11 @@ def pareto_front(flow: Flow, asked: Sequence[int], least: Numbers) -> Front | No
     while (facet := next((f for f in cells.facets() if f.weights not in proved), None)) is not None:
         point = best(facet.weights)
         tolerance = Fraction(flow.tolerance) * max(Fraction(1), *map(abs, _rational(points[0])))
-        if point is None or _dot(facet.weights, _rational(point)) <= facet.bound + tolerance:
+        if point is None:  # the constraints are those of the first point
+            raise NumericalError(
+                "a linear program of this Pareto query fails by rounding: use -exact"
+            )
+        if _dot(facet.weights, _rational(point)) <= facet.bound + tolerance:
             proved.add(facet.weights)
             continue
         if len(points) == _MOST_POINTS:
