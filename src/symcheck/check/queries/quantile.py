@@ -74,10 +74,8 @@ def quantile(
     first = search.first_crossing(relevant)
     least = formula.optimum == "min"
     values = context.engine.constant(0)
+    holds = search.upward  # from the crossing on; otherwise before it
     for bound, states in first.items():
-        holds = (
-            search.upward
-        )  # the bounds from the crossing on satisfy the property, or those before
         crossed = bound < inf
         if least:
             value = bound if holds else (0.0 if bound > 0 else inf)
@@ -207,9 +205,10 @@ class _Search:
         if not reached:
             return sure, reached
         crossed = self._crossed(self._largest(), reached)
-        return sure | crossed, states - states if self._attained_without_cycles() else (
-            reached - crossed
-        )
+        possible = reached - crossed
+        if self._attained_without_cycles():
+            possible = states - states
+        return sure | crossed, possible
 
     def _attained_without_cycles(self) -> bool:
         """Whether a limit that is attained is attained within as many steps as states."""
