@@ -10,7 +10,7 @@ import pytest
 import symcheck
 from symcheck.check.result import Certified, Estimate, Exact, Result
 from symcheck.cli import main
-from symcheck.errors import UnsupportedError, UsageError
+from symcheck.errors import MemoryLimitError, UnsupportedError, UsageError
 from symcheck.peers.compare import Agreement, _relation
 from symcheck.peers.programs import PeerError, _read
 
@@ -71,7 +71,7 @@ def test_what_one_of_the_two_does_not_answer_is_no_difference(capsys):
     ]
     assert main(words) == 0
     out = capsys.readouterr().out
-    assert "1 same, 0 different, 2 unanswered" in out
+    assert "1 same, 0 different, 2 unanswered (1 by symcheck, 1 by Storm)" in out
     assert "Could not parse formula: E [ F d=6 ]" in out
     assert "symcheck: -pf:1:22: error" in out
 
@@ -132,6 +132,69 @@ def test_a_peer_without_an_answer(prism):
     prism("sleep 60 & wait")
     found = symcheck.compare(DIE, "d=0", peer="prism", time_limit=0.2)[0]
     assert (found.agreement, found.explanation) == (UNANSWERED, "PRISM: no answer in 0.2 seconds")
+
+
+def test_a_peer_that_runs_out_of_memory_leaves_the_other_rows(prism, capsys):
+    prism(
+        "case $* in *'-prop 1'*) kill -9 $$;; *'-prop 2'*) echo 'ERROR: std::bad_alloc';; *) echo 'Result: true'; esac"
+    )
+    found = symcheck.compare(DIE, "d=0; s=0; true", peer="prism")
+    assert [p.explanation for p in found] == [
+        "PRISM: it was ended by SIGKILL: perhaps the memory is exhausted",
+        "PRISM: there is not enough memory",
+        "",
+    ]
+    assert found.summary == "1 same, 0 different, 2 unanswered (2 by PRISM)"
+
+
+def test_a_memory_limit_of_ours_leaves_the_other_rows(prism, monkeypatch):
+    prism("echo 'Result: true'")
+    check = symcheck.Model.check_instance
+
+    def limited(model, instance, **others):
+        if instance.index == 0:
+            raise MemoryLimitError("the memory limit was reached")
+        return check(model, instance, **others)
+
+    monkeypatch.setattr(symcheck.Model, "check_instance", limited)
+    found = symcheck.compare(DIE, "d=0; true", peer="prism")
+    assert [p.explanation for p in found] == ["symcheck: the memory limit was reached", ""]
+
+
+def test_rows_are_kept_when_the_run_is_stopped(prism, capsys):
+    prism("case $* in *'-prop 2'*) sleep 60;; *) echo 'Result: true'; esac")
+    assert main(["compare", str(DIE), "-pf", "d=0; s=0", "-with", "prism", "-timeout", "1"]) == 3
+    out, err = capsys.readouterr()
+    assert "1 same, 0 different, 0 unanswered" in out
+    assert "the time limit was reached" in err
+
+
+def test_a_run_without_two_answers_fails(prism, capsys):
+    prism("echo 'Error: no such thing.'; exit 1")
+    assert main(["compare", str(DIE), "-pf", "d=0", "-with", "prism"]) == 1
+    assert "there are no two answers to compare" in capsys.readouterr().out
+
+
+def test_a_faulty_model_is_an_error_of_the_run(prism, tmp_path, capsys):
+    prism("echo 'Result: true'")
+    model = tmp_path / "m.pm"
+    model.write_text("dtmc module m x : [0..1]; [] x=0 -> 0.5 : (x'=1); endmodule")
+    assert main(["compare", str(model), "-pf", "true", "-with", "prism"]) == 1
+    assert "probabilities sum to 0.5" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("multi(Pmax=? [F money=8], Pmax=? [F money=0])", "its result is not a number"),
+        ("Pmax=? [ F money=8 ] + 1", "Could not parse formula: Pmax=? [ F money=8 ] + 1."),
+    ],
+)
+def test_storm_gives_reasons_in_its_words_and_not_in_those_of_python(text, message):
+    pytest.importorskip("stormpy")
+    found = symcheck.compare(MODELS / "gambler/stakes.nm", text)[0]
+    assert message in found.explanation
+    assert not any(word in found.explanation for word in ("object", "Exception", "attribute"))
 
 
 def test_a_missing_peer_is_told_first(monkeypatch, capsys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from math import isfinite, isnan
@@ -14,7 +15,13 @@ from symcheck.api import Model, load, properties_file
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Answer, Estimate, Exact, Result, Statistical, show_value
 from symcheck.constant_values import GivenValues, combinations, value_lists
-from symcheck.errors import ResourceError, SymcheckError, UnsupportedError
+from symcheck.errors import (
+    Interrupted,
+    MemoryLimitError,
+    SymcheckError,
+    TimeLimitError,
+    UnsupportedError,
+)
 from symcheck.exchange.api_io import ImportedModel
 from symcheck.peers.programs import Answer as PeerAnswer
 from symcheck.peers.programs import Peer, PeerError, Question, find_peer
@@ -109,10 +116,20 @@ class Comparison(Sequence[ComparedProperty], Tabular):
         return tuple(p for p in self.properties if p.agreement is Agreement.DIFFERENT)
 
     @property
+    def answered(self) -> bool:
+        """Whether at least one property has two answers that can be compared."""
+        return any(p.agreement is not Agreement.UNANSWERED for p in self.properties)
+
+    @property
     def summary(self) -> str:
-        """How many answers are the same, differ, or are missing."""
+        """How many answers are the same, differ, or are missing, and who has not answered."""
         counts = [sum(p.agreement is a for p in self.properties) for a in Agreement]
-        return ", ".join(f"{n} {a.value}" for n, a in zip(counts, Agreement, strict=True))
+        text = ", ".join(f"{n} {a.value}" for n, a in zip(counts, Agreement, strict=True))
+        open_rows = [p for p in self.properties if p.agreement is Agreement.UNANSWERED]
+        ours = sum(p.value is None for p in open_rows)
+        theirs = len(open_rows) - ours
+        who = [f"{n} by {x}" for n, x in ((ours, "symcheck"), (theirs, self.peer)) if n]
+        return f"{text} ({', '.join(who)})" if who else text
 
     def _table(self) -> Table:
         rows = [
@@ -208,16 +225,26 @@ def compared(
     tolerance: float = 1e-6,
     time_limit: float = 300.0,
 ) -> Iterator[ComparedProperty]:
-    """Check each property with symcheck and with a peer. Raises UnsupportedError, ResourceError."""
+    """Check each property with symcheck and with a peer.
+
+    A memory limit, of one or the other, leaves a property unanswered, and the next one is asked.
+
+    Raises:
+        UnsupportedError: the model has no commands.
+        InputError: the model is faulty.
+        ResourceError: the time limit was reached, or the user stopped the run.
+    """
     if isinstance(model, ImportedModel):
         raise UnsupportedError("a peer reads the commands of a model, and this model has none")
+    with suppress(MemoryLimitError):
+        _ = model.engine  # a faulty model is an error of the run, and not of each property
     with TemporaryDirectory() as folder:
         for instance in instances:
             ours: Result | SymcheckError
             theirs: PeerAnswer | PeerError
             try:
                 ours = model.check_instance(instance)
-            except ResourceError:
+            except (TimeLimitError, Interrupted):
                 raise
             except SymcheckError as error:
                 ours = error

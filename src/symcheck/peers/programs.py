@@ -93,12 +93,27 @@ _RESULT = re.compile(r"^Result(?: \([^)]*\))?: *(.*)$", re.MULTILINE)
 _ERROR = re.compile(r"^(?:Error|ERROR)\b[^:]*: *(.*)$", re.MULTILINE)
 
 
+_KIND = re.compile(r"^\w+(?:Exception|Error): +")
+"""The class of an exception of Storm, before its message."""
+
+_NO_MEMORY = "there is not enough memory"
+
+
+def _ending(status: int) -> str:
+    """How a program without a result and a message has ended."""
+    if status >= 0:
+        return f"it ended with status {status} and without a result"
+    name = signal.Signals(-status).name
+    reason = ": perhaps the memory is exhausted" if name == "SIGKILL" else ""
+    return f"it was ended by {name}{reason}"
+
+
 def _read(output: str, status: int) -> Answer:
     """The answer in the output of a peer. Raises PeerError."""
     found = _RESULT.findall(output)
     if not found:
-        faults = _ERROR.findall(output) or [f"it ended with status {status} and without a result"]
-        raise PeerError(faults[-1])
+        faults = _ERROR.findall(output) or [_ending(status)]
+        raise PeerError(_NO_MEMORY if "bad_alloc" in faults[-1] else _KIND.sub("", faults[-1]))
     text = re.split(r" +\(", found[-1].strip())[0]
     if text in ("true", "false"):
         return text == "true"

@@ -25,7 +25,11 @@ def main(path: str, text: str, constants: str) -> None:
         raise RuntimeError("the model has several initial states")
     environment = stormpy.Environment()
     result = stormpy.model_checking(model, properties[0], environment=environment)
+    if result is None:
+        raise RuntimeError("there is no result for a property of this kind")
     state = model.initial_states[0]
+    if not hasattr(result, "get_value") and not result.is_qualitative():
+        raise RuntimeError("its result is not a number")
     value = bool(result[state]) if result.is_qualitative() else result.get_value(state)
     print(f"\nResult (for initial states): {str(value).lower()}")
 
@@ -33,6 +37,12 @@ def main(path: str, text: str, constants: str) -> None:
 if __name__ == "__main__":
     try:
         main(*sys.argv[1:])
+    except (AttributeError, TypeError):  # these are faults of the calls, and not words of Storm
+        print("\nERROR: stormpy has no call that answers a property of this kind")
+        sys.exit(1)
+    except MemoryError:
+        print("\nERROR: there is not enough memory")
+        sys.exit(1)
     except Exception as error:  # of any kind: its text is the answer
         print(f"\nERROR: {error}")
         sys.exit(1)
