@@ -6,16 +6,18 @@ import pytest
 
 from semantics.cases import raise_faults
 from symcheck.errors import InputError, NameFault, TypeFault
+from symcheck.semantics.binding import bind_properties as bind_properties_module
 from symcheck.semantics.binding.bind import (
     BoundProperties,
     bind,
     bind_expression,
     bind_properties,
+    bind_property,
     needed_constants,
     split_constants,
 )
 from symcheck.semantics.rewards import Structure, operator_reward
-from symcheck.syntax.ast import RewardOperator, Type
+from symcheck.syntax.ast import Expression, RewardOperator, Type
 from symcheck.syntax.parse import parse_expression, parse_model, parse_properties
 
 MODEL = """const int N; const double p = 1/2; formula late = s>N;
@@ -53,6 +55,28 @@ def test_names_are_resolved() -> None:
         "early": parse_expression("!(s>2)"),
     }
     assert properties.constants == {"N": 2, "p": 0.5, "k": 3}
+
+
+def test_one_property_is_bound_as_among_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = """label "early" = s<k; const int k;
+    "a": P=? [ F "late" & s=missing ];
+    "b": P=? [ "early" U "c" ];
+    "c": P>=p [ F "late" ];"""
+    file, model = parse_properties(text), bind(parse_model(f"dtmc {MODEL}"), {"N": 2})
+    together = bind_properties(file, model, {"k": 3})
+    typed = []
+    typed_formula = bind_properties_module._Properties._typed
+
+    def count(self: bind_properties_module._Properties, x: Expression) -> tuple[Expression, Type]:
+        typed.append(x)
+        return typed_formula(self, x)
+
+    monkeypatch.setattr(bind_properties_module._Properties, "_typed", count)
+    alone, labels = bind_property(file, 1, model, {"k": 3})
+    assert (alone, labels) == (together.properties[1], together.labels)
+    assert len(typed) == 1
+    faulty, _ = bind_property(file, 0, model, {"k": 3})
+    assert faulty.fault is not None
 
 
 def test_exact() -> None:

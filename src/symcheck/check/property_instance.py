@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from symcheck.constant_values import ConstantValue, GivenConstants, combinations
-from symcheck.semantics.binding.bind import BoundProperty, bind_properties, needed_constants
+from symcheck.semantics.binding.bind import BoundProperty, bind_property, needed_constants
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 from symcheck.syntax.declarations import Program, PropertiesFile
@@ -59,8 +59,7 @@ class PropertyInstance:
 
     def bind(self, model: BoundModel) -> tuple[BoundProperty, Mapping[str, Expression]]:
         """The property bound to a model, and the labels that it may use. Raises InputError."""
-        bound = bind_properties(self.file, model, self.constants)
-        return bound.properties[self.index], bound.labels
+        return bind_property(self.file, self.index, model, self.constants)
 
     def formula(self, model: BoundModel) -> Expression:
         """The formula bound to a model: what `check` takes as `rebind`. Raises InputError."""

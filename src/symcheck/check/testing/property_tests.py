@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["PropertyTest", "PropertyTests", "check_report_file", "property_test"]
 
-_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_NO_XML = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 _FAILURES = (VerdictKind.FAIL, VerdictKind.UNSUPPORTED)
 
 
@@ -267,4 +267,4 @@ def _element(parent: Element | None, tag: str, **attributes: object) -> Element:
 
 def _clean(text: str) -> str:
     """A text without the characters that XML cannot have."""
-    return _NO_XML.sub("\ufffd", text)
+    return re.sub(_NO_XML, "\ufffd", text)

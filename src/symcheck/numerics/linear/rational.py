@@ -7,7 +7,7 @@ Source: Dixon (1982), 'Exact solution of linear equations using p-adic expansion
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from typing import Any
@@ -25,6 +25,7 @@ __all__ = [
     "flint_number",
     "fractions",
     "least_solution",
+    "number_form",
     "number_rows",
     "restrict_rows",
     "solve_chain",
@@ -36,8 +37,12 @@ CHEAP_PIVOT = 400
 large, and lifting is faster: the steady state of fms with n=2 (810 states) takes 0.5 s, 0.9 s
 without elimination, and over 100 s by elimination alone."""
 
+SMALL_SYSTEM = 20
+"""Unknowns up to which numbers stay Fractions: loading FLINT takes a tenth of the whole run that
+checks the die. All of these unknowns are eliminated: a pivot takes at most 20 * 20 products."""
+
 Number = Any
-"""A flint.fmpq, or an int."""
+"""A Fraction, a flint.fmpq, or an int: the same operators, and one kind beside ints in a system."""
 Row = dict[int, Number]
 """The entries of a row by column."""
 
@@ -49,10 +54,15 @@ def flint_number(value: Fraction) -> Number:
     return flint.fmpq(value.numerator, value.denominator)
 
 
-def number_rows(matrix: SparseMatrix) -> list[Row]:
-    """The rows of a matrix of rationals."""
+def number_form(unknowns: int) -> Callable[[Fraction], Number]:
+    """The conversion of Fractions to the numbers of a system of equations."""
+    return flint_number if unknowns > SMALL_SYSTEM else Fraction
+
+
+def number_rows(matrix: SparseMatrix, form: Callable[[Fraction], Number]) -> list[Row]:
+    """The rows of a matrix of rationals, in the form of the system."""
     known: dict[Fraction, Number] = {}
-    data = [known[v] if v in known else known.setdefault(v, flint_number(v)) for v in matrix.data]
+    data = [known[v] if v in known else known.setdefault(v, form(v)) for v in matrix.data]
     columns, starts = matrix.indices.tolist(), matrix.indptr.tolist()
     return [dict(zip(columns[i:j], data[i:j], strict=True)) for i, j in pairwise(starts)]
 
@@ -70,7 +80,8 @@ def solve_chain(matrix: SparseMatrix, constant: Numbers) -> Rationals:
     Raises:
         NumericalError: the solution is not finite, or not unique.
     """
-    return fractions(least_solution(number_rows(matrix), [flint_number(c) for c in constant]))
+    form = number_form(matrix.rows)
+    return fractions(least_solution(number_rows(matrix, form), [form(c) for c in constant]))
 
 
 def fractions(values: Sequence[Number]) -> Rationals:
@@ -214,11 +225,8 @@ def stationary_distribution(matrix: SparseMatrix) -> Rationals:
         One rational per state; they sum to 1.
     """
     n = matrix.rows
-    rows, one, zero = (
-        number_rows(matrix),
-        flint_number(Fraction(1)),
-        flint_number(Fraction(0)),
-    )
+    form = number_form(n)
+    rows, one, zero = number_rows(matrix, form), form(Fraction(1)), form(Fraction(0))
     if n == 1:
         return fractions([one])
     # With weight 1 at state 0: pi_j * leave_j = sum of pi_i * rate_ij, an equation per state j > 0.

@@ -13,6 +13,7 @@ from symcheck.semantics.binding.bind_properties import (
     SplitConstants,
     bind_expression,
     bind_properties,
+    bind_property,
     needed_constants,
     split_constants,
 )
@@ -24,6 +25,7 @@ __all__ = [
     "bind",
     "bind_expression",
     "bind_properties",
+    "bind_property",
     "check_constant_names",
     "needed_constants",
     "split_constants",

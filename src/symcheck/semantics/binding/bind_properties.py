@@ -28,6 +28,7 @@ __all__ = [
     "SplitConstants",
     "bind_expression",
     "bind_properties",
+    "bind_property",
     "needed_constants",
     "split_constants",
 ]
@@ -175,7 +176,29 @@ def bind_properties(
     Examples:
         >>> bind_properties(parse_properties('P=? [ F "done" ]'), model).properties[0].formula
     """
-    return _Properties(file, model, constants or {}).bind()
+    return _Properties(file, model, constants or {}).bind(range(len(file.properties)))
+
+
+@with_deep_recursion
+def bind_property(
+    file: PropertiesFile, index: int, model: BoundModel, constants: Mapping[str, ConstantValue]
+) -> tuple[BoundProperty, Mapping[str, Expression]]:
+    """Bind one property, and leave the others of its file unbound.
+
+    Args:
+        file: the properties.
+        index: the number of the property, from 0.
+        model: the bound model.
+        constants: as for `bind_properties`.
+
+    Returns:
+        The property, and the labels that it may use.
+
+    Raises:
+        InputError: as for `bind_properties`.
+    """
+    bound = _Properties(file, model, constants).bind([index])
+    return bound.properties[0], bound.labels
 
 
 @with_deep_recursion
@@ -246,12 +269,12 @@ class _Properties:
         self.texts = PropertyReferences(self.table, file, model.labels)
         self.scope = Scope(self.table)
 
-    def bind(self) -> BoundProperties:
+    def bind(self, indices: Iterable[int]) -> BoundProperties:
         self._check()
         self.table.report.raise_all()
         constants = dict(self.model.constants) | self._values(self.file.constants)
         labels = dict(self.model.labels) | self._labels()
-        properties = tuple(self._property(i, constants) for i in range(len(self.file.properties)))
+        properties = tuple(self._property(i, constants) for i in indices)
         return BoundProperties(self.model, properties, labels, constants)
 
     def _check(self) -> None:

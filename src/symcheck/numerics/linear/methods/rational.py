@@ -22,9 +22,9 @@ from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, 
 from symcheck.numerics.linear.rational import (
     Number,
     Row,
-    flint_number,
     fractions,
     least_solution,
+    number_form,
     number_rows,
     restrict_rows,
 )
@@ -46,7 +46,8 @@ def solve(
     chooser: Chooser,
 ) -> Solution:
     """The exact least solution. Raises NumericalError where it is not unique or not finite."""
-    rows, constant = number_rows(problem.rows), [flint_number(c) for c in problem.constant]
+    form = number_form(problem.n)
+    rows, constant = number_rows(problem.rows, form), [form(c) for c in problem.constant]
     if problem.mode == 0:
         x, policy, rounds = least_solution(rows, constant), None, 1
         note = f"{problem.n} states: rational elimination"
