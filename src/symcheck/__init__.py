@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from symcheck.errors import SymcheckError as SymcheckError
     from symcheck.exchange.api_io import export as export
     from symcheck.exchange.api_io import load_explicit as load_explicit
-    from symcheck.exchange.from_function import from_function as from_function
-    from symcheck.exchange.from_matrix import from_matrix as from_matrix
-    from symcheck.exchange.induced import induced_chain as induced_chain
-    from symcheck.exchange.strategy_reader import load_strategy as load_strategy
+    from symcheck.exchange.python.from_function import from_function as from_function
+    from symcheck.exchange.python.from_matrix import from_matrix as from_matrix
+    from symcheck.exchange.strategies.induced_chain import induced_chain as induced_chain
+    from symcheck.exchange.strategies.reader import load_strategy as load_strategy
     from symcheck.experiments.run import experiment as experiment
     from symcheck.explicit.build import explore as explore
     from symcheck.options import Options as Options
@@ -54,10 +54,10 @@ _MODULES = {
     "engines.states": "State States",
     "errors": "SymcheckError",
     "exchange.api_io": "export load_explicit",
-    "exchange.from_function": "from_function",
-    "exchange.from_matrix": "from_matrix",
-    "exchange.induced": "induced_chain",
-    "exchange.strategy_reader": "load_strategy",
+    "exchange.python.from_function": "from_function",
+    "exchange.python.from_matrix": "from_matrix",
+    "exchange.strategies.induced_chain": "induced_chain",
+    "exchange.strategies.reader": "load_strategy",
     "experiments.run": "experiment",
     "explicit.build": "explore",
     "options": "Options",

@@ -16,7 +16,7 @@ from checking import check_text, engine_of
 from generate import random_model
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import InputError, UnsupportedError, UsageError
-from symcheck.exchange.strategies import (
+from symcheck.exchange.strategies.files import (
     StrategyTarget,
     strategy_target,
     strategy_texts,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from symcheck.cli import main
-from symcheck.cli.properties_input import read_properties
+from symcheck.cli.input.properties import read_properties
 from symcheck.errors import SyntaxFault
 
 MODEL = "dtmc module m x:[0..1]; [] x=0 -> 0.5:(x'=1)+0.5:(x'=0); [] x=1 -> true; endmodule label \"up\" = x=1;"

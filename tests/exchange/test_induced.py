@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import symcheck
 from exchange.models import some_model
 from symcheck.errors import SymcheckError, SyntaxFault, UnsupportedError, UsageError
-from symcheck.exchange.strategies import (
+from symcheck.exchange.strategies.files import (
     strategy_target,
     strategy_texts,
     write_strategy,

@@ -14,9 +14,9 @@ from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
 from symcheck.check.testing.expected_results import Verdict, VerdictKind, expected_value, judge
 from symcheck.check.testing.property_tests import PropertyTest, property_test
+from symcheck.cli.input.properties import UnparsedProperty
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import ConstantTexts, instance_path
-from symcheck.cli.properties_input import UnparsedProperty
 from symcheck.cli.run_state import RunState
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import (
@@ -212,7 +212,7 @@ def _write_product(
 
 
 def _write_strategy(argument: str, output: Output, result: Result, varying: ConstantTexts) -> None:
-    from symcheck.exchange.strategies import strategy_target, write_strategy_files
+    from symcheck.exchange.strategies.files import strategy_target, write_strategy_files
 
     target = strategy_target(argument)
     target = replace(target, path=instance_path(target.path, varying))

@@ -14,7 +14,7 @@ from symcheck.cli.check_property import check_property, report_unbuilt_model
 from symcheck.cli.output_paths import ConstantTexts
 from symcheck.cli.progress import Progress
 from symcheck.cli.run_state import RunState
-from symcheck.cli.simulation import sampling_plan, write_path
+from symcheck.cli.simulation.sampling import sampling_plan, write_path
 from symcheck.constant_values import typed_value
 from symcheck.errors import OutputError, ResourceError, SymcheckError, UsageError
 from symcheck.semantics.model import Value
@@ -69,7 +69,7 @@ def _check_instance(
         if a.simpath:
             write_path(a, state.output, model, varying)
         if a.step:
-            from symcheck.cli.stepping import step_through
+            from symcheck.cli.simulation.stepping import step_through
 
             step_through(a, state.output, model)
         plan = sampling_plan(a) if a.sim else None
@@ -104,8 +104,8 @@ def _check_instance(
 
 def _under_strategy(state: RunState, model: Model, file: str) -> Model:
     """The chain that a strategy in a file induces. Raises SymcheckError."""
-    from symcheck.exchange.induced import induced_chain
-    from symcheck.exchange.strategy_reader import load_strategy
+    from symcheck.exchange.strategies.induced_chain import induced_chain
+    from symcheck.exchange.strategies.reader import load_strategy
 
     strategy = load_strategy(model, file)
     open_ = int((strategy.reachable & ~strategy.matters & (strategy.choice_counts > 1)).sum())

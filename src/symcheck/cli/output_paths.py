@@ -55,7 +55,7 @@ def _target(argument: str) -> tuple[Path, list[str]]:
 def check_files(a: Arguments) -> None:
     """Find faults of some export switches before anything is computed. Raises UsageError."""
     if a.exportstrat is not None:
-        from symcheck.exchange.strategies import strategy_target
+        from symcheck.exchange.strategies.files import strategy_target
 
         strategy_target(a.exportstrat)
     if a.exportpareto is not None:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from symcheck.api import Model
 from symcheck.cli import exports
 from symcheck.cli.check_property import report_unparsed
+from symcheck.cli.input.model import STANDARD_INPUT, choose_model_file, read_model
+from symcheck.cli.input.properties import PropertiesInput, read_properties
 from symcheck.cli.instance import GivenTexts, InstancesTask
-from symcheck.cli.model_input import STANDARD_INPUT, choose_model_file, read_model
 from symcheck.cli.output_paths import NO_CONSTANTS
-from symcheck.cli.properties_input import PropertiesInput, read_properties
 from symcheck.cli.run_state import RunState, TestFailed
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.constant_values import combinations, parse_constants

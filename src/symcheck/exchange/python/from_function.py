@@ -24,7 +24,7 @@ from symcheck.errors import (
 )
 from symcheck.exchange.api_io import explicit_model
 from symcheck.exchange.explicit_data import ExplicitData, reward_structure
-from symcheck.exchange.from_matrix import identifier, label, number_array, numbered_actions
+from symcheck.exchange.python.from_matrix import identifier, label, number_array, numbered_actions
 from symcheck.matrices.rows import Int64s, SparseMatrix, starts_of
 from symcheck.options import OptionValues, make_options
 from symcheck.semantics.state_faults import sums_to_one

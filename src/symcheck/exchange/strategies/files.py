@@ -19,7 +19,7 @@ from symcheck.exchange.explicit_export import ExplicitExport, explicit_export
 from symcheck.exchange.export import EXTENSIONS, export, parse_target
 from symcheck.exchange.formats.dot import dot_file
 from symcheck.exchange.formats.prism_writer import transitions_file
-from symcheck.exchange.induced import induced_data
+from symcheck.exchange.strategies.induced_chain import induced_data
 from symcheck.exchange.text import write_text
 from symcheck.options import Options
 from symcheck.semantics.expressions.literals import format_state

@@ -1,4 +1,4 @@
-"""Read a strategy from a file of decisions (see `strategies.py`): actions or indices."""
+"""Read a strategy from a file of decisions (see `files.py`): actions or indices."""
 
 from __future__ import annotations
 

@@ -1,0 +1,1 @@
+"""What a run reads: its model and its properties."""

@@ -1,0 +1,1 @@
+"""Simulation: random paths, estimates from many, and the step simulator."""

@@ -1,0 +1,1 @@
+"""Strategies as files, read and written, and the Markov chain that a strategy induces."""
