@@ -242,7 +242,15 @@ def test_rewards_of_the_first_steps_need_the_number_of_steps():
     assert found.value == 7
     out = StringIO()
     write_strategy(found.strategy, out)
-    assert out.getvalue() == "(0),0=take\n(0),1=save\n(1),2=on\n"
+    assert out.getvalue().splitlines() == [
+        "(0),0=take",
+        "(0),1=save",
+        "(1),2=on",
+        "# memory: 0",
+        "# (0),0 -> 1",
+        "# (0),1 -> 2",
+        "# (1),2 -> 3",
+    ]
 
 
 def test_long_run_averages_leave_and_stay():
@@ -250,6 +258,22 @@ def test_long_run_averages_leave_and_stay():
     assert (found.value, found.strategy.actions[0]) == (2, "take")
     least = check_text(engine_of(SHIFT), 'R{"gain"}min=? [ S ]', strategy=True)
     assert (least.value, least.strategy.actions) == (0, ["save", "on", "stop"])
+
+
+SWAP = """mdp
+module m
+  s : [0..1] init 1;
+  [] true -> 1/3 : (s'=1-s) + 2/3 : (s'=1);
+  [go] true -> 1/3 : (s'=1-s) + 2/3 : (s'=0);
+endmodule
+"""
+
+
+@pytest.mark.parametrize("engine", ["explicit", "exact"])
+def test_the_policy_that_proves_a_long_run_average_is_the_strategy(engine):
+    found = check_text(engine_of(SWAP, engine), "Smax=? [ s=0 ]", strategy=True)
+    assert float(found) == pytest.approx(0.75)
+    assert found.strategy.actions == ["go", "go"]
 
 
 def test_a_memory_that_is_too_large_is_refused(monkeypatch):

@@ -108,6 +108,61 @@ def test_what_is_written_is_read(kind, options, tmp_path):
     assert chain.check("p").value == 0.5
 
 
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10**9),
+    direction=st.sampled_from(["min", "max"]),
+    formula=st.sampled_from(FORMULAS[1:]),
+    kind=st.sampled_from(["actions", "indices", "actions,states=false"]),
+    options=st.sampled_from(NUMBERS),
+)
+def test_a_strategy_that_is_read_again_has_the_value(
+    seed, direction, formula, kind, options, tmp_path_factory
+):
+    model = symcheck.loads(some_model(Random(seed), "mdp").text, strategy=True, **options)
+    try:
+        best = model.check(formula.format(direction))
+    except SymcheckError:
+        assume(False)
+    assume(not best.warnings)
+    path = tmp_path_factory.getbasetemp() / "read.txt"
+    path.write_text("".join(strategy_texts(best.strategy, strategy_target(f"s:type={kind}"))))
+    try:
+        read = symcheck.load_strategy(model, path)
+    except SyntaxFault:  # choices with the same action
+        assert kind != "indices"
+        assume(False)
+    chain = symcheck.induced_chain(model, read)
+    found = chain.check(formula.format("")).value
+    assert same(found, best.value, exact=bool(options))
+
+
+MIXED = "(0,false)=0.25:safe+0.75:fast\n(1,false)=safe\n"
+
+
+@pytest.mark.parametrize("options", NUMBERS)
+def test_random_choices_are_read_and_written(options, tmp_path):
+    model = symcheck.loads(ROBOT, **options)
+    (tmp_path / "s.txt").write_text(MIXED)
+    read = symcheck.load_strategy(model, tmp_path / "s.txt")
+    chain = symcheck.induced_chain(model, read)
+    # x = 1/4 (1/2 + 1/2 x) + 3/4 1/2
+    assert chain.check(GOAL.format("")).value == pytest.approx(4 / 7)
+    # r = 1 + 3/4 3 + 1/4 (1 + 1/2 r): a transition reward is that of the choice that is taken
+    assert chain.check('R{"steps"}=? [ F x>1 ]').value == pytest.approx(4)
+    again = "".join(strategy_texts(read, strategy_target("s")))
+    assert again == (MIXED if not options else MIXED.replace("0.25", "1/4").replace("0.75", "3/4"))
+    assert symcheck.load_strategy(model, tmp_path / "s.txt").actions == read.actions
+    indices = "".join(strategy_texts(read, strategy_target("s:type=indices")))
+    (tmp_path / "i.txt").write_text(indices)
+    assert symcheck.load_strategy(model, tmp_path / "i.txt").actions == read.actions
+    simulator = model.simulator(seed=1)
+    simulator.run(1, read)
+    assert {simulator.restart() and simulator.run(1, read)["x"] for _ in range(30)} == {1, 2, 3}
+    dot = "".join(strategy_texts(read, strategy_target("s.dot")))
+    assert "fast" in dot
+
+
 def test_lines():
     model = symcheck.loads(ROBOT, strategy=True)
     out = StringIO()
@@ -148,7 +203,15 @@ def test_the_chain_is_simulated():
         ("77=0\n", SyntaxFault, "state 77 does not exist"),
         ("0=0\n0=1\n", SyntaxFault, "(?s)s.txt:2:1.*in the file already"),
         ("0 go\n", SyntaxFault, r"(?s)a line should hold a state.*such as \(0,true\)=go"),
-        ("(0,false),1=safe\n", UnsupportedError, "(?s)memory.*-importmodel"),
+        ("(0,false)=0.5:safe+0.4:fast\n", SyntaxFault, r"(?s)s.txt:1:1.*sum to 0.9, not 1"),
+        ("(0,false)=0.5:safe+0.5:walk\n", SyntaxFault, "no choice with action 'walk'"),
+        ("(0,false),0=safe\n(1,false)=safe\n", SyntaxFault, "others have none"),
+        ("(0,false),0=safe\n# memory: 0\n# (1,false),0 -> 1\n", SyntaxFault, "no choice of this"),
+        (
+            "(0,false),1=safe\n",
+            UnsupportedError,
+            "(?s)does not say how the memory changes.*# memory: 0",
+        ),
     ],
 )
 def test_faults(text, error, message, tmp_path):

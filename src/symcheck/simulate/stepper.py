@@ -160,19 +160,29 @@ class Simulator:
         return self.state
 
     def _following(self, strategy: Strategy) -> StepStrategy:
-        """Makes the choices of a strategy: those with its action and the nearest distribution."""
+        """Makes the choices of a strategy: those with its action and the nearest distribution.
+
+        A randomised strategy first draws one of its rows.
+        """
         if strategy.memory is not None:
             raise UsageError(
                 "a strategy with memory cannot be followed state by state\n"
                 "  hint: symcheck.induced_chain(model, strategy).simulator() has the memory as a "
                 "variable"
             )
-        matrix, states = strategy.induced, list(strategy.states())
-        numbers, actions = {state: n for n, state in enumerate(states)}, strategy.actions
+        matrix, states = strategy.engine.matrix, list(strategy.states())
+        numbers = {state: n for n, state in enumerate(states)}
+        names = (*strategy.engine.model.actions, "")
+        actions, starts = strategy.engine.explored.choice_actions, strategy.starts
+        shares = strategy.shares.astype(np.float64)
 
         def choose(simulator: Simulator) -> int:
             number = numbers[simulator._path[-1].state]
-            row = slice(matrix.indptr[number], matrix.indptr[number + 1])
+            taken = slice(starts[number], starts[number + 1])
+            chosen = int(strategy.rows[number])
+            if strategy.weights is not None:
+                chosen = int(simulator._generator.choice(strategy.taken[taken], p=shares[taken]))
+            row = slice(matrix.indptr[chosen], matrix.indptr[chosen + 1])
             targets = (states[t] for t in matrix.indices[row].tolist())
             wanted: dict[State, float] = dict(zip(targets, matrix.data[row].tolist(), strict=True))
 
@@ -185,7 +195,7 @@ class Simulator:
             enabled = [
                 (difference(choice), i)
                 for i, choice in enumerate(simulator.choices)
-                if (choice.action or "") == actions[number]
+                if (choice.action or "") == names[actions[chosen]]
             ]
             return min(enabled)[1]
 

@@ -101,7 +101,7 @@ def state_graph(
         drawn,
         distance,
         numbers=None if values is None else [_value(v) for v in graph.numbers(values)],
-        rows=None if chosen is None else np.where(chosen.matters, chosen.rows, -1),
+        choices=None if chosen is None else _emphases(graph, chosen),
         sets=coloured,
         steps=() if path is None else _steps(graph, path),
         marked=None if marked is None else graph.members(marked),
@@ -128,6 +128,14 @@ def _part(
     return drawn, graph.distances(start, radius, 0, back=False)
 
 
+def _emphases(graph: ChoiceGraph, strategy: Strategy) -> Sequence[Emphasis]:
+    """Which rows a strategy takes; "" where its choice does not matter."""
+    found = np.where(strategy.matters[graph.matrix.state_of_row], "other", "").astype(object)
+    taken = strategy.taken
+    found[taken[found[taken] == "other"]] = "chosen"
+    return cast(Sequence[Emphasis], found)
+
+
 def _steps(graph: ChoiceGraph, path: StatesOnPath | Counterexample) -> tuple[tuple[int, int], ...]:
     """The transitions of a path, or of all paths of a counterexample."""
     if isinstance(path, Counterexample):
@@ -147,7 +155,7 @@ def draw_states(
     distance: Int64s,
     *,
     numbers: Sequence[str] | None = None,
-    rows: Int64s | None = None,
+    choices: Sequence[Emphasis] | None = None,
     sets: Mapping[str, Bools] | None = None,
     steps: Sequence[tuple[int, int]] = (),
     marked: Bools | None = None,
@@ -163,16 +171,16 @@ def draw_states(
         drawn: the numbers of those that are drawn.
         distance: the layer of each state of the graph; -1: in no layer.
         numbers: a text for each state of the graph, below its label.
-        rows: the row that a strategy chooses in each state; -1 where its choice does not matter.
+        choices: per row, whether a strategy takes it; "" where its choice does not matter.
         sets: states in a colour.
         steps: transitions of a path.
         marked: states in green.
         names: write the names of variables; None: up to 40 states.
         title: the caption.
     """
-    choices = graph.matrix.groups is not None
+    is_mdp = graph.matrix.groups is not None
     named = len(drawn) <= _NAMED if names is None else names
-    spread = 2 if choices else 1
+    spread = 2 if is_mdp else 1
     layer = {s: spread * int(distance[s]) for s in drawn.tolist()}
     keys = _colours(sets or {})
     nodes, edges, outside = [], [], 0
@@ -183,15 +191,13 @@ def draw_states(
             label += f"\n{numbers[s]}"
         fill = next((c for c, (_, members) in keys.items() if members[s]), "")
         nodes.append(Node(f"s{s}", label, layer[s], _kind(graph, s, marked), fill))
-        of_chain = {} if choices else graph.actions_to(s)
+        of_chain = {} if is_mdp else graph.actions_to(s)
         for number, choice in enumerate(graph.choices(s)):
-            emphasis: Emphasis = ""
-            if rows is not None and rows[s] >= 0:
-                emphasis = "chosen" if choice.row == rows[s] else "other"
+            emphasis: Emphasis = "" if choices is None else choices[choice.row]
             source, row = f"s{s}", f"r{choice.row}"
             # A choice with one successor is an edge; one with several leads to a point.
             inside = any(t in layer for t, _ in choice.successors)
-            if choices and inside and len(choice.successors) > 1:
+            if is_mdp and inside and len(choice.successors) > 1:
                 source = f"c{s}_{number}"
                 nodes.append(Node(source, "", layer[s] + 1 if layer[s] >= 0 else -1, "choice"))
                 on_path = any((s, t) in taken for t, _ in choice.successors)
@@ -202,14 +208,14 @@ def draw_states(
                 if t not in layer:
                     rest += float(p)
                     continue
-                text = choice.action if choices and source == f"s{s}" else number_text(p)
+                text = choice.action if is_mdp and source == f"s{s}" else number_text(p)
                 text = f"{text} {of_chain[t]}" if of_chain.get(t) else text
                 kind: Emphasis = "path" if (s, t) in taken else emphasis
                 edges.append(Edge(source, f"s{t}", text, False, kind, f"{row} t{t}"))
             if rest:
                 outside += 1
                 nodes.append(Node(f"m{choice.row}", "…", -1, "root"))
-                text = choice.action if choices and source == f"s{s}" else number_text(rest)
+                text = choice.action if is_mdp and source == f"s{s}" else number_text(rest)
                 edges.append(Edge(source, f"m{choice.row}", text, True, emphasis, row))
     widest = max(np.unique([d for d in layer.values() if d >= 0], return_counts=True)[1], default=0)
     depth = max(layer.values(), default=0) + spread
@@ -218,7 +224,7 @@ def draw_states(
         tuple(nodes),
         tuple(edges),
         ("",) * depth,
-        _legend(graph, named=named, outside=outside, rows=rows),
+        _legend(graph, named=named, outside=outside, strategy=choices is not None),
         tuple((colour, name) for colour, (name, _) in keys.items()),
         sideways=int(widest) > _WIDE,
     )
@@ -237,7 +243,7 @@ def _kind(graph: ChoiceGraph, state: int, marked: Bools | None) -> Kind:
     return "initial" if graph.initial[state] else "state"
 
 
-def _legend(graph: ChoiceGraph, *, named: bool, outside: int, rows: Int64s | None) -> str:
+def _legend(graph: ChoiceGraph, *, named: bool, outside: int, strategy: bool) -> str:
     """What the states and edges mean, as far as it is not obvious."""
     parts = []
     if not named:
@@ -248,6 +254,6 @@ def _legend(graph: ChoiceGraph, *, named: bool, outside: int, rows: Int64s | Non
         )
         names = [", ".join(graph.names[i : i + 12]) for i in range(0, len(graph.names), 12)]
         parts.append("states are (" + ",\n".join(names) + f"){truths}")
-    parts += ["bold: the choices of the strategy"] if rows is not None else []
+    parts += ["bold: the choices of the strategy"] if strategy else []
     parts += ["dashed: to states that are not drawn"] if outside else []
     return "\n".join(parts)

@@ -1,11 +1,13 @@
-"""A strategy of an MDP: a choice per state, and the chain that it induces."""
+"""A strategy of an MDP: a choice per state, or a distribution over choices, and the chain that it
+induces.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import count, islice
+from itertools import count, islice, pairwise
 from typing import Any, cast
 
 import numpy as np
@@ -14,8 +16,10 @@ from symcheck.direction import Direction
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.product import ProductModel
 from symcheck.engines.states import variable_names
+from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import graph
+from symcheck.semantics.expressions.literals import format_value
 from symcheck.tables import SHOWN_ROWS, Table, Tabular, state_table
 
 __all__ = ["Strategy"]
@@ -23,17 +27,20 @@ __all__ = ["Strategy"]
 
 @dataclass(frozen=True, eq=False)
 class Strategy(Tabular):
-    """A strategy: one row of the matrix for each state.
+    """A strategy: one row of the matrix for each state, or a distribution over its rows.
 
     Attributes:
         engine: the model, or its product with an automaton if the strategy has memory.
-        rows: the row of each state, int64[states].
+        rows: the row of each state, int64[states]; of a randomised strategy, a likeliest one.
         direction: whether the strategy attains the minimum or the maximum; None if it was read.
         matters: the states in which the choice is relevant to the value, bool[states]; of a
             strategy that was read, those in the file.
         memory: the state of the automaton in each state of the product, int32[states]; None without
             memory.
-        entry: the initial state of the product for each state of the model; None without memory.
+        entry: the initial state of the product for each state of the model, -1 where there is none;
+            None without memory.
+        weights: the probability of each row of the matrix, float64[rows] or Fractions, of a
+            randomised strategy; None if `rows` are taken for certain.
     """
 
     engine: ExplicitEngine = field(repr=False)
@@ -42,11 +49,42 @@ class Strategy(Tabular):
     matters: Bools = field(repr=False)
     memory: Int32s | None = field(default=None, repr=False)
     entry: Int64s | None = field(default=None, repr=False)
+    weights: Numbers | None = field(default=None, repr=False)
+
+    @cached_property
+    def taken(self) -> Int64s:
+        """The rows that the strategy takes with positive probability, ascending, int64[k]."""
+        return self.rows if self.weights is None else np.flatnonzero(self.weights > 0)
+
+    @cached_property
+    def starts(self) -> Int64s:
+        """Where the rows of each state begin in `taken`, int64[states+1]."""
+        if self.weights is None:
+            return np.arange(self.engine.states + 1)
+        return np.searchsorted(self.taken, self._groups)
+
+    @property
+    def shares(self) -> Numbers:
+        """The probability of each row in `taken`, float64[k] or Fractions."""
+        if self.weights is None:
+            return full(len(self.rows), 1, exact=self.engine.exact)
+        return np.asarray(self.weights[self.taken])
+
+    @property
+    def _groups(self) -> Int64s:
+        groups = self.engine.matrix.groups
+        assert groups is not None
+        return groups
 
     @cached_property
     def induced(self) -> SparseMatrix:
         """The Markov chain that the strategy induces, on all states."""
-        return self.engine.matrix.choose(self.rows)
+        chosen = self.engine.matrix.choose(self.taken)
+        if self.weights is None:
+            return chosen
+        data = chosen.data * np.repeat(self.shares, chosen.lengths)
+        mixed = SparseMatrix(chosen.indptr[self.starts], chosen.indices, data, chosen.columns)
+        return mixed.merge(np.arange(mixed.columns, dtype=np.int32), mixed.columns)
 
     @cached_property
     def reachable(self) -> Bools:
@@ -72,27 +110,51 @@ class Strategy(Tabular):
         return np.arange(self.engine.states)
 
     @property
-    def choice_counts(self) -> Int64s:
-        """The number of choices of each state, int64[states]."""
-        groups = self.engine.matrix.groups
-        assert groups is not None
-        return np.diff(groups)
+    def _origin_rows(self) -> Int64s:
+        """The row of the model that each row in `taken` comes from."""
+        explored = self.engine.explored
+        return explored.rows[self.taken] if isinstance(explored, ProductModel) else self.taken
 
     @property
-    def choices(self) -> Int64s:
-        """The number of the choice within its state, in each state, int64[states]."""
-        groups = self.engine.matrix.groups
+    def choice_counts(self) -> Int64s:
+        """The number of choices that the model has in each state, int64[states]."""
+        groups = self.base.matrix.groups
         assert groups is not None
-        return self.rows - groups[:-1]
+        return np.diff(groups)[self.origin]
+
+    @property
+    def choices(self) -> list[str]:
+        """The number of the choice within the model's state, in each state: `1`, `0.5:0+0.5:1`."""
+        groups = self.base.matrix.groups
+        assert groups is not None
+        first = np.repeat(groups[:-1][self.origin], np.diff(self.starts))
+        return self._texts((self._origin_rows - first).tolist())
 
     @property
     def actions(self) -> list[str]:
-        """The action of the choice in each state; '' for a choice without action."""
-        names = self.engine.model.actions
+        """The action of the choice in each state, '' for none; `0.5:go+0.5:stay` if randomised."""
+        names = (*self.engine.model.actions, "")
+        actions = self.engine.explored.choice_actions[self.taken].tolist()
+        return self._texts([names[a] for a in actions])
+
+    def _texts(self, chosen: Sequence[object]) -> list[str]:
+        """A text per state from those of the rows in `taken`, with probabilities below 1."""
+        if self.weights is None:
+            return [str(c) for c in chosen]
+        starts, shares = self.starts.tolist(), self.shares.tolist()
         return [
-            names[a] if a >= 0 else ""
-            for a in self.engine.explored.choice_actions[self.rows].tolist()
+            "+".join(f"{format_value(shares[i])}:{chosen[i]}" for i in range(a, b))
+            if b - a > 1
+            else str(chosen[a])
+            for a, b in pairwise(starts)
         ]
+
+    @property
+    def following(self) -> Int32s:
+        """The memory after each row in `taken`, int32[k]. For strategies with memory only."""
+        assert self.memory is not None
+        matrix = self.engine.matrix
+        return self.memory[matrix.indices[matrix.indptr[:-1][self.taken]]]
 
     def states(self) -> Iterator[tuple[bool | int, ...]]:
         """The values of the variables in each state, followed by the memory if there is one."""

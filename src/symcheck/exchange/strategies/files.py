@@ -21,6 +21,7 @@ from symcheck.exchange.formats.dot import dot_file
 from symcheck.exchange.formats.prism_writer import transitions_file
 from symcheck.exchange.strategies.induced_chain import induced_data
 from symcheck.exchange.text import write_text
+from symcheck.kernels.arrays import Bools
 from symcheck.options import Options
 from symcheck.semantics.expressions.literals import format_state
 from symcheck.whole_file import uncompressed_name
@@ -126,15 +127,18 @@ def strategy_texts(strategy: Strategy, target: StrategyTarget) -> Iterator[str]:
     """The lines of the file of a strategy, as in PRISM.
 
     By kind: 'actions' has `(values)=action` per state, 'indices' `state=choice` with the number of
-    the choice within its state; with memory, `(values),memory=action` and `state,memory=choice`.
-    States whose choice is irrelevant are left out. 'induced' is the induced Markov chain as a
-    `.tra` file (or the MDP with one choice per state), 'dot' its graph.
+    the choice within its state; with memory, `(values),memory=action` and `state,memory=choice`. A
+    random choice is `p:action+q:action`. States whose choice is irrelevant are left out. Comments
+    tell how the memory changes: `# memory: 0` is its first value, and `# (values),0 -> 1` its next
+    one after the choice (one for each of several, joined by `+`); without, it keeps its value.
+    'induced' is the induced Markov chain as a `.tra` file (or the MDP with one choice per state),
+    'dot' its graph.
     """
     match target.kind:
         case "actions":
             return _decisions(strategy, target, strategy.actions, values=target.states)
         case "indices":
-            return _decisions(strategy, target, strategy.choices.tolist(), values=False)
+            return _decisions(strategy, target, strategy.choices, values=False)
         case "induced":
             return transitions_file(_export(strategy, target))
         case "dot":
@@ -154,21 +158,35 @@ def write_strategy(
 
 
 def _decisions(
-    strategy: Strategy, target: StrategyTarget, chosen: Sequence[object], *, values: bool
+    strategy: Strategy, target: StrategyTarget, chosen: Sequence[str], *, values: bool
 ) -> Iterator[str]:
     shown = strategy.matters & strategy.reachable if target.reach else strategy.matters
-    states: Iterable[object] = strategy.origin.tolist()
+    names: Iterable[object] = strategy.origin.tolist()
     if values:
-        states = map(format_state, strategy.base.valuations(strategy.base.all))
-        states = np.array(list(states), dtype=object)[strategy.origin]
-    memory = (
-        [""] * len(shown)
-        if strategy.memory is None
-        else [f",{m}" for m in strategy.memory.tolist()]
-    )
-    for state, m, choice, there in zip(states, memory, chosen, shown.tolist(), strict=True):
+        texts = map(format_state, strategy.base.valuations(strategy.base.all))
+        names = np.array(list(texts), dtype=object)[strategy.origin]
+    if strategy.memory is None:
+        for name, choice, there in zip(names, chosen, shown.tolist(), strict=True):
+            if there:
+                yield f"{name}={choice}\n"
+        return
+    states = [f"{name},{m}" for name, m in zip(names, strategy.memory.tolist(), strict=True)]
+    for state, choice, there in zip(states, chosen, shown.tolist(), strict=True):
         if there:
-            yield f"{state}{m}={choice}\n"
+            yield f"{state}={choice}\n"
+    yield from _memory(strategy, states, shown)
+
+
+def _memory(strategy: Strategy, states: Sequence[str], shown: Bools) -> Iterator[str]:
+    """Comments that say how the memory changes."""
+    assert strategy.memory is not None
+    yield f"# memory: {strategy.memory[strategy.engine.initial.members][0]}\n"
+    after, starts = strategy.following.tolist(), strategy.starts
+    before = np.repeat(strategy.memory, np.diff(starts))
+    changes = np.add.reduceat(strategy.following != before, starts[:-1]) > 0
+    for state in np.flatnonzero(shown & changes).tolist():
+        memory = "+".join(map(str, after[starts[state] : starts[state + 1]]))
+        yield f"# {states[state]} -> {memory}\n"
 
 
 def _export(strategy: Strategy, target: StrategyTarget) -> ExplicitExport:

@@ -15,7 +15,8 @@ from symcheck.errors import UsageError
 from symcheck.exchange.api_io import explicit_model
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards
 from symcheck.matrices.contributions import Contributions
-from symcheck.matrices.rows import SparseMatrix, spans, starts_of
+from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.rows import Int64s, spans, starts_of
 from symcheck.syntax.ast import ModelType, Type
 
 __all__ = ["induced_chain", "induced_data"]
@@ -24,9 +25,10 @@ __all__ = ["induced_chain", "induced_data"]
 def induced_chain(model: Model, strategy: Strategy | Result, *, reach: bool = True) -> Model:
     """The Markov chain of a model under a strategy: a DTMC with its variables, labels and rewards.
 
-    The memory of a strategy is a further variable, `memory`. States in which the strategy does not
-    matter take the choice that it has there. The chain is checked, sampled, drawn and exported as
-    every model.
+    The memory of a strategy is a further variable, `memory`. Where a strategy chooses at random,
+    the transitions of its choices are added, and a transition reward is their mean. States in which
+    the strategy does not matter take the choice that it has there. The chain is checked, sampled,
+    drawn and exported as every model.
 
     Args:
         model: the MDP.
@@ -69,18 +71,14 @@ def induced_data(
     explored, model = engine.explored, engine.model
     kept = np.flatnonzero(strategy.reachable) if reach else np.arange(engine.states)
     origin, n = strategy.origin[kept], len(kept)
-    rows = strategy.rows[kept]
-    whole = engine.matrix
     place = np.full(engine.states, -1, np.int32)
     place[kept] = np.arange(n, dtype=np.int32)
-    entries = spans(whole.indptr[:-1][rows], whole.indptr[1:][rows])
-    matrix = SparseMatrix(
-        starts_of(whole.lengths[rows]),
-        place[whole.indices[entries]],
-        whole.data[entries],
-        n,
-        np.arange(n + 1) if restrict else None,
-    )
+    groups = np.arange(n + 1) if restrict else None
+    matrix = strategy.induced.select(kept, place, n, groups)
+    counts = np.diff(strategy.starts)[kept]
+    taken = spans(strategy.starts[:-1][kept], strategy.starts[1:][kept])
+    rows, shares = strategy.taken[taken], strategy.shares[taken]
+    parts = engine.matrix.choose(rows)
     columns = [
         (v.name, v.type, column[origin])
         for v, column in zip(model.variables, state_columns(erased(base)), strict=True)
@@ -99,21 +97,36 @@ def induced_data(
         "deadlock": engine.to_bools(engine.deadlocks)[kept],
     }
     actions = explored.choice_actions[rows].astype(np.int32)
-    source = np.repeat(np.arange(n), matrix.lengths)
-    target = matrix.indices.astype(np.int64)
-    of_actions = Contributions(source, target, actions[source], matrix.data)
+    source = np.repeat(np.repeat(np.arange(n), counts), parts.lengths)
+    weights = parts.data * np.repeat(shares, parts.lengths)
+    target = place[parts.indices].astype(np.int64)
+    of_actions = Contributions(source, target, np.repeat(actions, parts.lengths), weights)
+    first = starts_of(counts)[:-1]
+    common = np.minimum.reduceat(actions, first) == np.maximum.reduceat(actions, first)
+    rewards = []
+    for structure, states, choices in zip(
+        model.rewards, explored.state_rewards, explored.choice_rewards, strict=True
+    ):
+        paid = mean = choices[rows]
+        entries: Numbers | None = None
+        if strategy.weights is not None:
+            mean = _sums(paid * shares, starts_of(counts))
+            if (paid != np.repeat(mean, counts)).any():
+                earned = of_actions._replace(weight=weights * np.repeat(paid, parts.lengths))
+                entries = earned.totals(matrix) / matrix.data
+        rewards.append(ExplicitRewards(structure.name, states[kept], mean, entries))
     return ExplicitData(
         ModelType.MDP if restrict else ModelType.DTMC,
         columns,
         matrix,
         model.actions,
-        actions,
+        np.where(common, actions[first], -1).astype(np.int32),
         labels,
-        [
-            ExplicitRewards(structure.name, states[kept], choices[rows])
-            for structure, states, choices in zip(
-                model.rewards, explored.state_rewards, explored.choice_rewards, strict=True
-            )
-        ],
+        rewards,
         None if restrict else of_actions,
     )
+
+
+def _sums(values: Numbers, starts: Int64s) -> Numbers:
+    """The sum of each segment, none of which is empty."""
+    return np.asarray(np.add.reduceat(values, starts[:-1]))

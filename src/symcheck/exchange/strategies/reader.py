@@ -3,31 +3,45 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 
 from symcheck.api import Model
 from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.explicit.finite_memory import Decisions, finite_memory_strategy
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.engines.registry import build
 from symcheck.errors import UnsupportedError
 from symcheck.exchange.column_reader import Columns, read_columns
+from symcheck.matrices.numbers import numbers
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.expressions.literals import format_state
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["load_strategy"]
 
-_LINE = re.compile(r"(\([^()]*\)|\d+)(,\d+)?[=:](.*)")
+_LINE = re.compile(r"(\([^()]*\)|\d+)(?:,(\d+))?[=:](.*)")
+_FIRST = re.compile(r"#memory:(\d+)")
+_CHANGE = re.compile(r"#(\([^()]*\)|\d+),(\d+)->(\d+(?:\+\d+)*)")
+_SHARE = r"\d+(?:\.\d*)?(?:[eE]-?\d+)?(?:/\d+)?"
+_MIXED = re.compile(rf"{_SHARE}:\w*(?:\+{_SHARE}:\w*)*")
+_INDICES = re.compile(rf".*[=:]\d+|.*=({_SHARE}:\d+)(\+{_SHARE}:\d+)*")
+_SUM = Fraction(1, 10**9)
+"""Probabilities that sum to 1 up to this are taken for rounded; they are divided by their sum."""
+
+Pair = tuple[int, int]
 
 
 def load_strategy(model: Model, file: str | Path) -> Strategy:
-    """Read a strategy without memory: lines `(values)=action`, `state=action` or `state=choice`.
+    """Read a strategy: lines `(values)=action`, `state=action` or `state=choice`.
 
-    States that the file leaves out take their first choice. `symcheck.induced_chain` gives the
-    chain that the strategy induces.
+    A random choice is `(values)=0.5:action+0.5:action`. With memory, lines are
+    `(values),memory=action`, and comments say how it changes (`exchange.strategies`). States that
+    the file leaves out take their first choice and keep the memory. `symcheck.induced_chain` gives
+    the chain that the strategy induces.
 
     Args:
         model: the MDP.
@@ -36,7 +50,7 @@ def load_strategy(model: Model, file: str | Path) -> Strategy:
     Raises:
         SyntaxFault: the file is faulty; the error names the place.
         UsageError: the file cannot be read.
-        UnsupportedError: the model is no MDP, or the strategy has memory.
+        UnsupportedError: the model is no MDP, or the file does not say how the memory changes.
 
     Examples:
         >>> import symcheck
@@ -52,13 +66,20 @@ def load_strategy(model: Model, file: str | Path) -> Strategy:
     assert explicit is not None
     groups = explicit.matrix.groups
     assert groups is not None
-    rows: Int64s = np.full(engine.states, -1, np.int64)
-    _Decisions(explicit, read_columns(Path(file)), groups).read(rows)
-    decided = rows >= 0
-    return Strategy(explicit, np.where(decided, rows, groups[:-1]), None, decided)
+    return _File(explicit, read_columns(Path(file)), groups).strategy()
 
 
-class _Decisions:
+@dataclass
+class _Decision:
+    """The rows of a line, their probabilities, and the memory after each; line: its index."""
+
+    line: int
+    rows: list[int]
+    shares: list[Fraction]
+    following: list[int] = field(default_factory=list)
+
+
+class _File:
     """The lines of a file, which choose rows of an engine."""
 
     def __init__(self, engine: ExplicitEngine, file: Columns, groups: Int64s) -> None:
@@ -67,25 +88,94 @@ class _Decisions:
         self.actions = [names[a] for a in engine.explored.choice_actions.tolist()]
         self.numbers: dict[str, int] = {}
 
-    def read(self, rows: Int64s) -> None:
-        """Set the row of each state in the file."""
-        indices = all(re.fullmatch(r".*[=:]\d+", "".join(words)) for words in self.file.rows)
-        for i, words in enumerate(self.file.rows):
-            match = _LINE.fullmatch("".join(words))
+    def strategy(self) -> Strategy:
+        """The strategy of the file."""
+        decisions, remembers = self._decisions()
+        first = self._changes(decisions) if remembers else 0
+        if remembers and first is None:
+            raise UnsupportedError(
+                f"'{self.file.source.name}' is a strategy with memory, and its file does not "
+                "say how the memory changes\n  hint: symcheck's -exportstrat writes it in "
+                "comments, such as '# memory: 0' and '# (0,true),0 -> 1'"
+            )
+        counts = [len(d.rows) for d in decisions.values()]
+        pairs = np.array(list(decisions), np.int64).reshape(-1, 2).repeat(counts, axis=0)
+        exact = [s for d in decisions.values() for s in d.shares]
+        read = Decisions(
+            pairs[:, 0],
+            pairs[:, 1],
+            np.array([r for d in decisions.values() for r in d.rows], np.int64),
+            numbers(np.array(exact, dtype=object), exact=self.engine.exact),
+            np.array([m for d in decisions.values() for m in d.following], np.int64),
+        )
+        if remembers:
+            return finite_memory_strategy(self.engine, read, first or 0)
+        rows = self.groups[:-1].copy()
+        decided = np.zeros(self.engine.states, np.bool_)
+        decided[read.state] = True
+        best = np.lexsort((read.row, read.share))  # a likeliest row of a state comes last
+        rows[read.state[best]] = read.row[best]
+        strategy = Strategy(self.engine, rows, None, decided)
+        if len(read.row) == len(decisions):
+            return strategy
+        weights = numbers(np.zeros(self.engine.matrix.rows), exact=self.engine.exact)
+        weights[rows[~decided]] = numbers(np.ones(1), exact=self.engine.exact)[0]
+        np.add.at(weights, read.row, read.share)
+        return replace(strategy, weights=weights)
+
+    def _decisions(self) -> tuple[dict[Pair, _Decision], bool]:
+        """The decision of each pair of a state and a memory value, and whether there is memory."""
+        found: dict[Pair, _Decision] = {}
+        lines = ["".join(words) for words in self.file.rows]
+        indices = all(_INDICES.fullmatch(line) for line in lines)
+        kinds = set()
+        for i, line in enumerate(lines):
+            match = _LINE.fullmatch(line)
             if match is None:
                 expected = "a line should hold a state, '=', and an action or the index of a choice"
                 self.file.fault(i, expected, "fields", None, "such as (0,true)=go, 3=go or 3=0")
             state, memory, choice = match.groups()
-            if memory:
-                raise UnsupportedError(
-                    f"'{self.file.source.name}' is a strategy with memory, and its file does not "
-                    "say how the memory changes\n  hint: -exportstrat FILE.all writes the chain "
-                    "that it induces, and -importmodel FILE.all reads it"
-                )
-            number = self._number(i, state)
-            if rows[number] >= 0:
+            kinds.add(memory is not None)
+            if len(kinds) > 1:
+                self.file.fault(i, "some lines have a memory value, and others have none", "fields")
+            pair = self._number(i, state), int(memory or 0)
+            if pair in found:
                 self.file.fault(i, f"state {state} is in the file already", "repeated")
-            rows[number] = self._row(i, number, choice, index=indices)
+            found[pair] = self._decision(i, pair, choice, index=indices)
+        return found, True in kinds
+
+    def _decision(self, line: int, pair: Pair, text: str, *, index: bool) -> _Decision:
+        if not _MIXED.fullmatch(text):
+            row = self._row(line, pair[0], text, index=index)
+            return _Decision(line, [row], [Fraction(1)], [pair[1]])
+        parts = [part.split(":") for part in text.split("+")]
+        shares = [Fraction(share) for share, _ in parts]
+        total = sum(shares, Fraction(0))
+        if abs(total - 1) > _SUM:
+            message = f"the probabilities of the choices sum to {float(total):g}, not 1"
+            self.file.fault(line, message, "sum")
+        rows = [self._row(line, pair[0], choice, index=index) for _, choice in parts]
+        return _Decision(line, rows, [s / total for s in shares], [pair[1]] * len(rows))
+
+    def _changes(self, decisions: dict[Pair, _Decision]) -> int | None:
+        """Read from comments how the memory changes; its first value, None if there are none."""
+        first = None
+        for line in self.file.source.text.split("\n"):
+            text = "".join(line.split())
+            if match := _FIRST.fullmatch(text):
+                first = int(match[1])
+            elif match := _CHANGE.fullmatch(text):
+                pair = self._number(0, match[1]), int(match[2])
+                after = [int(m) for m in match[3].split("+")]
+                decision = decisions.get(pair)
+                if decision is None or len(after) != len(decision.rows):
+                    self.file.fault(
+                        0 if decision is None else decision.line,
+                        f"the comment '{line.strip()}' belongs to no choice of this file",
+                        "memory",
+                    )
+                decision.following = after
+        return first
 
     def _number(self, line: int, state: str) -> int:
         engine = self.engine

@@ -260,9 +260,10 @@ def _policies(
         best = part.best(values)
         low, high = _narrowed(part, h, best, low, high)
         better = best > values[policy] + 4.0 * part.rounding_error(h)
+        # The bounds hold for the policy that is greedy for h, not for the one that h belongs to.
+        policy = np.where(better, first_best(values, part.groups), policy)
         if _close_enough(low, high, part.rounding_error(h), settings) or not better.any():
             break
-        policy = np.where(better, first_best(values, part.groups), policy)
     return low, high, h - h[0], policy
 
 
