@@ -190,6 +190,8 @@ def _values(name: str, text: str) -> tuple[str, ...]:
         if not values:
             raise ValueError(f"the list of values of {name} is empty")
         return values
+    if text.startswith("{") or text.endswith("}"):
+        raise ValueError(f"'{name}={text}' lacks a bracket: a list is written as {{V,W}}")
     parts = [part.strip() for part in text.split(":")]
     if len(parts) == 1:
         return (text,)

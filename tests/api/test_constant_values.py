@@ -39,6 +39,8 @@ def test_texts(text, values):
         ("x=", "is not of the form"),
         ("x=1,x=2", "x is given twice"),
         ("x={}", "the list of values of x is empty"),
+        ("x={1,2", r"'x=\{1,2' lacks a bracket: a list is written as \{V,W\}"),
+        ("x=1}", "'x=1}' lacks a bracket"),
         ("x=3:1", "the range 'x=3:1' is empty"),
         ("x=1:0:3", "the step of the range 'x=1:0:3' is not above 0"),
         ("x=1:a", "needs plain numbers"),

@@ -174,6 +174,20 @@ def test_a_result_is_a_number_or_a_verdict():
     assert float(model.with_options(exact=True).check("P=? [ F<=3 x=3 ]")) == 0.125
 
 
+def test_a_result_is_not_compared_with_a_number():
+    model = symcheck.loads(WALK, "p=0.5")
+    result, verdict = model.check("P=? [ F<=3 x=3 ]"), model.check("P>0.1 [ F<=3 x=3 ]")
+    for number in (0.125, 1, Fraction(1, 8), np.float64(0.125), (0, 1), pytest.approx(0.125)):
+        with pytest.raises(TypeError, match=r"float\(result\) == pytest.approx"):
+            _ = result == number
+    with pytest.raises(TypeError, match=r"compare its value: result.value == True"):
+        _ = verdict == True  # noqa: E712
+    assert result == result
+    assert result != verdict
+    assert result != "0.125"
+    assert len({result, verdict}) == 2
+
+
 def test_an_mdp():
     model = symcheck.loads(CHOICE, strategy=True)
     assert model.matrix.toarray().tolist() == [[0, 0, 1], [0.5, 0.5, 0], [0, 1, 0], [0, 0, 1]]

@@ -227,6 +227,22 @@ class Result:
             return self.value
         raise self._wrong_type("true or false")
 
+    def __eq__(self, other: object) -> bool:
+        """Whether it is the same result. Comparing it with a number or bool raises TypeError.
+
+        A number alone has no accuracy, so `result == 0.5` would mislead.
+        """
+        if not isinstance(other, Number | tuple):  # a bool is an int
+            return NotImplemented
+        hint = (
+            f"result.value == {other}"
+            if isinstance(other, bool)
+            else f"result.value == {other}, or float(result) == pytest.approx({other})"
+        )
+        raise TypeError(f"a result has a value and an accuracy; compare its value: {hint}")
+
+    __hash__ = object.__hash__
+
     def __float__(self) -> float:
         if isinstance(self.value, bool) or not isinstance(self.value, Number):
             raise self._wrong_type("a number")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from html import escape
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 from symcheck.errors import UsageError
 from symcheck.page.document import fragment
@@ -153,8 +153,14 @@ class Picture:
         """The picture as Graphviz draws it, in the format 'svg', 'png' or 'pdf'.
 
         Raises:
+            UsageError: the format is another one.
             UnsupportedError: the package pygraphviz is not installed.
         """
+        if format not in get_args(Format):
+            raise UsageError(
+                f"format={format!r}: expected one of {', '.join(get_args(Format))}"
+                "\n  hint: save(path) writes a file, and its extension names the format"
+            )
         graph = optional_package("pygraphviz", "view").AGraph(string=self.dot)
         drawn: bytes = graph.draw(format=format, prog="dot")
         return drawn

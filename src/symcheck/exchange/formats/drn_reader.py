@@ -37,6 +37,7 @@ class _Parts:
     """What the lines of states, actions and transitions say.
 
     rates: per state, NaN where none is told. first_rows: per state. first_entries: per row.
+    in_action: the targets in the last row.
     """
 
     rates: list[float] = field(default_factory=list)
@@ -45,6 +46,7 @@ class _Parts:
     actions: list[str] = field(default_factory=list)
     targets: list[int] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
+    in_action: set[int] = field(default_factory=set)
     labels: dict[str, list[int]] = field(default_factory=dict)
     state_rewards: list[list[float]] = field(default_factory=list)
     row_rewards: list[list[float]] = field(default_factory=list)
@@ -232,6 +234,7 @@ class _Reader:
                 line, "an action is written as: action NAME [rewards], after its state"
             )
         found.first_entries.append(len(found.targets))
+        found.in_action.clear()
         found.lines.append(line)
         found.actions.append(match["name"])
         found.row_rewards.append(self._numbers(line, match["rewards"]))
@@ -248,8 +251,9 @@ class _Reader:
         if not 0 <= value < inf:
             raise self.fault(line, "a probability or rate must be finite and not negative")
         if value > 0:
-            if target in found.targets[found.first_entries[-1] :]:
+            if target in found.in_action:
                 raise self.fault(line, "this transition is in the action already")
+            found.in_action.add(target)
             found.targets.append(target)
             found.values.append(value)
 

@@ -18,9 +18,9 @@ from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
 from symcheck.semantics.expressions.literals import type_of_value
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.syntax.ast import Expression, LabelReference, Type
+from symcheck.syntax.ast import Expression, LabelReference, Quantile, Type
 from symcheck.syntax.declarations import Constant, Formula, Program, PropertiesFile
-from symcheck.syntax.traversal import Tree, transform
+from symcheck.syntax.traversal import Tree, nodes, transform
 
 __all__ = [
     "BoundProperties",
@@ -342,9 +342,25 @@ class _Properties:
         typer = Scope(self.table).typer(self._label_type)
         whole = self.texts.inlined(formula)
         result = typer.state(whole)
+        for node in nodes(whole):
+            if isinstance(node, Quantile):
+                self._check_quantile(node)
         self.table.report.raise_all()
         assert result is not None
         return whole, result
+
+    def _check_quantile(self, node: Quantile) -> None:
+        """Report a bound variable that would hide a name of the model or of the file."""
+        name, table = node.variable, self.table
+        for kind, names in (
+            ("variable", table.variables),
+            ("constant", table.constants),
+            ("formula", table.formulas),
+        ):
+            if name in names:
+                message = f"the bound {name} of a quantile hides the {kind} {name}"
+                hint = f"a name that is free, such as {name}_bound"
+                table.report.name("quantile", message, node.span, hint)
 
     def _label_type(self, node: LabelReference) -> Type | None:
         if self.texts.is_label(node.name):

@@ -197,6 +197,12 @@ class SymbolTable:
     def _read_given(self, constant: Constant, given: ConstantValue) -> Value:
         if isinstance(given, str):
             expression = read_value(given, f"value of {constant.name}")
+            for node in names_in(expression):
+                if node.name not in {**self.constants, **self.formulas, **self.variables}:
+                    hint = suggest(node.name, self.constants) or _VALUE_HINT
+                    raise NameFault(
+                        Diagnostic(f"unknown name {node.name}", node.span, "unknown-name", hint)
+                    )
             bare = self._without_variables(expression)
             given = evaluate(bare, {}, exact=self.exact)
             result = type_of(bare, {})
@@ -210,7 +216,16 @@ class SymbolTable:
                 f"constant {constant.name} is of type {constant.type.value}: its value cannot be "
                 f"{format_value(given)}"
             )
-            raise TypeFault(Diagnostic(message, constant.span, "constant-type")) from None
+            hint = _TYPE_HINTS[constant.type]
+            raise TypeFault(Diagnostic(message, constant.span, "constant-type", hint)) from None
+
+
+_VALUE_HINT = "a value is a number, true, false, or an expression over other constants"
+_TYPE_HINTS = {
+    Type.INT: "a value of type int is a whole number without a decimal point, such as 3",
+    Type.DOUBLE: "a value of type double is a number, such as 0.25 or 1/4",
+    Type.BOOL: "a value of type bool is true or false",
+}
 
 
 def names_in(tree: Tree) -> list[Name]:
