@@ -17,6 +17,7 @@ __all__ = [
     "limit_memory",
     "memory_ended",
     "read_bytes",
+    "used_data",
 ]
 
 FREE_MEMORY = "SYMCHECK_MEMORY"
@@ -73,6 +74,11 @@ def limit_memory(size: int) -> None:
     limit = _pages()[1] + size
     if all(limit < bound for bound in (soft, hard) if bound != resource.RLIM_INFINITY):
         resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
+
+
+def used_data() -> int:
+    """Bytes of data that the process has."""
+    return _pages()[1]
 
 
 def _free_on_machine(root: Path) -> int:

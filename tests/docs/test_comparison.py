@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -43,9 +44,14 @@ def test_what_is_claimed_works(
         return
     if ".compare(" in found[1]:
         pytest.importorskip("stormpy")
-    names = {
+    names: dict[str, object] = {
         "symcheck": symcheck,
         "die": symcheck.load("models/die/die.pm"),
         "stakes": symcheck.load("models/gambler/stakes.nm", strategy=True),
     }
-    assert eval(found[1], names) is not None
+    with ExitStack() as stack:
+        if "executor=client" in found[1]:
+            distributed = pytest.importorskip("distributed")
+            opened = distributed.Client(processes=False, dashboard_address=":0")
+            names["client"] = stack.enter_context(opened)
+        assert eval(found[1], names) is not None

@@ -1,11 +1,10 @@
-"""-jobs: instances of the model in several processes; the output is that of one process."""
+"""-jobs and -scheduler: instances of the model on workers; the output is that of one process."""
 
 from __future__ import annotations
 
 import pickle
 from collections.abc import Mapping, Sequence
-from concurrent.futures import BrokenExecutor
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from io import StringIO
@@ -18,10 +17,11 @@ from symcheck.cli.progress import Progress
 from symcheck.cli.run_state import RunState, TestFailed
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import ResourceError, SymcheckError
-from symcheck.experiments.pool import LOST, completed
 from symcheck.experiments.rows import Row
+from symcheck.parallel.dask import connect
+from symcheck.parallel.workers import Lost, Workers
 
-__all__ = ["check_in_processes"]
+__all__ = ["check_in_parallel"]
 
 
 @dataclass
@@ -37,7 +37,7 @@ class _Outcome:
 
 
 def _check(work: bytes, constants: Mapping[str, str]) -> _Outcome:
-    """Check one instance in a process of the pool."""
+    """Check one instance on a worker."""
     arguments, task = _unpickled(work)
     out = StringIO()
     state = RunState(arguments, Output(out, arguments.verbose))
@@ -56,8 +56,21 @@ def _unpickled(work: bytes) -> tuple[Arguments, InstancesTask]:
     return pair
 
 
-def check_in_processes(
+def check_in_parallel(
     state: RunState, task: InstancesTask, choices: Sequence[Mapping[str, str]]
+) -> None:
+    """Check an instance for each choice of constants on the workers that the switches name.
+
+    Raises as `InstancesTask.run`; UsageError if there is no scheduler.
+    """
+    a = state.arguments
+    with ExitStack() as stack:
+        client = None if a.scheduler is None else stack.enter_context(connect(a.scheduler))
+        _check_on_workers(state, task, choices, stack.enter_context(Workers(a.jobs, client)))
+
+
+def _check_on_workers(
+    state: RunState, task: InstancesTask, choices: Sequence[Mapping[str, str]], workers: Workers
 ) -> None:
     """Check an instance for each choice of constants, and report them in this order.
 
@@ -66,9 +79,9 @@ def check_in_processes(
     """
     work = pickle.dumps((state.arguments, task))
     watch = Progress(state.output)
-    finished: dict[int, _Outcome | BrokenExecutor] = {}
+    finished: dict[int, _Outcome | Lost] = {}
     reported = 0
-    with closing(completed(partial(_check, work), choices, state.arguments.jobs)) as outcomes:
+    with closing(workers.completed(partial(_check, work), choices)) as outcomes:
         try:
             for i, outcome in outcomes:
                 finished[i] = outcome
@@ -89,12 +102,12 @@ def _report(
     state: RunState,
     task: InstancesTask,
     constants: Mapping[str, str],
-    outcome: _Outcome | BrokenExecutor,
+    outcome: _Outcome | Lost,
 ) -> None:
-    if isinstance(outcome, BrokenExecutor):
+    if isinstance(outcome, Lost):
         given = ",".join(f"{n}={v}" for n, v in constants.items())
         asked = task.model.instances(task.file, task.of_properties, task.indices)
-        report_unbuilt_model(state, asked, constants, SymcheckError(f"{given}: {LOST}"))
+        report_unbuilt_model(state, asked, constants, SymcheckError(f"{given}: {outcome}"))
         return
     _add(state, outcome)
     if outcome.error is not None:

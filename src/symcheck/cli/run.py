@@ -37,6 +37,7 @@ def run(state: RunState) -> int:
             f"-nobuild builds no model, and -{a.needs_model[0]} needs one: leave out one of them"
         )
     exports.check_targets(a)
+    _check_scheduler(a)
     peer = None
     if a.peer is not None:
         from symcheck.peers.programs import find_peer
@@ -101,15 +102,35 @@ def _check_instances(
 
             compare_answers(state, task, choices, peer)
             return
-        if state.arguments.jobs > 1 and len(choices) > 1 and not state.arguments.step:
-            from symcheck.cli.parallel import check_in_processes
+        a = state.arguments
+        if a.scheduler is not None or (a.jobs > 1 and len(choices) > 1 and not a.step):
+            from symcheck.cli.parallel import check_in_parallel
 
-            check_in_processes(state, task, choices)
+            check_in_parallel(state, task, choices)
             return
         for constants in choices:
             task.run(state, constants, constants if len(choices) > 1 else NO_CONSTANTS)
     except TestFailed:
         pass
+
+
+def _check_scheduler(a: Arguments) -> None:
+    """Refuse switches that the workers of a cluster cannot honour. Raises UsageError."""
+    if a.scheduler is None:
+        return
+    if a.jobs > 1:
+        raise UsageError(
+            "-jobs starts processes on this machine, and -scheduler names a cluster: one of them "
+            "is enough"
+        )
+    here = {"simpath": a.simpath is not None, "step": a.step, "compare": a.peer is not None}
+    switches = [*a.needs_model, *(name for name, given in here.items() if given)]
+    if switches:
+        name = switches[0] if switches[0] == "compare" else f"-{switches[0]}"
+        raise UsageError(
+            f"{name} needs the model on this machine, and -scheduler checks it on others"
+            "\n  hint: leave out one of them"
+        )
 
 
 def _note_unused_switches(state: RunState) -> None:

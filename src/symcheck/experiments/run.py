@@ -7,7 +7,7 @@ import os
 import pickle
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import Executor
 from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -22,10 +22,11 @@ from symcheck.constant_values import GivenValues, combinations, value_lists
 from symcheck.errors import Interrupted, NameFault, UsageError
 from symcheck.experiments.instances import Instance, check_instance, check_pickled
 from symcheck.experiments.journal import opened
-from symcheck.experiments.pool import LOST, completed
 from symcheck.experiments.rows import Row, constant_text, row_of
 from symcheck.experiments.table import Experiment
 from symcheck.options import OptionValues, make_options
+from symcheck.parallel.dask import Cluster
+from symcheck.parallel.workers import Lost, Workers
 from symcheck.semantics.binding.bind import needed_constants, split_constants
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import (
@@ -64,7 +65,7 @@ def experiment(
     constants: GivenValues | None = None,
     *,
     jobs: int = 1,
-    executor: Executor | None = None,
+    executor: Executor | Cluster | None = None,
     resume: str | Path | None = None,
     progress: Callable[[Progress], object] | None = None,
     **options: Unpack[OptionValues],
@@ -81,7 +82,8 @@ def experiment(
         constants: values of the constants of model and properties: a text such as "N=3:6,p=0.5",
             or for each constant a value, a text such as "1:2:9", a range, a list or an array.
         jobs: number of processes that check instances at the same time.
-        executor: an executor of `concurrent.futures`, or with its interface, to use instead.
+        executor: does the work instead: an executor of `concurrent.futures`, or with its interface,
+            or a `distributed.Client` of a Dask cluster.
         resume: a file to which finished rows are written. If it has rows of this experiment, they
             are not computed again; values of constants may be added.
         progress: is called with each finished instance.
@@ -89,7 +91,7 @@ def experiment(
 
     Returns:
         One row for each property and combination of the constants on which it depends, in an order
-        that does not depend on the number of jobs.
+        that does not depend on the number of jobs or workers.
 
     Raises:
         InputError: a text is faulty.
@@ -146,16 +148,17 @@ def experiment(
             if wanted:
                 tasks.append((c, Instance(choice, wanted)))
         here = executor is None and (jobs == 1 or len(tasks) == 1)
-        results = completed(
-            _checker(whole, asked, here=here), [instance for _, instance in tasks], jobs, executor
+        workers = stack.enter_context(Workers(jobs, executor))
+        results = workers.completed(
+            _checker(whole, asked, here=here), [instance for _, instance in tasks]
         )
         stack.enter_context(closing(results))
         try:
             for t, result in results:
                 c, instance = tasks[t]
                 places = [(c, i) for i in instance.wanted]
-                if isinstance(result, BrokenExecutor):  # no fault of the instance: not in the file
-                    report({p: replace(rows[p], error=LOST) for p in places})
+                if isinstance(result, Lost):  # no fault of the instance: not in the file
+                    report({p: replace(rows[p], error=str(result)) for p in places})
                     continue
                 new = dict(zip(places, result, strict=True))
                 if journal is not None:

@@ -114,6 +114,7 @@ class Arguments(argparse.Namespace):
     verbose: bool
     exportresults: str | None
     jobs: int
+    scheduler: str | None
     exportstrat: str | None
     importstrat: str | None
     counterexample: bool
@@ -611,6 +612,12 @@ def _output(parser: _Parser) -> None:
         type=_positive_count,
         default=1,
         help="check models with different constants in N processes at the same time (default: 1)",
+    )
+    parser.add(
+        "scheduler",
+        metavar="ADDRESS",
+        help="check them on the workers of a Dask cluster; ADDRESS is that of its scheduler, such "
+        "as tcp://host:8786",
     )
     parser.add(
         "exportstrat",

@@ -8,12 +8,12 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import active_children
 from pathlib import Path
 
 import symcheck
-from symcheck.experiments.pool import completed
+from symcheck.parallel.workers import Lost, Workers
 
 MODELS = Path(__file__).parents[2] / "models"
 CROWDS, PROPERTIES = MODELS / "crowds" / "crowds.pm", MODELS / "crowds" / "crowds.pctl"
@@ -23,18 +23,18 @@ DIES = "__import__('os')._exit(1)"
 
 def test_a_task_that_kills_its_process_is_the_only_one_lost() -> None:
     tasks = ["0", "1", DIES, "3", "4", "5", DIES, "7", "8"]
-    found = dict(completed(eval, tasks, 2))
-    lost = {i for i, result in found.items() if isinstance(result, BrokenExecutor)}
+    with Workers(2) as workers:
+        found = dict(workers.completed(eval, tasks))
+    lost = {i for i, result in found.items() if isinstance(result, Lost)}
     assert lost == {2, 6}
     assert {i: found[i] for i in found if i not in lost} == {i: i for i in (0, 1, 3, 4, 5, 7, 8)}
 
 
 def test_the_executor_of_the_caller_breaks_once() -> None:
     with ProcessPoolExecutor(1) as pool:
-        found = dict(completed(eval, ["0", DIES, "2"], 1, pool))
+        found = dict(Workers(1, pool).completed(eval, ["0", DIES, "2"]))
     assert found.keys() == {0, 1, 2}
-    assert isinstance(found[1], BrokenExecutor)
-    assert isinstance(found[2], BrokenExecutor)
+    assert found[1] == found[2] == Lost()
 
 
 def test_a_broken_executor_gives_rows_with_errors_that_are_tried_again(tmp_path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Independent tasks on processes of this machine, on an executor, or on a Dask cluster."""

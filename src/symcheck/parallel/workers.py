@@ -1,0 +1,183 @@
+"""Tasks on workers; a task whose worker is killed is repeated, and then lost if it fails again."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
+from dataclasses import dataclass
+from functools import partial
+from types import TracebackType
+from typing import TypeVar
+
+from symcheck.errors import ResourceError, UsageError
+from symcheck.parallel.dask import Cluster, do_on_cluster
+from symcheck.parallel.processes import ProcessPool
+
+__all__ = ["Lost", "Workers"]
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """The outcome of a task whose worker was killed, again and again."""
+
+    def __str__(self) -> str:
+        return "its process was killed, for example because memory was exhausted"
+
+
+class Workers:
+    """What does independent tasks; a context manager that ends the processes that it started.
+
+    Args:
+        jobs: number of processes on this machine; with 1, this process does the tasks.
+        executor: does the tasks instead: an executor of `concurrent.futures`, or a Dask cluster.
+    """
+
+    def __init__(self, jobs: int = 1, executor: Executor | Cluster | None = None) -> None:
+        self.jobs = jobs
+        self._cluster = executor is not None and not isinstance(executor, Executor)
+        self._executor: Executor | None
+        if executor is None or isinstance(executor, Executor):
+            self._executor = executor
+        else:
+            self._executor = executor.get_executor()
+        self._pool: ProcessPool | None = None
+
+    @property
+    def here(self) -> bool:
+        """Whether this process does the tasks."""
+        return self._executor is None and self.jobs == 1
+
+    def completed(
+        self, function: Callable[[T], R], tasks: Sequence[T]
+    ) -> Generator[tuple[int, R | Lost]]:
+        """Index and result of each task, in the order in which they are finished.
+
+        When a process of this machine is killed, the tasks at work are repeated, each in a process
+        of its own, and the others follow in a new pool. A Dask cluster repeats them itself. To
+        close the generator abandons the other tasks.
+
+        Args:
+            function: of a module, because processes look it up by its name.
+            tasks: its arguments.
+
+        Raises:
+            ResourceError: no processes can be started, or the connection to a cluster is lost.
+            UsageError: the workers of a cluster lack symcheck, or have another version.
+        """
+        if self._executor is not None:
+            if self._cluster:
+                function = partial(do_on_cluster, function)
+            yield from _submitted(
+                self._executor, function, tasks, range(len(tasks)), max(len(tasks), 1)
+            )
+        elif self.jobs == 1 or len(tasks) < 2:
+            yield from ((i, function(task)) for i, task in enumerate(tasks))
+        else:
+            try:
+                yield from self._in_processes(function, tasks)
+            except BaseException:
+                if self._pool is not None:
+                    self._pool.kill()
+                    self._pool = None
+                raise
+
+    def _in_processes(
+        self, function: Callable[[T], R], tasks: Sequence[T]
+    ) -> Generator[tuple[int, R | Lost]]:
+        left = dict.fromkeys(range(len(tasks)))
+        while left:
+            lost = []
+            self._pool = self._pool or ProcessPool(self.jobs)
+            for i, result in _submitted(self._pool, function, tasks, list(left), 2 * self.jobs):
+                if isinstance(result, Lost):
+                    lost.append(i)
+                    continue
+                del left[i]
+                yield i, result
+            for i in lost:
+                self._end()
+                self._pool = ProcessPool(1)
+                yield from _submitted(self._pool, function, tasks, [i], 1)
+                del left[i]
+            if lost:
+                self._end()
+
+    def _end(self) -> None:
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._end()
+
+
+def _submitted(
+    executor: Executor,
+    function: Callable[[T], R],
+    tasks: Sequence[T],
+    indices: Sequence[int],
+    window: int,
+) -> Generator[tuple[int, R | Lost]]:
+    """Submit tasks, at most `window` at a time, until the executor is broken."""
+    waiting = iter(indices)
+    pending: dict[Future[R], int] = {}
+    broken = False
+    try:
+        while True:
+            while not broken and len(pending) < window and (i := next(waiting, None)) is not None:
+                try:
+                    pending[executor.submit(function, tasks[i])] = i
+                except BrokenExecutor:
+                    broken = True
+                    yield i, Lost()
+            if not pending:
+                break
+            for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                i = pending.pop(future)
+                try:
+                    result = future.result()
+                except BrokenExecutor:
+                    broken = True
+                    yield i, Lost()
+                except _killed_worker():
+                    yield i, Lost()
+                except CancelledError:
+                    raise ResourceError("the connection to the scheduler is lost") from None
+                except ModuleNotFoundError as error:
+                    raise UsageError(
+                        f"a worker cannot do its task: {error}"
+                        "\n  hint: install the same version of symcheck on all workers"
+                    ) from None
+                else:
+                    yield i, result
+    finally:
+        for future in pending:
+            future.cancel()
+
+
+def _killed_worker() -> tuple[type[Exception], ...]:
+    """The error of Dask for a task on which several workers died."""
+    if "distributed" not in sys.modules:
+        return ()
+    from distributed.scheduler import KilledWorker
+
+    return (KilledWorker,)
