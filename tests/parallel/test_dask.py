@@ -21,7 +21,7 @@ from symcheck.parallel.workers import Lost, Workers
 CROWDS = str(Path(__file__).parents[2] / "models" / "crowds" / "crowds.pm")
 EXPOSED = 'P=? [ F "exposed" ]; P=? [ F observed0>1 ]'
 CONSTANTS = {"TotalRuns": range(3, 6), "CrowdSize": range(2, 5)}
-GROWS = "len([bytearray(1 << 20) for _ in range(1000)])"
+TOO_MUCH = "len(bytearray(1 << 30))"
 
 pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning")
 
@@ -106,7 +106,7 @@ def test_a_task_beyond_the_limit_of_memory_fails_and_its_worker_lives(client: Cl
     client.wait_for_workers(2)
     before = set(client.run(os.getpid).values())
     with Workers(1, client) as workers, pytest.raises(MemoryError):
-        list(workers.completed(eval, [GROWS]))
+        list(workers.completed(eval, [TOO_MUCH]))
     assert set(client.run(os.getpid).values()) == before
 
 
