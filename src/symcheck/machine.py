@@ -128,14 +128,12 @@ def below_limit() -> int:
 def memory_ended(error: BaseException) -> bool:
     """Whether an error means that memory ended: libraries and threads have other words for it."""
     match error:
-        case MemoryError():
+        case MemoryError() | OSError(errno=errno.ENOMEM):
             return True
-        case OSError(errno=errno.ENOMEM):
+        case ImportError() | RuntimeError() if any(words in str(error) for words in _WORDS):
             return True
-        case ImportError() | RuntimeError():
-            if any(words in str(error) for words in _WORDS):
-                return True
-    return error.__context__ is not None and memory_ended(error.__context__)
+        case _:
+            return error.__context__ is not None and memory_ended(error.__context__)
 
 
 def _pages() -> tuple[int, int]:

@@ -104,14 +104,12 @@ class Derivatives:
                 return self._any(self._derivative_of_formula(p, letter) for p in f.parts)
             case Kind.NEXT:
                 return self.encode(f.parts[0])
-        left, right = (self._derivative_of_formula(p, letter) for p in f.parts)
-        if f.kind is Kind.UNTIL:
-            return table.disjunction(
-                right, table.conjunction(left, self.encode(self._with_smaller_bound(f)))
-            )
-        return table.conjunction(
-            right, table.disjunction(left, self.encode(self._with_smaller_bound(f)))
-        )
+            case Kind.UNTIL | Kind.RELEASE:
+                left, right = (self._derivative_of_formula(p, letter) for p in f.parts)
+                next_step = self.encode(self._with_smaller_bound(f))
+                if f.kind is Kind.UNTIL:
+                    return table.disjunction(right, table.conjunction(left, next_step))
+                return table.conjunction(right, table.disjunction(left, next_step))
 
     def _with_smaller_bound(self, f: LtlFormula) -> LtlFormula:
         if f.bound is None:

@@ -120,6 +120,8 @@ class _Reader:
                     terms = self.condition(condition)
                 case "state", children:
                     edges += self.edges(children)
+                case _:
+                    pass  # a header that does not change the language
         if len(start) != 1:
             message = f"a deterministic automaton has one initial state, not {len(start)}"
             raise self.fault(message, tree)

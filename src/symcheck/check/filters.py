@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, TypeVar, assert_never
 
 from symcheck.check.context import Context
 from symcheck.check.result import Line
@@ -24,9 +24,6 @@ __all__ = [
 
 F = TypeVar("F")
 Bounds = tuple[Number, Number]
-
-_PER_STATE = ("range", "print", "printall")
-"""Filters on numbers whose value within a larger formula differs between states."""
 
 
 @dataclass(frozen=True)
@@ -90,18 +87,23 @@ class AppliedFilter:
                 value = bool(self.satisfying(formula) & states)
             case "state" | "first":
                 value = bool(self.satisfying(formula) & self._one(states))
-            case _:
+            case "min" | "max" | "sum" | "avg" | "count" | "range":
                 raise self._wrong_type("bool")
+            case operator:
+                assert_never(operator)
         return FilterResult(value, engine.all if value else engine.none)
 
     def number(self) -> Numeric:
         """The result of a filter whose type is a number; raises InputError as `condition`."""
         formula, states, operator = self.node.formula, self._selected(), self.node.operator
-        if operator == "count":
-            count = (self.satisfying(formula) & states).count
-            return self._constant((count, count), rounded=False)
-        if operator not in ("state", "first", "min", "max", "sum", "avg", *_PER_STATE):
-            raise self._wrong_type("number")
+        match operator:
+            case "count":
+                count = (self.satisfying(formula) & states).count
+                return self._constant((count, count), rounded=False)
+            case "forall" | "exists" | "argmin" | "argmax":
+                raise self._wrong_type("number")
+            case _:
+                pass
         values = self.numbers(formula)
         rounded = values.rounded(states)
         match operator:
@@ -121,9 +123,11 @@ class AppliedFilter:
                 bounds = low / states.count, high / states.count
             case "min":
                 bounds = values.minimum(states)
-            case _:
+            case "state" | "first":
                 one = self._one(states)
                 bounds, rounded = values.minimum(one), values.rounded(one)
+            case _:
+                assert_never(operator)
         return self._constant(bounds, rounded)
 
     def _constant(self, bounds: Bounds, rounded: bool) -> Numeric:

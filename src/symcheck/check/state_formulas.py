@@ -30,6 +30,7 @@ from symcheck.syntax.ast import (
     ExpectedTime,
     Expression,
     Filter,
+    FilterOperator,
     LabelReference,
     Literal,
     Measure,
@@ -178,13 +179,10 @@ def applied_filter(
 
 def modern_filter(formula: StateFilter) -> Filter:
     """The newer form of `P=? [ path {states}{min}{max} ]`."""
-    match sorted(formula.operators):
-        case []:
-            operator = "state"
-        case ["max", "min"]:
-            operator = "range"
-        case [one, *_]:
-            operator = one
+    operators = formula.operators
+    operator: FilterOperator = (
+        "range" if len(set(operators)) == 2 else next(iter(operators), "state")
+    )
     return Filter(operator, formula.formula, formula.states, span=formula.span)
 
 

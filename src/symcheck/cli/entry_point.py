@@ -186,7 +186,8 @@ class _Session:
                 return _fail(self._after_export(output_fault("the output", error)), 1)
             case Exception():  # a defect of symcheck, without a traceback
                 return _fail(self._after_export(internal_error(error)), 1)
-        raise error
+            case _:
+                raise error
 
     def _after_export(self, error: SymcheckError) -> SymcheckError:
         """The error that ends a run, after the finished results were written if possible."""

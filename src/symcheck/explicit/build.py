@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NoReturn
+from typing import NoReturn, assert_never
 
 import numpy as np
 
@@ -174,6 +174,8 @@ class Exploration:
         outcome = self._explorer.run(budget, self._slice())
         self._seconds += time.perf_counter() - started
         match outcome:
+            case Outcome.COMPLETE | Outcome.BUDGET:
+                pass
             case Outcome.PAUSED:
                 return False
             case Outcome.FAULT:
@@ -182,6 +184,8 @@ class Exploration:
                 self._stop(MemoryLimitError, "out of memory", SMALLER_ENGINES)
             case Outcome.TOO_MANY:
                 self._stop(MemoryLimitError, "more than 2**31 - 1 states", SMALLER_ENGINES)
+            case _:
+                assert_never(outcome)
         return True
 
     def _slice(self) -> float:

@@ -329,8 +329,10 @@ class CodeGenerator:
                 return not is_int or not any(map(self._is_wide, nodes(node)))
             case Call(Function.FLOOR | Function.CEIL | Function.ROUND, (argument,)):
                 return self.type_of(argument) is Type.INT
-            case _:
-                return not isinstance(node, LabelReference | StateOperator)
+            case Unary() | Binary() | Call() | Conditional():
+                return True
+            case _:  # nodes that the machine does not evaluate
+                return False
 
     def _is_wide(self, node: Tree) -> bool:
         """Whether a sum of a few such ints may leave 64 bits."""

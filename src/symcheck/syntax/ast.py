@@ -284,17 +284,20 @@ class PathQuantifier(StateOperator):
     path: PathFormula
 
 
+FilterOperator = Choice[
+    "min", "max", "sum", "avg", "count", "range", "forall", "exists", "first", "state",
+    "argmin", "argmax", "print", "printall",
+]  # fmt: skip
+"""The operators of filters; the signs + & | are spelled out as sum, forall and exists."""
+
+
 @dataclass(frozen=True, slots=True)
 class Filter(StateOperator):
-    """`filter(operator, formula, states)`; `states` None means all states.
-
-    `operator` is one of min max sum avg count range forall exists first state argmin argmax print
-    printall; the signs + & | are spelled out as sum, forall and exists.
-    """
+    """`filter(operator, formula, states)`; `states` None means all states."""
 
     reads_rewards = False
 
-    operator: str
+    operator: FilterOperator
     formula: Expression
     states: Expression | None
 

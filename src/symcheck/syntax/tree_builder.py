@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial, partialmethod
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, cast, get_args
 
 from symcheck.errors import NO_SPAN, Diagnostic, Source, Span
 from symcheck.syntax import ast
@@ -39,23 +39,13 @@ __all__ = [
     "PropertiesBuilder",
 ]
 
-FILTERS = (
-    "min",
-    "max",
-    "sum",
-    "avg",
-    "count",
-    "range",
-    "forall",
-    "exists",
-    "first",
-    "state",
-    "argmin",
-    "argmax",
-    "print",
-    "printall",
-)
-_FILTER_SIGNS = {"+": "sum", "&": "forall", "|": "exists", "values": "printall"}
+FILTERS: tuple[ast.FilterOperator, ...] = get_args(ast.FilterOperator)
+_FILTER_SIGNS: dict[str, ast.FilterOperator] = {
+    "+": "sum",
+    "&": "forall",
+    "|": "exists",
+    "values": "printall",
+}
 
 _ASSOCIATIVE = frozenset(o for o in Operator if o.is_associative)
 
@@ -582,11 +572,12 @@ class PropertiesBuilder(Builder):
         return self._measure(kind, [*head, bound, opening, path, old, closing])
 
     def reward(self, values: Values) -> Expression:
-        query = values[-3]
-        match query:
-            case ast.Binary(Operator.EQ, ast.Name("Cdiscount"), discount):
+        match values[-3]:
+            case ast.Binary(Operator.EQ, ast.Name("Cdiscount"), discount) as query:
                 # Storm writes C discount=0.9 without the space.
                 values[-3] = ast.DiscountedReward(None, discount, span=query.span)
+            case _:
+                pass
         return self._measure(ast.RewardOperator, values)
 
     time = partialmethod(_measure, ast.ExpectedTime)
@@ -670,17 +661,18 @@ class PropertiesBuilder(Builder):
 
     def filter(self, values: Values) -> ast.Filter:
         _, _, word, _, formula, _, states, _ = values
-        operator: str = _FILTER_SIGNS.get(word.value, word.value)
+        name: str = word.value
+        operator = _FILTER_SIGNS.get(name) or next((f for f in FILTERS if f == name), None)
         span = self._words(values)
-        if operator not in FILTERS:
+        if operator is None:
             from difflib import get_close_matches
 
             known = (*FILTERS, "values")
-            near = get_close_matches(operator, known, 1)
+            near = get_close_matches(name, known, 1)
             hint = f"did you mean {near[0]}?" if near else f"the filters are {', '.join(known)}"
             place = Span(self.source, word.start_pos, word.end_pos)
-            self._wrong(f"there is no filter '{operator}'", place, "filter", hint)
-        return ast.Filter(operator, formula, states, span=span)
+            self._wrong(f"there is no filter '{name}'", place, "filter", hint)
+        return ast.Filter(operator or "state", formula, states, span=span)
 
     def old_filter(self, values: Values) -> tuple[Expression, tuple[Any, ...]]:
         return values[1], tuple(v.value for v in values[4::3])

@@ -299,6 +299,8 @@ class _Writer:
                     target = resolve(path, states_of(context), self._explicit)
                     if isinstance(target, UntilPath) and target.window.trivial:
                         yield from self._reward(context, formula, target.right)
+                case _:
+                    pass  # other formulas have no stages to show
         except SymcheckError as error:
             frame = {"title": "This trace ended with an error.", "note": str(error)}
             yield self._on_states("Trace", "", frame)

@@ -24,7 +24,16 @@ from symcheck.check.context import Context
 from symcheck.check.counterexample import CommandSet, Counterexample, LikelyPath
 from symcheck.check.explanation.fewest_commands import fewest_commands
 from symcheck.check.explanation.labelled_transitions import labelled_transitions
-from symcheck.check.path_formulas import NextPath, UntilPath, negated, resolve
+from symcheck.check.path_formulas import (
+    NextPath,
+    Path,
+    RewardPath,
+    StatePath,
+    TemporalPath,
+    UntilPath,
+    negated,
+    resolve,
+)
 from symcheck.check.rebind_exact import exactly_bound
 from symcheck.check.state_formulas import satisfying, states_of, threshold_of
 from symcheck.check.strategies.strategy import strategy_of
@@ -202,7 +211,7 @@ def _probabilities(engine: ExplicitEngine) -> SparseMatrix:
     return matrix.divided(sums)
 
 
-def _problem(context: Context, matrix: SparseMatrix, path: object) -> WalkProblem | StepProblem:
+def _problem(context: Context, matrix: SparseMatrix, path: Path) -> WalkProblem | StepProblem:
     """Where paths may pass and where they end. Raises UnsupportedError."""
     to = context.engine.to_bools
     everything, nothing = to(context.engine.all), to(context.engine.none)
@@ -230,7 +239,7 @@ def _problem(context: Context, matrix: SparseMatrix, path: object) -> WalkProble
                     f"{steps:,} steps of {matrix.states:,} states are too many for a counterexample"
                 )
             return StepProblem(matrix, passing, goal, end, steps)
-        case _:
+        case NextPath() | StatePath() | TemporalPath() | RewardPath():
             raise UnsupportedError(
                 "counterexamples are supported for one of X, F, G, U, W and R over states"
             )

@@ -12,6 +12,7 @@ from symcheck.syntax.ast import (
     Eventually,
     Expression,
     Filter,
+    FilterOperator,
     Globally,
     InstantaneousReward,
     LabelReference,
@@ -50,7 +51,7 @@ from symcheck.syntax.traversal import names, substitute
 
 __all__ = ["FILTERS", "PropertyReader", "default_requests", "state_labels"]
 
-FILTERS = {
+FILTERS: dict[str, FilterOperator] = {
     "min": "min",
     "max": "max",
     "sum": "sum",
