@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from symcheck.exchange.python.from_matrix import from_matrix as from_matrix
     from symcheck.exchange.strategies.induced_chain import induced_chain as induced_chain
     from symcheck.exchange.strategies.reader import load_strategy as load_strategy
+    from symcheck.experiments.many import Check as Check
+    from symcheck.experiments.many import check_many as check_many
     from symcheck.experiments.run import experiment as experiment
     from symcheck.explicit.build import explore as explore
     from symcheck.options import Options as Options
@@ -58,6 +60,7 @@ _MODULES = {
     "exchange.python.from_matrix": "from_matrix",
     "exchange.strategies.induced_chain": "induced_chain",
     "exchange.strategies.reader": "load_strategy",
+    "experiments.many": "Check check_many",
     "experiments.run": "experiment",
     "explicit.build": "explore",
     "options": "Options",

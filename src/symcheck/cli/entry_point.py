@@ -11,8 +11,9 @@ from threading import Lock, Thread
 from time import perf_counter
 from typing import NoReturn, TextIO
 
+from symcheck.cli.batch import is_batch, run_batch
 from symcheck.cli.check_property import internal_error
-from symcheck.cli.output import Output
+from symcheck.cli.output import LAST_WORDS, Output, fail
 from symcheck.cli.output_paths import check_files, check_results_file, write_results
 from symcheck.cli.run import run
 from symcheck.cli.run_state import RunState
@@ -32,7 +33,6 @@ from symcheck.whole_file import is_output_fault, output_fault, remove_unfinished
 
 __all__ = ["run_safely"]
 
-_LAST_WORDS = 0.3  # seconds for the last message of a run that does not end by itself
 _LAST_FILES = 20.0  # the same, if finished results are still to be written to a file
 
 
@@ -53,17 +53,39 @@ def run_safely(words: Sequence[str] | None = None, started: float | None = None)
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
     started = perf_counter() if started is None else started
     sys.set_int_max_str_digits(0)  # rational results may be long
+    if is_batch(sys.argv[1:] if words is None else words):
+        return _run_batch(words)
     if words is not None:
         with ExitStack() as stack:
             return _Session(StopSignals(), started, own_process=False).run(words, stack)
+    return _run_process(sys.argv[1:], started)
+
+
+def _run_process(words: Sequence[str], started: float) -> NoReturn:
+    """Run a command line, and end this process."""
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout = _CheckedStream(sys.stdout)
     session = _Session(StopSignals(lambda: session.end()), started, own_process=True)
     try:
-        status = session.run(sys.argv[1:], ExitStack())
+        status = session.run(words, ExitStack())
     except KeyboardInterrupt:  # between the end of the run and that of the signals
-        status = _fail(session.signals.error, session.signals.status)
-    return _leave(status)
+        status = fail(session.signals.error, session.signals.status)
+    _leave(status)
+
+
+def _run_batch(words: Sequence[str] | None) -> int:
+    """Run the lines of a batch. words: None for those of this process, which ends here."""
+    if words is None and isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout = _CheckedStream(sys.stdout)
+    try:
+        status = run_batch(sys.argv[1:] if words is None else words, _run_process)
+    except KeyboardInterrupt:
+        status = fail(Interrupted("interrupted by Ctrl-C"), 130)
+    except SymcheckError as error:
+        status = fail(error, 2 if isinstance(error, UsageError) else 1)
+    if words is None:
+        _leave(status)
+    return status
 
 
 def _leave(status: int) -> NoReturn:
@@ -76,7 +98,7 @@ def _leave(status: int) -> NoReturn:
         try:
             sys.stdout.flush()
         except OutputError as error:
-            status = _fail(error, 1)
+            status = fail(error, 1)
     with suppress(OSError):
         sys.stderr.flush()
     remove_unfinished()
@@ -144,6 +166,8 @@ class _Session:
 
     def _run(self, words: Sequence[str], stack: ExitStack) -> int:
         arguments = parse_arguments(words)
+        if arguments.batch is not None:
+            raise UsageError("-batch stands in a line of a batch, which runs one model")
         if (text := information(arguments)) is not None:
             print(text)
             return 0
@@ -177,15 +201,15 @@ class _Session:
             case ResourceError():
                 return self._stopped(error, 3)
             case UsageError():
-                return _fail(self._after_export(error), 2)
+                return fail(self._after_export(error), 2)
             case SymcheckError():
-                return _fail(self._after_export(error), 1)
+                return fail(self._after_export(error), 1)
             case RecursionError():
-                return _fail(SymcheckError("the input is nested too deeply"), 1)
+                return fail(SymcheckError("the input is nested too deeply"), 1)
             case OSError() if is_output_fault(error):
-                return _fail(self._after_export(output_fault("the output", error)), 1)
+                return fail(self._after_export(output_fault("the output", error)), 1)
             case Exception():  # a defect of symcheck, without a traceback
-                return _fail(self._after_export(internal_error(error)), 1)
+                return fail(self._after_export(internal_error(error)), 1)
             case _:
                 raise error
 
@@ -200,12 +224,12 @@ class _Session:
         try:
             self._export(error)
         except (UsageError, OutputError) as fault:
-            _fail(fault, status)
+            fail(fault, status)
         count = len(self._state.rows) if self._state is not None else 0
         if count:
             verb = "results are" if count > 1 else "result is"
             error = type(error)(f"{error}\n  note: {count} finished {verb} above")
-        return _fail(error, status)
+        return fail(error, status)
 
     def _export(self, error: SymcheckError | None = None) -> None:
         """Write the files of -exportresults and -exporttests. error: what ended the run."""
@@ -227,7 +251,7 @@ class _Session:
             )
             last.start()
             writes = self._state is not None and self._state.writes_files
-            last.join(_LAST_FILES if writes else _LAST_WORDS)
+            last.join(_LAST_FILES if writes else LAST_WORDS)
         remove_unfinished()
         os._exit(self.signals.status)
 
@@ -250,22 +274,3 @@ def _working_folder(folder: str | None) -> Iterator[None]:
         yield
     finally:
         os.chdir(before)
-
-
-def _fail(error: SymcheckError, status: int) -> int:
-    """Print an error, after what the output still holds."""
-    # Nobody may read the pipe: that must not keep the message back.
-    with suppress(RuntimeError):  # no memory for a thread
-        flushing = Thread(target=_flush_output, daemon=True)
-        flushing.start()
-        flushing.join(_LAST_WORDS)
-    text = str(error)
-    with suppress(OSError):
-        shown = text if "error[" in text.splitlines()[0] else f"error: {text}"
-        print(shown, file=sys.stderr, flush=True)
-    return status
-
-
-def _flush_output() -> None:
-    with suppress(OSError, OutputError):
-        sys.stdout.flush()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from threading import Thread
 from typing import TextIO
 
 from symcheck import __version__
@@ -11,11 +13,14 @@ from symcheck.check.result import Estimate, Result
 from symcheck.check.testing.property_tests import PropertyTests
 from symcheck.engines.base import Engine
 from symcheck.engines.selection import Choice
+from symcheck.errors import OutputError, SymcheckError
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.semantics.state_faults import describe_state
 
-__all__ = ["Output"]
+__all__ = ["LAST_WORDS", "Output", "fail"]
+
+LAST_WORDS = 0.3  # seconds for the last message of a run that does not end by itself
 
 _RULE = "-" * 69
 
@@ -179,6 +184,25 @@ class Output:
             self.line()
             self.line(f"Note: There {verb} {_count(self.warnings, 'warning')} during computation.")
         self.out.flush()
+
+
+def fail(error: SymcheckError, status: int) -> int:
+    """Print an error, after what the output still holds."""
+    # Nobody may read the pipe: that must not keep the message back.
+    with suppress(RuntimeError):  # no memory for a thread
+        flushing = Thread(target=_flush_output, daemon=True)
+        flushing.start()
+        flushing.join(LAST_WORDS)
+    text = str(error)
+    with suppress(OSError):
+        shown = text if "error[" in text.splitlines()[0] else f"error: {text}"
+        print(shown, file=sys.stderr, flush=True)
+    return status
+
+
+def _flush_output() -> None:
+    with suppress(OSError, OutputError):
+        sys.stdout.flush()
 
 
 def _count(number: int, noun: str) -> str:

@@ -27,7 +27,15 @@ from symcheck.options import (
 )
 from symcheck.syntax.ast import ModelType
 
-__all__ = ["HELP_EPILOGUE", "Arguments", "Export", "information", "make_parser", "parse_arguments"]
+__all__ = [
+    "HELP_EPILOGUE",
+    "ONE_FILE_SWITCHES",
+    "Arguments",
+    "Export",
+    "information",
+    "make_parser",
+    "parse_arguments",
+]
 
 if TYPE_CHECKING:  # most runs do without
     from symcheck.cli.switches.switch_help import SwitchDescription
@@ -42,6 +50,7 @@ Examples:
   symcheck die.pm die.pctl                         check every property of the file
   symcheck die.pm -pf 'P=? [ F d=6 ]'              check one property
   symcheck compare die.pm die.pctl -with storm     compare the answers with those of Storm
+  symcheck -batch suite.txt -timeout 60            run each line of a file, 60 s at most for each
   symcheck crowds.pm crowds.pctl -const TotalRuns=3:6,CrowdSize=10 -exportresults table.csv
 
 Switches of PRISM that have no effect here (-javamaxmem, -nopre, -gs and others) are accepted and
@@ -49,7 +58,8 @@ listed in the output. Every switch may be written with two dashes.
 
 Exit status: 0 every property was answered (with -test: no test failed); 1 an error in the input, an
 unsupported property, a failed test, or an output that cannot be written; 2 the command line is
-wrong; 3 stopped by a limit of memory or time; 130 stopped by Ctrl-C, 143 by SIGTERM.
+wrong; 3 stopped by a limit of memory or time; 130 stopped by Ctrl-C, 143 by SIGTERM. With -batch:
+0 if each line ended with 0, 1 if not, 2, 130 and 143 as above.
 """
 
 
@@ -128,6 +138,7 @@ class Arguments(argparse.Namespace):
     testall: bool
     exporttests: str | None
     mainlog: str | None
+    batch: str | None
     help: str | None
     completion: str | None
     version: bool
@@ -679,6 +690,12 @@ def _output(parser: _Parser) -> None:
         help="symcheck compare MODEL PROPERTIES -with PEER: compare the answers with those of "
         "storm or prism, if it is installed ('prism -s' gives it switches)",
     )
+    parser.add(
+        "batch",
+        metavar="FILE",
+        help="run each line of FILE (MODEL PROPERTIES switches) as if alone, in a process that has "
+        "started already; - reads the lines from the standard input",
+    )
     parser.add("mainlog", metavar="FILE", help="write the output to a file")
     parser.add(
         "help", "?", metavar="SWITCH", nargs="?", const="", help="this text, or what a switch does"
@@ -748,19 +765,19 @@ def parse_arguments(words: Sequence[str]) -> Arguments:
         hint = "symcheck compare MODEL PROPERTIES -with storm (or -with prism)"
         missing = "compare needs a peer" if compares else "-with is a switch of compare"
         raise UsageError(f"{missing}\n  hint: {hint}")
-    for switch in _ONE_FILE:
+    for switch in ONE_FILE_SWITCHES:
         if sum(word.split("=", 1)[0].lstrip("-") == switch for word in adapted.words) > 1:
             raise UsageError(
                 f"-{switch} is given twice, and one file is written\n  hint: name one file"
             )
     if compares:
-        refused = [s for s in (*_ONE_FILE, *_NOT_COMPARED) if getattr(arguments, s)]
+        refused = [s for s in (*ONE_FILE_SWITCHES, *_NOT_COMPARED) if getattr(arguments, s)]
         if refused:
             raise UsageError(f"compare prints a table of answers, and does not take -{refused[0]}")
     return arguments
 
 
-_ONE_FILE = (
+ONE_FILE_SWITCHES = (
     *("exportstrat", "exportresults", "exportpage", "exportcounterexample", "exportpareto"),
     *("exporttests", "exportprodtrans", "exportprodstates"),
 )

@@ -1,0 +1,201 @@
+"""`symcheck -batch FILE`: many command lines, for which Python and its modules start once.
+
+Each line runs in a copy of this process, which has loaded the modules and the grammars. A line has
+the output, the limits and the exit status that it has alone. Neither its errors nor its memory
+reach the next line, even if it crashes.
+
+Source: Stevens & Rago, Advanced Programming in the UNIX Environment, 3rd ed. (2013), 8.3 (fork).
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import shlex
+import signal
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from time import perf_counter
+from types import FrameType
+from typing import NoReturn, TextIO
+
+from symcheck.cli.output import fail
+from symcheck.cli.switches.arguments import ONE_FILE_SWITCHES, parse_arguments
+from symcheck.errors import SymcheckError, UsageError
+
+__all__ = ["is_batch", "run_batch"]
+
+_RULE = "=" * 69
+_STANDARD_INPUT = "-"
+_STOPPING = (signal.SIGINT, signal.SIGTERM)
+
+_SAMPLE = "dtmc module m x : [0..2]; [] x<2 -> 1/2 : (x'=x+1) + 1/2 : true; endmodule"
+_PROPERTIES = 'P=? [ F x=2 ]; P=? [ F<=2 x=2 ]; R=? [ F x=2 ]; filter(state, "init");'
+
+Run = Callable[[Sequence[str], float], NoReturn]
+"""Runs a command line that started at a time (`perf_counter`), and ends the process."""
+
+
+def is_batch(words: Sequence[str]) -> bool:
+    """Whether a command line has the switch -batch."""
+    return any(_is_switch(word) for word in words)
+
+
+def run_batch(words: Sequence[str], run: Run) -> int:
+    """Run the lines of a file, or of the standard input.
+
+    Args:
+        words: the command line. Its other switches hold for every line.
+        run: runs a line.
+
+    Returns:
+        0 if each line ended with 0, otherwise 1; 130 after Ctrl-C and 143 after SIGTERM.
+
+    Raises:
+        UsageError: the command line is wrong, or the file cannot be read.
+        OutputError: the output cannot be written.
+    """
+    signal.setitimer(signal.ITIMER_REAL, 0)  # -timeout holds for each line
+    name, common = _split(words)
+    statuses: Counter[int] = Counter()
+    with _opened(name) as file, _Child().forwarding() as child:
+        _load()
+        for number, line in _lines(name, file):
+            sys.stdout.write(f"{_RULE}\nLine {number}: {line}\n\n")
+            sys.stdout.flush()
+            try:
+                words = [*common, *shlex.split(line, comments=True)]
+            except ValueError as error:  # quotes
+                status = fail(UsageError(f"{name}:{number}: {error}"), 2)
+            else:
+                status = child.run(words, run, no_input=name == _STANDARD_INPUT)
+            statuses[status] += 1
+            sys.stdout.write(f"\nExit status: {status}\n")
+            sys.stdout.flush()
+            if child.stopped:
+                break
+        total = f"{statuses.total()} line{'s' * (statuses.total() != 1)}"
+        counts = ", ".join(f"{n} with exit status {status}" for status, n in statuses.items())
+        print(f"{_RULE}\nBatch: {total}" + (f", {counts}" if counts else ""), flush=True)
+        if child.stopped:
+            return 128 + child.stopped
+    return 0 if statuses.keys() <= {0} else 1
+
+
+def _is_switch(word: str) -> bool:
+    return word.startswith("-") and word.lstrip("-").partition("=")[0] == "batch"
+
+
+def _split(words: Sequence[str]) -> tuple[str, list[str]]:
+    """The file, and the words of every line. Raises UsageError."""
+    arguments = parse_arguments(words)
+    hint = "each line has the words of a run: die.pm die.pctl -sparse"
+    if arguments.model is not None:
+        raise UsageError(
+            f"'{arguments.model}' stands beside -batch, whose lines name models\n  hint: {hint}"
+        )
+    for switch in (*ONE_FILE_SWITCHES, "mainlog"):
+        if getattr(arguments, switch):
+            raise UsageError(
+                f"-{switch} stands beside -batch: each line would write the same file"
+                "\n  hint: write the switch into the lines, with a file for each"
+            )
+    assert arguments.batch is not None
+    common, rest = [], iter(words)
+    for word in rest:
+        if not _is_switch(word):
+            common.append(word)
+        elif "=" not in word:
+            next(rest)
+    return arguments.batch, common
+
+
+def _lines(name: str, file: TextIO) -> Iterator[tuple[int, str]]:
+    """The lines that have words, with their numbers from 1. Raises UsageError."""
+    number = 0
+    try:
+        for number, line in enumerate(file, 1):
+            if line.strip() and not line.lstrip().startswith("#"):
+                yield number, line.strip()
+    except UnicodeDecodeError:
+        message = f"-batch: cannot read '{name}' after line {number}: not a UTF-8 text"
+        raise UsageError(message) from None
+
+
+def _opened(name: str) -> TextIO:
+    """The file of the lines. Raises UsageError."""
+    if name == _STANDARD_INPUT:
+        return sys.stdin
+    try:
+        return open(name, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"-batch: cannot read '{name}': {error.strerror}") from None
+
+
+def _load() -> None:
+    """Load what most lines need, by checking properties of a small model on both representations.
+
+    The collector need not visit it, so that the copies of this process share its memory.
+    """
+    from symcheck.api import loads
+
+    for engine in ("explicit", "hybrid"):
+        with suppress(SymcheckError):  # no decision diagrams on this machine
+            for _ in loads(_SAMPLE, engine=engine).check_all(_PROPERTIES):
+                pass
+    gc.collect()
+    gc.freeze()
+
+
+class _Child:
+    """The process of a line. Signals that would stop this process stop the line, and the batch.
+
+    stopped: the signal that has arrived, or 0.
+    """
+
+    def __init__(self) -> None:
+        self.stopped = 0
+        self._process = 0
+
+    @contextmanager
+    def forwarding(self) -> Iterator[_Child]:
+        """A context in which signals reach the process of the line."""
+        self._handlers = {n: signal.getsignal(n) for n in _STOPPING}
+        try:
+            for number, handler in self._handlers.items():
+                if handler is not signal.SIG_IGN:
+                    signal.signal(number, self._forward)
+            yield self
+        finally:
+            self._restore()
+
+    def run(self, words: Sequence[str], run: Run, *, no_input: bool) -> int:
+        """Run a line, and wait for its exit status."""
+        started = perf_counter()
+        self._process = os.fork()
+        if self._process == 0:
+            self._restore()
+            if no_input:  # the further lines are not the input of this one
+                os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+                sys.stdin = open(0, encoding="utf-8")  # noqa: SIM115
+            run(words, started)
+        status = os.waitstatus_to_exitcode(os.waitpid(self._process, 0)[1])
+        self._process = 0
+        if status < 0:
+            name = signal.Signals(-status).name
+            hint = "\n  hint: memory may be exhausted" if status == -signal.SIGKILL else ""
+            return fail(SymcheckError(f"the run was ended by {name}{hint}"), 128 - status)
+        return status
+
+    def _restore(self) -> None:
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+
+    def _forward(self, number: int, _: FrameType | None) -> None:
+        self.stopped = self.stopped or number
+        if not self._process:  # it waits for the next line
+            raise KeyboardInterrupt
+        with suppress(ProcessLookupError):
+            os.kill(self._process, number)
