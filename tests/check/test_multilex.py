@@ -77,11 +77,3 @@ def test_optima_against_all_strategies(seed):
     query = ", ".join(f"Pmax=? [ F s={n + i} ]" for i in range(3))
     (found,) = check_text(engine, f"multilex({query})").value
     assert found == pytest.approx(tuple(best[0]), abs=1e-7)
-
-
-def test_strategies_are_refused_with_a_reason():
-    result = check_text(
-        engine_of(FORK), "multilex(Pmax=? [ F s=2 ], Pmax=? [ F s=1 ])", strategy=True
-    )
-    assert result.strategy is None
-    assert "choose at random" in result.warnings[0]

@@ -123,10 +123,11 @@ def check(
         result = _boolean(context, formula)
     else:
         result = _numeric(context, formula, kind)
-    strategy = _strategy(context, formula) if context.options.strategy else None
+    strategies = _strategies(context, formula) if context.options.strategy else ()
     return replace(
         result,
-        strategy=strategy,
+        strategy=strategies[0] if len(strategies) == 1 else None,
+        strategies=strategies,
         lines=tuple(log.lines),
         runs=tuple(log.runs),
         warnings=tuple(log.warnings),
@@ -196,15 +197,19 @@ def _lift_result(result: Result, smaller: Quotient, engine: Engine) -> Result:
     return replace(result, value=value, explanation=_range_over(initial))
 
 
-def _strategy(context: Context, formula: Expression) -> Strategy | None:
-    """A strategy that attains the value; None, with a warning, if it is not supported."""
-    from symcheck.check.strategies.strategy import strategy_of
-
+def _strategies(context: Context, formula: Expression) -> tuple[Strategy, ...]:
+    """Strategies that attain the value; none, with a warning, if they are not supported."""
     try:
-        return strategy_of(context, formula, states_of)
+        if isinstance(formula, MultiObjective):
+            from symcheck.check.multi_objective.strategies import multi_strategies
+
+            return multi_strategies(context, formula, states_of)
+        from symcheck.check.strategies.strategy import strategy_of
+
+        return (strategy_of(context, formula, states_of),)
     except UnsupportedError as error:
         context.log.warn(f"no strategy: {error}")
-        return None
+        return ()
 
 
 def _boolean(context: Context, formula: Expression) -> Result:

@@ -141,6 +141,7 @@ class Result:
         witness: a path that shows why E holds, or why A does not hold.
         front: the Pareto front of a multi-objective query.
         strategy: a strategy that attains the value, with the option `strategy`.
+        strategies: of a Pareto query, one for each point of the value; otherwise `strategy` alone.
         warnings: one sentence each.
         seconds: time of the check.
         engine: on which the property was checked.
@@ -157,6 +158,7 @@ class Result:
     witness: Sequence[Mapping[str, int | bool]] | None = field(default=None, repr=False)
     front: ParetoFront | None = field(default=None, repr=False)
     strategy: Strategy | None = field(default=None, repr=False)
+    strategies: tuple[Strategy, ...] = field(default=(), repr=False)
     warnings: tuple[str, ...] = ()
     seconds: float = field(default=0.0, repr=False)
     engine: Engine | None = field(default=None, repr=False)

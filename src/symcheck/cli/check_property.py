@@ -32,6 +32,7 @@ from symcheck.whole_file import is_output_fault
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
+    from symcheck.engines.explicit.strategy import Strategy
     from symcheck.simulate.statistics import Plan
 
 __all__ = ["check_property", "internal_error", "report_unbuilt_model", "report_unparsed"]
@@ -155,8 +156,10 @@ def internal_error(error: Exception) -> InternalError:
 
 
 def _write_files(a: Arguments, output: Output, result: Result, varying: ConstantTexts) -> None:
-    if result.strategy is not None and a.exportstrat is not None:
-        _write_strategy(a.exportstrat, output, result, varying)
+    if a.exportstrat is not None:
+        for i, strategy in enumerate(result.strategies, 1):
+            point = {"point": str(i)} if len(result.strategies) > 1 else {}
+            _write_strategy(a.exportstrat, output, strategy, {**varying, **point})
     if a.counterexample or a.exportcounterexample is not None:
         _explain(a, output, result, varying)
     for file in a.exportvector:
@@ -211,13 +214,16 @@ def _write_product(
         state.output.warn(f"-exportprod…: {error}")
 
 
-def _write_strategy(argument: str, output: Output, result: Result, varying: ConstantTexts) -> None:
+def _write_strategy(
+    argument: str, output: Output, strategy: Strategy, varying: ConstantTexts
+) -> None:
     from symcheck.exchange.strategies.files import strategy_target, write_strategy_files
 
     target = strategy_target(argument)
     target = replace(target, path=instance_path(target.path, varying))
-    assert result.strategy is not None
-    for path in write_strategy_files(result.strategy, target, output.out):
+    if target.path == "stdout" and "point" in varying:
+        output.line(f"# point {varying['point']}")
+    for path in write_strategy_files(strategy, target, output.out):
         if path != "stdout":
             output.line(f'Strategy written to "{path}" ({target.kind})')
 

@@ -40,7 +40,7 @@ from symcheck.syntax.ast import (
     UnaryTemporal,
 )
 
-__all__ = ["Objective", "flow_of"]
+__all__ = ["Objective", "ProductFlow", "flow_of"]
 
 
 ObjectiveFormula = ProbabilityOperator | RewardOperator | ExpectedTime | SteadyState
@@ -121,9 +121,15 @@ class _Terms:
         )
 
 
-def flow_of(
-    context: Context, objectives: Sequence[Objective], states_of: StatesOf
-) -> numerics.Flow:
+@dataclass(frozen=True, eq=False)
+class ProductFlow:
+    """The equations of the flow through a product, which is the engine."""
+
+    flow: numerics.Flow
+    engine: Engine
+
+
+def flow_of(context: Context, objectives: Sequence[Objective], states_of: StatesOf) -> ProductFlow:
     """The flow of the product with all that objectives must remember.
 
     That is a step counter for C<=k, whether F has been reached, and the automaton of P.
@@ -204,7 +210,7 @@ def _until(
 
 def _equations(
     chain: _Chain, objectives: Sequence[Objective], terms: Sequence[_Terms]
-) -> numerics.Flow:
+) -> ProductFlow:
     engine = chain.engine
     matrix = engine.system(engine.all).matrix
     assert matrix.groups is not None
@@ -242,13 +248,15 @@ def _equations(
     kind = object if engine.exact else np.float64
     own = np.array(rewards, dtype=kind).reshape(-1, matrix.rows)
     none = np.zeros_like(own) if not engine.exact else 0 * own
-    return numerics.Flow(
+    flow = numerics.Flow(
         matrix,
         initial,
         np.where(long_run[:, None], none, own),
         np.where(long_run[:, None], own, none),
         stays,
+        costless,
     )
+    return ProductFlow(flow, engine)
 
 
 def _limit(objective: Objective) -> int | None:

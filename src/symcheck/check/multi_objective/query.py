@@ -19,23 +19,21 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import inf, isfinite, isinf, nan
+from math import inf, isfinite, nan
 
 import numpy as np
 
 from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.check.multi_objective.flow import Objective, flow_of
-from symcheck.check.multi_objective.front import front_of
+from symcheck.check.multi_objective.linear_query import LinearQuery, is_cost
 from symcheck.check.pareto_front import ParetoFront
 from symcheck.check.path_formulas import StatesOf
 from symcheck.check.result import Answer, Estimate, Exact, Number, Result, SolverRun
 from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
-from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
-from symcheck.numerics.multi_objective import linear_program as numerics
+from symcheck.matrices.numbers import numbers
 from symcheck.numerics.multi_objective.exact_lp import ROWS
-from symcheck.numerics.multi_objective.pareto import pareto_front
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.syntax.ast import (
     Bound,
@@ -48,19 +46,17 @@ from symcheck.syntax.ast import (
     SteadyState,
 )
 
-__all__ = ["check_multi"]
-
-_DOUBT = 100 * numerics.TOLERANCE
-"""The smallest margin of a linear program at which a verdict is given without proof."""
+__all__ = ["check_multi", "check_supported", "solve_query"]
 
 Pick = Callable[[Context], StatesOf]
 
 
 @dataclass(frozen=True)
-class _Asked:
+class QueryResult:
     """The result of a query.
 
-    close: it is within the rounding error of the linear program. front: of a Pareto query.
+    close: it is within the rounding error of the linear program. front: of a Pareto query. query:
+    the one whose solutions attain the result.
     """
 
     value: Answer
@@ -70,6 +66,7 @@ class _Asked:
     proved: bool = False
     close: bool = False
     front: ParetoFront | None = None
+    query: LinearQuery | None = None
 
 
 def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> Result:
@@ -82,11 +79,11 @@ def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> R
         UnsupportedError: an objective is not supported.
         NumericalError: the verdict is within the rounding error.
     """
-    _supported(context, formula)
+    check_supported(context, formula)
     if context.engine.exact:
-        return _result(context, _solve(context, formula, states_of(context)))
+        return _result(context, solve_query(context, formula, states_of(context)))
     own = to_explicit(context)
-    found = _solve(own, formula, states_of(own))
+    found = solve_query(own, formula, states_of(own))
     if (
         found.equations <= (ROWS if found.close else tuning.PROVED_EQUATIONS)
         and own.engine.states <= tuning.RATIONAL_STATES
@@ -102,13 +99,13 @@ def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> R
     return _result(context, replace(found, about=found.about + remark))
 
 
-def _by_rationals(context: Context, formula: MultiObjective, states_of: Pick) -> _Asked:
+def _by_rationals(context: Context, formula: MultiObjective, states_of: Pick) -> QueryResult:
     """The result on the model explored exactly, with numbers as doubles."""
     from symcheck.check.rebind_exact import exact_twin
 
     exact, twin = exact_twin(context, formula)
     assert isinstance(twin, MultiObjective)
-    found = _solve(exact, twin, states_of(exact))
+    found = solve_query(exact, twin, states_of(exact))
     front = None if found.front is None else found.front.rounded()
     return replace(found, value=_doubles(found.value), front=front)
 
@@ -129,7 +126,7 @@ def _undecided(error: Exception | None) -> NumericalError:
     )
 
 
-def _result(context: Context, found: _Asked) -> Result:
+def _result(context: Context, found: QueryResult) -> Result:
     proof = ", proved in rational arithmetic" if found.proved else ""
     note = f"linear program of {found.variables} variables{proof}: {found.about}"
     context.log.runs.append(
@@ -151,7 +148,8 @@ def _result(context: Context, found: _Asked) -> Result:
     return Result(found.value, accuracy, found.about, front=found.front)
 
 
-def _solve(context: Context, formula: MultiObjective, states_of: StatesOf) -> _Asked:
+def solve_query(context: Context, formula: MultiObjective, states_of: StatesOf) -> QueryResult:
+    """The result on an explicit engine, without a proof of what doubles leave open."""
     objectives = [_objective(o) for o in formula.objectives]
     if formula.lexicographic:
         return _lexicographic(context, objectives, states_of)
@@ -159,7 +157,7 @@ def _solve(context: Context, formula: MultiObjective, states_of: StatesOf) -> _A
     query = _query(context, objectives, asked, states_of)
     value, about = query.answer()
     close = query.close
-    if value is nan and len(asked) == 1 and _cost(objectives[asked[0]]):
+    if value is nan and len(asked) == 1 and is_cost(objectives[asked[0]]):
         # Either no strategy satisfies the bounds, or each that does has infinite cost.
         others = _query(context, [o for o in objectives if o.bound is not None], (), states_of)
         met, _ = others.answer()
@@ -171,12 +169,12 @@ def _solve(context: Context, formula: MultiObjective, states_of: StatesOf) -> _A
         )
     flow = query.flow
     size, equations = flow.gains.shape[1], flow.equations + len(objectives)
-    return _Asked(value, about, size, equations, flow.exact, close, query.front)
+    return QueryResult(value, about, size, equations, flow.exact, close, query.front, query)
 
 
 def _lexicographic(
     context: Context, objectives: Sequence[Objective], states_of: StatesOf
-) -> _Asked:
+) -> QueryResult:
     """Optimise one objective after the other; those before keep their optimal values.
 
     An objective takes part only when its turn comes, because a finite cost is a restriction.
@@ -190,19 +188,20 @@ def _lexicographic(
         raise UnsupportedError("multilex(...) needs objectives with =?; multi(...) checks bounds")
     query = _query(context, fixed, (), states_of)
     met, about = query.answer()
-    close, values = query.close, list[Number]()
+    close, values, last = query.close, list[Number](), query
     for objective in asked if met else ():
         query = _query(context, [*fixed, objective], (len(fixed),), states_of)
         value, _ = query.answer()
         assert isinstance(value, float | Fraction)
         if value is nan and not (
-            _cost(objective) and _query(context, fixed, (), states_of).answer()[0]
+            is_cost(objective) and _query(context, fixed, (), states_of).answer()[0]
         ):
             raise NumericalError(
                 "an optimum of multilex(...) is not attained within rounding errors"
             )
         # Otherwise each strategy that is optimal so far has infinite cost, and all are equal.
         values.append(inf if value is nan else value)
+        last = last if value is nan else query
         if value == inf and objective is not asked[-1]:
             raise UnsupportedError(
                 "an objective of multilex(...) whose reward some strategy collects for ever is "
@@ -213,22 +212,20 @@ def _lexicographic(
     flow = query.flow
     found = [tuple(values)] if met else []
     about = "lexicographic optimum" if met else about
-    return _Asked(found, about, flow.gains.shape[1], flow.equations + len(fixed), flow.exact, close)
+    equations = flow.equations + len(fixed)
+    return QueryResult(found, about, flow.gains.shape[1], equations, flow.exact, close, query=last)
 
 
 def _query(
     context: Context, objectives: Sequence[Objective], asked: Sequence[int], states_of: StatesOf
-) -> _Query:
-    flow = flow_of(context, objectives, states_of)
-    least = numbers(np.array([o.least for o in objectives], dtype=object), exact=flow.exact)
-    return _Query(objectives, asked, flow, least)
+) -> LinearQuery:
+    product = flow_of(context, objectives, states_of)
+    least = numbers(np.array([o.least for o in objectives], dtype=object), exact=product.flow.exact)
+    return LinearQuery(objectives, asked, product.engine, product.flow, least)
 
 
-def _cost(objective: Objective) -> bool:
-    return objective.sign < 0 and not objective.probability and not objective.long_run
-
-
-def _supported(context: Context, formula: MultiObjective) -> None:
+def check_supported(context: Context, formula: MultiObjective) -> None:
+    """Raise InputError or UnsupportedError if the model has no such queries."""
     if context.engine.model.type is not ModelType.MDP:
         raise InputError(Diagnostic("multi(...) needs an MDP", formula.span, "multi"))
     if context.engine.initial.count != 1:
@@ -266,72 +263,3 @@ def _objective(formula: Expression) -> Objective:
                 1 if operator == ">=" else -1,
                 Fraction(evaluate(threshold, {}, exact=True)),
             )
-
-
-def _plain(value: Number) -> Number:
-    """A number without the types of numpy."""
-    return value if isinstance(value, Fraction) else float(value)
-
-
-_NONE = "no strategy satisfies the bounds"
-_NO_CURVE = "no strategy satisfies the bounds with finite costs"
-
-
-@dataclass
-class _Query:
-    """A query with its flow.
-
-    close: the result is within the rounding error of doubles. front: of a Pareto query.
-    """
-
-    objectives: Sequence[Objective]
-    asked: Sequence[int]
-    flow: numerics.Flow
-    least: Numbers
-    close: bool = False
-    front: ParetoFront | None = None
-
-    def answer(self) -> tuple[Answer, str]:
-        """The value, and an explanation."""
-        flow = self.flow.connected(self.least)
-        room = None if is_infinite(self.least).all() else flow.margin(self.least)
-        if not is_infinite(self.least).all():
-            if room is None:
-                self.close = not flow.exact  # the margin is unknown
-                return self._none(), _NONE
-            self.close = not flow.exact and -_DOUBT <= room.value <= _DOUBT
-            if room.value < -flow.tolerance:
-                about = f"{_NONE}: they are missed by {float(-room.value):.3g}"
-                return self._none(), about
-        if not self.asked:
-            excess = 0.0 if room is None else float(max(0, room.value))
-            about = f"all bounds can be exceeded by {excess:.3g} together"
-            return True, "" if room is None else about
-        # Bounds that are satisfied with equality are relaxed by the rounding error.
-        least = self.least if room is None else np.minimum(self.least, self.least + room.value)
-        return self._best(flow, least) if len(self.asked) == 1 else self._curve(flow, least)
-
-    def _none(self) -> Answer:
-        """The value of an achievability, a numerical or a Pareto query without any strategy."""
-        return (False, nan)[len(self.asked)] if len(self.asked) < 2 else []
-
-    def _best(self, flow: numerics.Flow, least: Numbers) -> tuple[Answer, str]:
-        (index,) = self.asked
-        weights = full(len(self.objectives), 0, exact=flow.exact)
-        weights[index] = full(1, 1, exact=flow.exact)[0]
-        found = flow.best(weights, least)
-        if found is None:
-            return nan, _NONE
-        if isinf(found.value):
-            return inf, "rewards can be accumulated without bound"
-        optimal = "optimal vertex of the achievable set"
-        about = optimal if flow.exact else f"the dual bound differs by {found.gap:.1E}"
-        return _plain(self.objectives[index].shown(found.value)), about
-
-    def _curve(self, flow: numerics.Flow, least: Numbers) -> tuple[Answer, str]:
-        front = pareto_front(flow, self.asked, least)
-        if front is None:
-            return self._none(), _NO_CURVE
-        asked = [self.objectives[i] for i in self.asked]
-        self.front = front_of(asked, front, exact=flow.exact)
-        return list(self.front.vertices), "Pareto curve" if len(asked) == 2 else "Pareto front"

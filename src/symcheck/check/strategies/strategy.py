@@ -45,7 +45,6 @@ from symcheck.syntax.ast import (
     ExpressionNode,
     InstantaneousReward,
     ModelType,
-    MultiObjective,
     PathFormula,
     ProbabilityOperator,
     RewardOperator,
@@ -82,11 +81,6 @@ def strategy_of(
         raise UnsupportedError(f"strategies exist only for MDPs, and this model is a {kind}")
     if context.options.fairness:
         raise UnsupportedError("strategies are not supported with -fair")
-    if isinstance(formula, MultiObjective):
-        raise UnsupportedError(
-            "strategies of multi(...) choose at random and remember what each objective has seen, "
-            "and a strategy here has one choice per state; single P and R formulas have one"
-        )
     if not isinstance(formula, ProbabilityOperator | RewardOperator | ExpectedTime | SteadyState):
         raise UnsupportedError(
             "strategies are supported for P, R, T and S formulas, without conditions (||)"

@@ -47,6 +47,11 @@ def induced_chain(model: Model, strategy: Strategy | Result, *, reach: bool = Tr
         0.5
     """
     found = strategy.strategy if isinstance(strategy, Result) else strategy
+    if found is None and isinstance(strategy, Result) and strategy.strategies:
+        raise UsageError(
+            "the result has a strategy for each point of a Pareto front\n"
+            "  hint: symcheck.induced_chain(model, result.strategies[0])"
+        )
     if found is None:
         raise UsageError(
             "the result has no strategy\n"

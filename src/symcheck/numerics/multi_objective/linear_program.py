@@ -42,11 +42,13 @@ Acceptance = Sequence[tuple[Bools, Sequence[Bools]]]
 class Stay:
     """States at which a run may settle for ever, bool[n], and gains per objective, float64.
 
-    parts: the end components that these states form; None if no long-run average is asked for.
+    accepted: a run gains these if it meets one of these pairs for ever. parts: the end components
+    that these states form; None if no long-run average is asked for.
     """
 
     states: Bools
     gains: Floats
+    accepted: Acceptance
     parts: graph.EndComponents | None = None
 
 
@@ -58,11 +60,13 @@ class Outcome:
         value: the optimal value; inf if the program is unbounded.
         gains: the value of each objective at the optimum; NaN if the program is unbounded.
         gap: distance to the bound of the dual program; 0 for rationals.
+        x: the variables of the flow at the optimum; None if the program is unbounded.
     """
 
     value: float | Fraction
     gains: Numbers
     gap: float = 0.0
+    x: Numbers | None = None
 
 
 def settling(
@@ -102,7 +106,7 @@ def settling(
             if all(other.gains[i] for i in members):
                 states &= ~other.states
         if states.any():
-            stays.append(Stay(states, gains))
+            stays.append(Stay(states, gains, pairs))
     return stays
 
 
@@ -120,7 +124,8 @@ def _components(
         if states.any():
             of = np.where(states, parts.of, -1).astype(np.int32)
             rows = parts.rows & states[edges.owner_of_rows]
-            stays.append(Stay(states, gains, graph.EndComponents(of, rows, parts.count)))
+            components = graph.EndComponents(of, rows, parts.count)
+            stays.append(Stay(states, gains, [(avoid, visits)], components))
     return stays
 
 
@@ -141,6 +146,7 @@ class Flow:
         rewards: [objectives, rows], what each row gains for each objective.
         averages: [objectives, rows], what each row gains for a long-run average.
         stays: where runs may settle.
+        costless: bool[rows], the rows that may be taken after settling.
         banned: bool[states], states that must not be entered; None for none.
     """
 
@@ -149,6 +155,7 @@ class Flow:
     rewards: Numbers = field(repr=False)
     averages: Numbers = field(repr=False)
     stays: Sequence[Stay] = field(repr=False)
+    costless: Bools = field(repr=False)
     banned: Bools | None = field(default=None, repr=False)
 
     @property
@@ -318,7 +325,7 @@ class Flow:
             return None
         unbounded = optimum.x is None
         gains = np.full(self.objectives, np.nan) if unbounded else self.gains @ optimum.x
-        return Outcome(optimum.value, gains, optimum.gap)
+        return Outcome(optimum.value, gains, optimum.gap, optimum.x)
 
     def margin(self, least: Numbers) -> Outcome | None:
         """By how much all of `least` can be exceeded, at most 1; negative if it cannot be met."""
@@ -331,7 +338,8 @@ class Flow:
         if optimum is None:
             return None
         assert optimum.x is not None
-        return Outcome(1 + optimum.value, self.gains @ optimum.x[:-1], optimum.gap)
+        x = optimum.x[:-1]
+        return Outcome(1 + optimum.value, self.gains @ x, optimum.gap, x)
 
     def _solve(self, objective: Numbers, above: Numbers, limit: Numbers) -> Optimum | None:
         """Maximise; above x <= limit, and no variable is negative. None if infeasible."""
