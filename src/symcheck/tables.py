@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 from symcheck.errors import UnsupportedError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
     from pandas import DataFrame
 
-__all__ = ["SHOWN_ROWS", "Table", "Tabular", "optional_package", "state_table"]
+__all__ = ["SHOWN_ROWS", "Columns", "Table", "Tabular", "optional_package", "state_table"]
 
 SHOWN_ROWS = 10
 """Rows of a table of states that are shown; its last line says how many there are."""
@@ -21,13 +24,17 @@ _SHOWN_VARIABLES = 12
 """Columns of variables that are shown; there are hundreds in some models."""
 
 
+Columns = Mapping[str, "Sequence[object] | NDArray[np.generic]"]
+"""The columns of a table by name, all of one length."""
+
+
 class Tabular:
     """What prints as a table of its first rows, and becomes a data frame."""
 
     def _table(self) -> Table:
         raise NotImplementedError
 
-    def columns(self) -> dict[str, Any]:
+    def columns(self) -> Columns:
         """Sequences of the same length by name; the first one numbers the rows."""
         raise NotImplementedError
 
@@ -80,7 +87,10 @@ class Table:
 
 
 def state_table(
-    names: Sequence[str], rows: Iterable[tuple[Any, ...]], last: Sequence[str], note: str
+    names: Sequence[str],
+    rows: Iterable[tuple[int, Sequence[object], *tuple[object, ...]]],
+    last: Sequence[str],
+    note: str,
 ) -> Table:
     """A table of states: number, the first variables, and more values.
 
@@ -102,7 +112,7 @@ def _text(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def optional_package(name: str, extra: str) -> Any:
+def optional_package(name: str, extra: str) -> ModuleType:
     """A package that only some functions need. Raises UnsupportedError if it is not installed."""
     try:
         return import_module(name)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
 from symcheck.semantics.expressions.literals import format_value
-from symcheck.tables import Table, Tabular
+from symcheck.tables import Columns, Table, Tabular
 
 __all__ = ["Halfspace", "Number", "ParetoFront"]
 
@@ -55,7 +54,7 @@ class ParetoFront(Tabular):
             tuple(Halfspace(doubles(h.weights), float(h.bound)) for h in self.halfspaces),
         )
 
-    def columns(self) -> dict[str, Any]:
+    def columns(self) -> Columns:
         """The number of each vertex, and the values of each objective."""
         values = zip(*self.vertices, strict=True)
         heads = {
@@ -65,7 +64,5 @@ class ParetoFront(Tabular):
         return {"vertex": range(1, len(self.vertices) + 1), **heads}
 
     def _table(self) -> Table:
-        head, *columns = self.columns().items()
-        texts = [[format_value(v) for v in values] for _, values in columns]
-        rows = zip(head[1], *texts, strict=True)
-        return Table.of([head[0], *(name for name, _ in columns)], rows)
+        rows = ((i, *map(format_value, vertex)) for i, vertex in enumerate(self.vertices, 1))
+        return Table.of(tuple(self.columns()), rows)

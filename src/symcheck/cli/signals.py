@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic
 from types import FrameType
-from typing import Any
 
 from symcheck.errors import Interrupted, ResourceError, TimeLimitError, out_of_memory
 from symcheck.machine import below_limit, limit_memory, memory_ended
@@ -24,7 +23,8 @@ _GRACE_FOR_FILES = 20.0  # the same while finished results are written
 
 _LOW_MEMORY = 32 << 20  # bytes below the limit at which a run is stopped
 
-_HANDLED: dict[signal.Signals, Any] = {
+Handler = Callable[[int, FrameType | None], object] | int | signal.Handlers | None
+_HANDLED: dict[signal.Signals, Handler] = {
     signal.SIGINT: signal.default_int_handler,
     signal.SIGTERM: signal.SIG_DFL,
     signal.SIGALRM: signal.SIG_DFL,
@@ -54,7 +54,7 @@ class StopSignals:
         self._low_memory = 0
         self._memory_ended = False
         self._over = threading.Event()
-        self._previous: dict[signal.Signals, Any] = {}
+        self._previous: dict[signal.Signals, Handler] = {}
 
     def __enter__(self) -> StopSignals:
         if threading.current_thread() is not threading.main_thread():

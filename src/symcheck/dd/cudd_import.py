@@ -20,7 +20,6 @@ import importlib
 import os
 import sys
 from types import ModuleType
-from typing import Any
 
 from symcheck.errors import UnsupportedError
 
@@ -32,7 +31,7 @@ REQUIRED_VERSION = "0.6.0"
 class _OnDemand(ModuleType):
     """A module that is imported on first access to an attribute."""
 
-    def __getattr__(self, attribute: str) -> Any:
+    def __getattr__(self, attribute: str) -> object:
         return getattr(importlib.import_module(self.__name__), attribute)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from symcheck.dd.cudd.extension import Core
 
 __all__ = ["rows_in_level_order", "table_in_level_order"]
+
+S = TypeVar("S", bound=np.generic)
 
 
 def _permutation(
@@ -22,8 +24,8 @@ def _permutation(
 
 
 def table_in_level_order(
-    core: Core, indices: tuple[int, ...], values: NDArray[Any]
-) -> tuple[NDArray[np.int32], NDArray[Any]]:
+    core: Core, indices: tuple[int, ...], values: NDArray[S]
+) -> tuple[NDArray[np.int32], NDArray[S]]:
     """The variables in level order, and the table of 2**k values over them. Raises ValueError for a
     wrong length.
     """
@@ -39,8 +41,8 @@ def table_in_level_order(
 
 
 def rows_in_level_order(
-    core: Core, indices: tuple[int, ...], rows: NDArray[Any]
-) -> tuple[NDArray[np.int32], NDArray[Any], NDArray[np.int64] | None]:
+    core: Core, indices: tuple[int, ...], rows: NDArray[np.uint8]
+) -> tuple[NDArray[np.int32], NDArray[np.uint8], NDArray[np.int64] | None]:
     """The variables in level order, the rows over them in ascending order, and the former index of
     each row.
 

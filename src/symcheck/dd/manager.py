@@ -224,7 +224,7 @@ class DiagramManager:
         """The constant function. -0.0 becomes 0; NaN raises NumericalError."""
         return self.core.constant(value)
 
-    def from_dd(self, function: Any) -> Bdd:
+    def from_dd(self, function: object) -> Bdd:
         """The set of a dd `Function` of `self.bdd`."""
         return self.core.from_dd(function)
 
@@ -247,7 +247,7 @@ class DiagramManager:
         )
         return extension.from_bits(self.core, order, table.view(np.uint8))
 
-    def bdd_from_rows(self, variables: Variables, rows: NDArray[Any]) -> Bdd:
+    def bdd_from_rows(self, variables: Variables, rows: NDArray[np.uint8]) -> Bdd:
         """The set of the given rows, in time O(n k).
 
         Args:
@@ -261,7 +261,9 @@ class DiagramManager:
         order, sorted_rows, _ = rows_in_level_order(self.core, self._indices(variables), rows)
         return extension.from_rows(self.core, order, sorted_rows)
 
-    def mtbdd_from_rows(self, variables: Variables, rows: NDArray[Any], values: ArrayLike) -> Mtbdd:
+    def mtbdd_from_rows(
+        self, variables: Variables, rows: NDArray[np.uint8], values: ArrayLike
+    ) -> Mtbdd:
         """The function with these values (float64[n]) at the rows (as in `bdd_from_rows`), and 0
         elsewhere.
         """

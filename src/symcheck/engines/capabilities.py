@@ -8,10 +8,11 @@ capability of engines with diagrams is `HasDiagrams` in engines/symbolic/diagram
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from symcheck.engines.base import CapabilityT, Engine
 from symcheck.matrices.contributions import Contributions
+from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Int32s, SparseMatrix
 from symcheck.syntax.ast import Expression
 
@@ -95,7 +96,7 @@ class HasImportedStates(Protocol):
 
     members: Mapping[Expression, Bools]
     """Per label the states that have it, bool[states]."""
-    entry_rewards: Sequence[Any]
+    entry_rewards: Sequence[Numbers | None]
     """Per reward structure the reward of each transition (None: those of its row are all the
     row's).
     """

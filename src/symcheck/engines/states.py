@@ -6,10 +6,10 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from sys import maxsize
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
+from typing import TYPE_CHECKING, ClassVar, TypeVar, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from symcheck.engines import tuning
 from symcheck.engines.base import Engine, StateSet, Values
@@ -21,7 +21,7 @@ from symcheck.semantics.expressions.literals import format_state, format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Binary, Expression, Literal, Name, Type
 from symcheck.syntax.operators import Operator
-from symcheck.tables import SHOWN_ROWS, Table, Tabular, state_table
+from symcheck.tables import SHOWN_ROWS, Columns, Table, Tabular, state_table
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -38,7 +38,7 @@ __all__ = [
 ]
 
 T = TypeVar("T")
-A = TypeVar("A", bound=NDArray[Any])
+A = TypeVar("A", bound=NDArray[np.generic])
 
 
 class Named(dict[str, T]):
@@ -181,7 +181,7 @@ class States(Tabular, Collection[State]):
         refuse_many(self.engine.states)
         return _read_only(self.engine.to_bools(self.members))
 
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Bools:
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> Bools:
         return np.array(self.mask, dtype, copy=copy)
 
     def __len__(self) -> int:
@@ -270,7 +270,7 @@ class States(Tabular, Collection[State]):
         note = f"{self.count:,} of {self.engine.states:,} states"
         return state_table(variable_names(self.engine.model), rows, (), note)
 
-    def columns(self) -> dict[str, Any]:
+    def columns(self) -> Columns:
         """The number of each state, and the values of each variable."""
         numbers, rows = self.numbers, list(self.engine.valuations(self.members))
         names = variable_names(self.engine.model)
@@ -310,7 +310,7 @@ class StateVector(Tabular):
         refuse_many(self.engine.states)
         return _read_only(self.midpoints(self.engine.all))
 
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Numbers:
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> Numbers:
         return np.array(self.array, dtype, copy=copy)
 
     def __len__(self) -> int:
@@ -336,7 +336,7 @@ class StateVector(Tabular):
         """Each state with its number."""
         return zip(_all(self.engine), self.array.tolist(), strict=True)
 
-    def columns(self) -> dict[str, Any]:
+    def columns(self) -> Columns:
         """Number and variables of each state, its value, and bounds if they differ."""
         columns = {**_all(self.engine).columns(), self._noun: self.array}
         low, high = self._bounds

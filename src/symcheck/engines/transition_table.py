@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from symcheck.engines.states import State, States, refuse_many
 from symcheck.engines.transition_actions import transition_parts
 from symcheck.matrices.rows import Int64s, SparseMatrix
 from symcheck.syntax.ast import ModelType
-from symcheck.tables import SHOWN_ROWS, Table, Tabular, optional_package
+from symcheck.tables import SHOWN_ROWS, Columns, Table, Tabular, optional_package
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -110,7 +110,7 @@ class TransitionTable(Tabular):
         note = f"{self.engine.transitions:,} transitions between states of these numbers"
         return Table.of(Transition._fields, texts, note)
 
-    def columns(self) -> dict[str, Any]:
+    def columns(self) -> Columns:
         """Numbers of source, choice and target of each transition, its action and probability."""
         return {
             "transition": np.arange(len(self)),

@@ -120,7 +120,7 @@ def _decoded(entry: dict[str, Any]) -> Row:
     return Row(accuracy=accuracy, constants=constants, value=_value(entry.pop("value")), **entry)
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> object:
     """A value as JSON: rationals and tuples are objects."""
     match value:
         case Fraction():

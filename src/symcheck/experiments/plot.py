@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from symcheck.errors import UsageError
 from symcheck.experiments.rows import Row, constant_text
 from symcheck.tables import optional_package
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["plot", "save_plot"]
 
@@ -36,8 +39,8 @@ def plot(
     varying: Sequence[str],
     x: str | None,
     by: Sequence[str] | None,
-    axes: Any,
-) -> Any:
+    axes: Axes | None,
+) -> Axes:
     """Plot rows into axes (None for new ones), and return them; see `Experiment.plot`."""
     present = {
         n: list(dict.fromkeys(r.constants[n] for r in rows if n in r.constants)) for n in varying
@@ -56,20 +59,20 @@ def plot(
             f"plot: {unnamed[0]} has several values too\n  hint: name it in by=, "
             f"or choose one value with select({unnamed[0]}=...)"
         )
-    own_axes = axes is None
-    if own_axes:
+    new_axes = axes is None
+    if axes is None:
         pyplot = optional_package("matplotlib.pyplot", "plot")
         axes = pyplot.subplots(figsize=_SIZE, layout="constrained")[1]
     lines: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         if row.number is not None and (x is None or x in row.constants):
-            own = (f"{n}={constant_text(row.constants[n])}" for n in others if n in row.constants)
-            lines.setdefault((row.name, *own), []).append(row)
+            texts = (f"{n}={constant_text(row.constants[n])}" for n in others if n in row.constants)
+            lines.setdefault((row.name, *texts), []).append(row)
     one_property = len({name for name, *_ in lines}) == 1
     for (name, *values), points in lines.items():
         label = ", ".join(values if one_property else (name, *values))
         _draw(axes, [r.name if x is None else r.constants[x] for r in points], points, label)
-    if own_axes and x is not None and all(isinstance(value, int) for value in present[x]):
+    if new_axes and x is not None and all(isinstance(value, int) for value in present[x]):
         axes.locator_params(axis="x", integer=True)
     axes.set_xlabel(x or "property")
     axes.set_ylabel(next(iter(lines))[0] if one_property else "value")

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, overload
 
 from symcheck.constant_values import ConstantValue
 from symcheck.experiments.rows import Row, constant_text, records
 from symcheck.tables import Table, optional_package
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from pandas import DataFrame
 
 __all__ = ["Experiment"]
@@ -83,8 +84,8 @@ class Experiment(Sequence[Row]):
     to_pandas = to_frame  # the usual name of polars and pyarrow
 
     def plot(
-        self, x: str | None = None, by: str | Sequence[str] | None = None, axes: Any = None
-    ) -> Any:
+        self, x: str | None = None, by: str | Sequence[str] | None = None, axes: Axes | None = None
+    ) -> Axes:
         """Plot the values with matplotlib, a line for each property and value of `by`.
 
         Lower and upper bounds of values are drawn as a band, or as bars where there are few points.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from symcheck.explicit.faults import raise_expression_fault
 from symcheck.explicit.states import Rows, StateLayout
 from symcheck.kernels.explore.register_machine import run_packed
 from symcheck.matrices.rows import Int64s
+from symcheck.semantics.expressions.vectorised import Column
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.syntax.ast import Expression, Type
 from symcheck.syntax.traversal import names
@@ -42,7 +42,7 @@ class Code:
     registers: Int64s = field(repr=False)
     result: int = field(repr=False)
 
-    def run_packed(self, layout: StateLayout, rows: Rows) -> NDArray[Any]:
+    def run_packed(self, layout: StateLayout, rows: Rows) -> Column:
         """The value in each of n packed states.
 
         Args:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
-
-from numpy.typing import NDArray
 
 from symcheck.explicit.compile import compile_expression
 from symcheck.explicit.states import StateTable
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.semantics.expressions.vectorised import Column
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 
@@ -61,7 +59,7 @@ class ExplicitModel:
         rewards = sum(r.nbytes for r in (*self.state_rewards, *self.choice_rewards))
         return self.states.rows.nbytes + self.matrix.nbytes + self.choice_actions.nbytes + rewards
 
-    def evaluate(self, expression: Expression) -> NDArray[Any]:
+    def evaluate(self, expression: Expression) -> Column:
         """The value of an expression over the variables in each state.
 
         Returns:
@@ -73,6 +71,6 @@ class ExplicitModel:
         return evaluate_states(self.model, self.states, expression)
 
 
-def evaluate_states(model: BoundModel, states: StateTable, expression: Expression) -> NDArray[Any]:
+def evaluate_states(model: BoundModel, states: StateTable, expression: Expression) -> Column:
     """The value of an expression in each of the states."""
     return compile_expression(expression, model).run_packed(states.layout, states.rows)

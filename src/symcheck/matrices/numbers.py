@@ -27,7 +27,7 @@ __all__ = [
 ]
 
 Numbers = NDArray[Any]
-"""float64, or Fractions as objects."""
+"""float64, or Fractions as objects: numpy has no type for an array of one or the other."""
 Rationals = NDArray[np.object_]
 
 
@@ -36,7 +36,7 @@ def is_exact(values: Numbers) -> bool:
     return values.dtype == object
 
 
-def rationals(values: Iterable[Any]) -> Rationals:
+def rationals(values: Iterable[float | Fraction]) -> Rationals:
     """Numbers of any kind as rationals; a finite float is the binary fraction that it holds."""
     found = [_rational(v) for v in values]
     out = np.empty(len(found), dtype=object)
@@ -51,7 +51,7 @@ def numbers(values: Numbers, *, exact: bool) -> Numbers:
     return np.asarray(values, dtype=np.float64)
 
 
-def _rational(value: Any) -> Fraction | float:
+def _rational(value: float | int | Fraction) -> Fraction | float:
     if isinstance(value, Fraction):
         return value
     return value if isinstance(value, float) and not isfinite(value) else Fraction(value)

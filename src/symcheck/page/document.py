@@ -22,13 +22,17 @@ from html import escape
 from importlib.resources import files
 from typing import Any
 
-__all__ = ["document", "fragment"]
+__all__ = ["JsonObject", "JsonValue", "document", "fragment"]
+
+JsonValue = Any
+"""A value that `json` writes. The script of the page reads it; it has no type in Python."""
+JsonObject = dict[str, JsonValue]
 
 _PROLOGUE = re.compile(r"^.*?(?=<svg)", re.DOTALL)
 _COMMENT = re.compile(r"<!--.*?-->\s*", re.DOTALL)
 
 
-def document(data: Mapping[str, Any]) -> str:
+def document(data: Mapping[str, JsonValue]) -> str:
     """One self-contained HTML file.
 
     Args:
@@ -52,7 +56,7 @@ def document(data: Mapping[str, Any]) -> str:
     return re.sub("@(TITLE|STYLE|SCRIPT|DATA)@", lambda found: parts[found[1]], page)
 
 
-def fragment(data: Mapping[str, Any], height: int = 560) -> str:
+def fragment(data: Mapping[str, JsonValue], height: int = 560) -> str:
     """The page as a frame inside another page, such as a notebook; `height` in pixels."""
     inner = escape(document({**data, "embedded": True}), quote=True)
     title = escape(str(data.get("title", "symcheck")), quote=True)

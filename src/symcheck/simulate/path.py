@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.interpreter import State
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import ModelType
-from symcheck.tables import Table, Tabular
+from symcheck.tables import Columns, Table, Tabular
 
 __all__ = ["Path", "PathFormat", "PathStep", "rows", "table", "used_seed"]
 
@@ -97,22 +96,22 @@ class Path(Tabular):
         index = self.variables.index(variable)
         return [s.state[index] for s in self.steps]
 
-    def columns(self) -> dict[str, Any]:
+    def columns(self) -> Columns:
         """Transition, probability (rate) and time of each step, the variables, and per reward
         structure the reward of the state and of the transition that led to it.
         """
-        found: dict[str, Any] = {
+        result: dict[str, Sequence[object]] = {
             "step": range(len(self.steps)),
             "action": [s.action for s in self.steps],
             "probability": [s.probability for s in self.steps],
             "time": self.times,
         }
-        found |= {name: self.values(name) for name in self.variables}
+        result |= {name: self.values(name) for name in self.variables}
         for i, r in enumerate(self.model.rewards):
             name = r.name or str(i + 1)
-            found[f"{name}_state"] = [s.rewards[i] for s in self.steps]
-            found[f"{name}_transition"] = [s.earned[i] if s.earned else 0.0 for s in self.steps]
-        return found
+            result[f"{name}_state"] = [s.rewards[i] for s in self.steps]
+            result[f"{name}_transition"] = [s.earned[i] if s.earned else 0.0 for s in self.steps]
+        return result
 
     def __str__(self) -> str:
         return table(self).rstrip("\n")

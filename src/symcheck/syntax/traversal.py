@@ -50,8 +50,8 @@ def children(node: Tree) -> tuple[Tree, ...]:
         return node.left, node.right
     if isinstance(node, _LEAVES):
         return ()
+    below: list[object] = []
     kind: Any = type(node)
-    below: list[Any] = []
     for name in _fields(kind):
         value = getattr(node, name)
         below += value if isinstance(value, tuple) else (value,)

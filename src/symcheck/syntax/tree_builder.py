@@ -73,11 +73,13 @@ _MOST_DIGITS = 4000
 _LARGEST_EXPONENT = 5000
 """Numbers with more digits or larger exponents are refused, before they take time and memory."""
 
-Values = list[Any]
-Chain = list[Any]
+Value = Any
+"""The value of a part of a rule: a word of Lark, a node, a tuple, or None for a missing part."""
+Values = list[Value]
+Chain = list[Value]
 """Operands and the operators between them: operand, operator, operand, …"""
 
-Operand = tuple[Any, int, int]
+Operand = tuple[Value, int, int]
 """A node with the offsets where it starts and ends, parentheses included."""
 
 
@@ -89,7 +91,7 @@ class Structure(NamedTuple):
     end_pos: int
 
 
-def _text(word: Any) -> Any:
+def _text(word: Value) -> Value:
     """The text of a word, of a name in quotes without them; any other value as it is."""
     if word is None or isinstance(word, ast.Node | tuple):
         return word
@@ -98,7 +100,7 @@ def _text(word: Any) -> Any:
     return word.value.strip('"').strip() if word.value[0] == '"' else word.value
 
 
-def _node(kind: type[ast.Node], *indices: int | slice) -> Callable[[Builder, Values], Any]:
+def _node(kind: type[ast.Node], *indices: int | slice) -> Callable[[Builder, Values], Value]:
     """The method of a rule that makes a node from the values with these indices.
 
     A slice gives a list without the signs between its parts.
@@ -113,12 +115,12 @@ def _node(kind: type[ast.Node], *indices: int | slice) -> Callable[[Builder, Val
     return method
 
 
-def _listed(_: Builder, values: Values) -> tuple[Any, ...]:
+def _listed(_: Builder, values: Values) -> tuple[Value, ...]:
     """The parts of a list without the signs between them."""
-    return cast("tuple[Any, ...]", _text(values[::2]))
+    return cast("tuple[Value, ...]", _text(values[::2]))
 
 
-def _of_kind(kind: Any, values: Values) -> tuple[Any, ...]:
+def _of_kind(kind: Value, values: Values) -> tuple[Value, ...]:
     return tuple(v for v in values if isinstance(v, kind))
 
 
@@ -133,7 +135,7 @@ class Builder:
     def __init__(self) -> None:
         self.begin(NO_SPAN.source)
 
-    def __reduce__(self) -> tuple[Any, ...]:
+    def __reduce__(self) -> tuple[Value, ...]:
         return type(self), ()
 
     def begin(self, source: Source) -> None:
@@ -142,11 +144,11 @@ class Builder:
         self.diagnostics: dict[tuple[int, str], Diagnostic] = {}
         self.deepest = 0
         # By id of a node in parentheses: their offsets, and the node, so that its id stays in use.
-        self._outer: dict[int, tuple[int, int, Any]] = {}
+        self._outer: dict[int, tuple[int, int, Value]] = {}
 
     # ------------------------------------------------------------------------------------ positions
 
-    def _place(self, part: Any) -> tuple[int, int]:
+    def _place(self, part: Value) -> tuple[int, int]:
         """Where a word or node starts and ends, with the parentheses around it."""
         if not isinstance(part, ast.Node):
             return part.start_pos, part.end_pos
@@ -163,7 +165,7 @@ class Builder:
     def _wrong(self, message: str, span: Span, code: str, hint: str | None = None) -> None:
         self.diagnostics.setdefault((span.start, message), Diagnostic(message, span, code, hint))
 
-    def measure(self, tree: Any) -> Any:
+    def measure(self, tree: Value) -> Value:
         """A complete expression, or None. Measures its depth if it is long."""
         if tree is None or tree.span.end - tree.span.start <= _SHALLOW:
             return tree
@@ -218,7 +220,7 @@ class Builder:
         word = values[0]
         return ast.Name(word.value, span=Span(self.source, word.start_pos, word.end_pos))
 
-    def parentheses(self, values: Values) -> Any:
+    def parentheses(self, values: Values) -> Value:
         opening, inner, closing = values
         self._outer[id(inner)] = (opening.start_pos, closing.end_pos, inner)
         return inner
@@ -232,7 +234,7 @@ class Builder:
     def negation(self, values: Values) -> ast.Unary:
         return ast.Unary(UnaryOperator.NOT, values[1], span=self._span(values))
 
-    def _is_open_negation(self, operand: Any) -> bool:
+    def _is_open_negation(self, operand: Value) -> bool:
         """Whether this is `!x` without parentheses: the next operator may bind x more tightly."""
         return (
             type(operand) is ast.Unary
@@ -252,13 +254,13 @@ class Builder:
             return left
         return [left, OPERATOR_BY_TOKEN[operator.value], right]
 
-    def operation(self, values: Values) -> Any:
+    def operation(self, values: Values) -> Value:
         return self._resolved(values[0])
 
-    def chain_of_paths(self, values: Values) -> Any:
+    def chain_of_paths(self, values: Values) -> Value:
         return self._resolved(self.chain(values))
 
-    def _resolved(self, chain: Any) -> Any:
+    def _resolved(self, chain: Value) -> Value:
         """The tree of a chain of operands and operators; any other value as it is.
 
         Operands wait on one stack, operators with the number of their operands on another one. An
@@ -387,7 +389,7 @@ class ModelBuilder(Builder):
             span=Span(self.source, 0, len(self.source.text)),
         )
 
-    def _single(self, items: list[tuple[Any, Span]], what: str) -> Any:
+    def _single(self, items: list[tuple[Value, Span]], what: str) -> Value:
         for _, span in items[1:]:
             if span == items[0][1]:
                 continue  # the same one, in a part of a broken text that was read twice
@@ -550,7 +552,7 @@ class PropertiesBuilder(Builder):
     def threshold(self, values: Values) -> ast.Bound:
         return ast.Bound(OPERATOR_BY_TOKEN[values[0].value], values[1], span=self._span(values))
 
-    def _measure(self, kind: Any, values: Values) -> Expression:
+    def _measure(self, kind: Value, values: Values) -> Expression:
         """An operator such as P: its letter or glued word and direction, bound, and operand."""
         *head, bound, _, operand, old, _ = values
         direction = (head[-1] or head[0]).value.lstrip("LRAPST") or None
@@ -608,7 +610,7 @@ class PropertiesBuilder(Builder):
         bound = None if sign is None else self.time_bound([sign, limit])
         return ast.DiscountedReward(bound, discount, span=self._span(values))
 
-    def sought(self, values: Values) -> tuple[Any, ...]:
+    def sought(self, values: Values) -> tuple[Value, ...]:
         return tuple(values)
 
     def quantile(self, values: Values) -> ast.Quantile:
@@ -633,7 +635,7 @@ class PropertiesBuilder(Builder):
                 return ast.Parameter(0, ast.Type.INT, variable, span=value.span)
             return value
 
-        def limits(part: Any) -> Any:
+        def limits(part: Value) -> Value:
             return replace(part, lower=limit(part.lower), upper=limit(part.upper))
 
         bound: ast.PathBound
@@ -674,7 +676,7 @@ class PropertiesBuilder(Builder):
             self._wrong(f"there is no filter '{name}'", place, "filter", hint)
         return ast.Filter(operator or "state", formula, states, span=span)
 
-    def old_filter(self, values: Values) -> tuple[Expression, tuple[Any, ...]]:
+    def old_filter(self, values: Values) -> tuple[Expression, tuple[Value, ...]]:
         return values[1], tuple(v.value for v in values[4::3])
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from symcheck.engines.base import Engine
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Bools, Int64s
+from symcheck.page.document import JsonObject, JsonValue
 from symcheck.symbolic.encoding.enumerate_states import enumerate_states
 from symcheck.view.choice_graph import ChoiceGraph, GivenModel
 from symcheck.view.diagrams import shared_picture
@@ -24,9 +25,9 @@ if TYPE_CHECKING:
 __all__ = ["MOST_FRAMES", "Board", "Marks", "SharedDiagram", "Show", "left_out", "played", "shown"]
 
 F = TypeVar("F")
-Show = dict[str, Any]
+Show = JsonObject
 """A sequence of frames, as `symcheck.page.document` describes it."""
-Marks = list[list[Any]]
+Marks = list[list[JsonValue]]
 
 _MOST_EDGES = 2500
 """Transitions of a state graph; Graphviz takes some seconds for more."""
@@ -157,7 +158,7 @@ class Board:
             nodes.append(frozenset(seen))
         return SharedDiagram(len(self.graphs) - 1, tuple(nodes))
 
-    def data(self) -> dict[str, Any]:
+    def data(self) -> JsonObject:
         """The graphs, and the states that are drawn, for `symcheck.page.document`."""
         if self.engine is None:
             return {"graphs": self.graphs}
@@ -208,6 +209,6 @@ def left_out(frames: Sequence[object]) -> str:
     return f" {more:,} frames in the middle are left out." if more > 0 else ""
 
 
-def played(board: Board, show: Show) -> dict[str, Any]:
+def played(board: Board, show: Show) -> JsonObject:
     """The data of a page with one sequence of frames."""
     return {"title": show["name"], "shows": [show], **board.data()}

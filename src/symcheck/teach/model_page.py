@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, Unpack
+from typing import TYPE_CHECKING, Protocol, Unpack
 
 from symcheck.check.context import Context
 from symcheck.check.path_formulas import UntilPath, resolve
@@ -18,7 +18,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import SymcheckError, UnsupportedError
 from symcheck.options import MethodName, Options, OptionValues
-from symcheck.page.document import document, fragment
+from symcheck.page.document import JsonObject, JsonValue, document, fragment
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
     Eventually,
@@ -82,7 +82,7 @@ class Page:
         data: its content (see `symcheck.page.document`).
     """
 
-    data: Mapping[str, Any] = field(repr=False)
+    data: Mapping[str, JsonValue] = field(repr=False)
 
     @property
     def html(self) -> str:
@@ -163,7 +163,7 @@ class _Writer:
     model: PageModel
     board: Board
     shows: list[Show] = field(default_factory=list)
-    strategies: list[dict[str, Any]] = field(default_factory=list)
+    strategies: list[JsonObject] = field(default_factory=list)
 
     def page(self, instances: Sequence[PropertyInstance], title: str) -> Page:
         board, engine, bound = self.board, self.model.engine, self.model.bound
@@ -221,10 +221,10 @@ class _Writer:
             }
         )
 
-    def _on_states(self, name: str, note: str, frame: Mapping[str, Any]) -> Show:
+    def _on_states(self, name: str, note: str, frame: Mapping[str, JsonValue]) -> Show:
         return {"name": name, "note": note, "panes": self.board.panes, "frames": [frame]}
 
-    def _property(self, instance: PropertyInstance) -> dict[str, Any]:
+    def _property(self, instance: PropertyInstance) -> JsonObject:
         """The line of a property; its values become a picture."""
         title = instance.title
         try:
@@ -233,7 +233,7 @@ class _Writer:
             return {"text": title, "value": "error", "detail": str(error), "show": None}
         detail = "; ".join(filter(None, (str(result.accuracy), result.explanation)))
         value = show_value(result.value)
-        entry: dict[str, Any] = {"text": title, "value": value, "detail": detail, "show": None}
+        entry: JsonObject = {"text": title, "value": value, "detail": detail, "show": None}
         frame = self._values(instance, result)
         if frame is not None:
             entry["show"] = len(self.shows)
@@ -247,14 +247,14 @@ class _Writer:
             self.shows.append(show)
         return entry
 
-    def _values(self, instance: PropertyInstance, result: Result) -> dict[str, Any] | None:
+    def _values(self, instance: PropertyInstance, result: Result) -> JsonObject | None:
         """What a result says about the states."""
         drawn = self.board.drawn
         if result.satisfying is not None:
             return {"marks": self.board.marks("in", self.board.names(result.satisfying.mask))}
         if result.values is None:
             return None
-        frame: dict[str, Any] = {"low": [plain(v) for v in result.values.array[drawn].tolist()]}
+        frame: JsonObject = {"low": [plain(v) for v in result.values.array[drawn].tolist()]}
         if result.strategy is not None and result.strategy.memory is None:
             rows = result.strategy.rows[drawn].tolist()
             matters = result.strategy.matters[drawn].tolist()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
-from symcheck.page.document import fragment
+from symcheck.page.document import JsonObject, fragment
 
 __all__ = ["Trace"]
 
@@ -20,7 +20,7 @@ class Trace(Generic[F]):
         player: gives the data of a page (see `symcheck.page.document`) that plays all frames.
     """
 
-    def __init__(self, frames: Iterable[F], player: Callable[[list[F]], dict[str, Any]]) -> None:
+    def __init__(self, frames: Iterable[F], player: Callable[[list[F]], JsonObject]) -> None:
         self._source, self._made, self._player = iter(frames), list[F](), player
 
     def __iter__(self) -> Iterator[F]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from symcheck.numerics.linear.mec_quotient import MecQuotient, collapse
 from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.linear.problem import LinearProblem, Progress, Solution
 from symcheck.options import Options
+from symcheck.page.document import JsonObject
 from symcheck.semantics.rewards import Reward, Structure
 from symcheck.teach.board import Board, Show, played
 from symcheck.view.choice_graph import GivenModel, engine_of, set_of
@@ -274,7 +275,7 @@ def equations_show(name: str, trace: EquationsTrace, board: Board) -> Show:
         f"{first_part.states.count} states have {first_part.text}, "
         f"{second_part.states.count} have {second_part.text}"
     )
-    first: dict[str, Any] = {
+    first: JsonObject = {
         "title": "Graph analysis",
         "note": f"{counts}, {trace.unknown.count} are unknown.",
         "marks": marks,
@@ -283,7 +284,7 @@ def equations_show(name: str, trace: EquationsTrace, board: Board) -> Show:
     rows = _rows(trace, board)
     frames = [first]
     for step in (trace.steps[i] for i in _spread(len(trace.steps), _MOST_FRAMES)):
-        frame: dict[str, Any] = {"title": f"Iteration {step.iteration}", "marks": marks}
+        frame: JsonObject = {"title": f"Iteration {step.iteration}", "marks": marks}
         if step.policy is not None:
             frame["title"] = f"Policy {step.iteration}"
             frame["rows"] = rows[step.policy[step.policy >= 0]].tolist()
@@ -309,7 +310,7 @@ def equations_show(name: str, trace: EquationsTrace, board: Board) -> Show:
     }
 
 
-def plain(value: float | Fraction | np.floating[Any]) -> float | str:
+def plain(value: float | Fraction | np.floating) -> float | str:
     """A number with six digits, or the text of one that JSON does not have."""
     number = float(value)
     return float(f"{number:.6g}") if isfinite(number) else "∞" if number > 0 else str(number)

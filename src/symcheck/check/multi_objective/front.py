@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any
 
 from symcheck.check.multi_objective.flow import Objective
 from symcheck.check.pareto_front import Halfspace, Number, ParetoFront
@@ -23,7 +22,7 @@ def front_of(objectives: Sequence[Objective], front: Front, *, exact: bool) -> P
         exact: whether numbers stay rationals.
     """
 
-    def plain(value: Any) -> Number:
+    def plain(value: Number) -> Number:
         return Fraction(value) if exact else float(value)
 
     halfspaces = []

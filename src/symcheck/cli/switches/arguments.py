@@ -279,7 +279,9 @@ class _SetOption(argparse.Action):
         super().__init__(option_strings, dest, default=argparse.SUPPRESS, **keywords)
         self.value = value
 
-    def __call__(self, _: object, arguments: Any, values: object, __: str | None = None) -> None:
+    def __call__(
+        self, _: object, arguments: argparse.Namespace, values: object, __: str | None = None
+    ) -> None:
         """Note the value."""
         arguments.settings[self.dest] = values if self.value is None else self.value
 
@@ -288,7 +290,7 @@ class _BuiltModel(argparse.Action):
     """Stores the value of a switch that needs the built model, and notes the switch."""
 
     def __call__(
-        self, _: object, arguments: Any, values: object, switch: str | None = None
+        self, _: object, arguments: argparse.Namespace, values: object, switch: str | None = None
     ) -> None:
         """Store the value."""
         setattr(arguments, self.dest, True if self.nargs == 0 else values)
@@ -299,7 +301,7 @@ class _BuiltModelFiles(_BuiltModel):
     """Appends the file of a switch that needs the built model."""
 
     def __call__(
-        self, _: object, arguments: Any, values: object, switch: str | None = None
+        self, _: object, arguments: argparse.Namespace, values: object, switch: str | None = None
     ) -> None:
         """Append the file."""
         super().__call__(_, arguments, [*getattr(arguments, self.dest), values], switch)
@@ -314,7 +316,9 @@ class _ExportPart(argparse.Action):
         super().__init__(option_strings, dest, default=argparse.SUPPRESS, **keywords)
         self.kinds = kinds.split()
 
-    def __call__(self, _: object, arguments: Any, values: Any, switch: str | None = None) -> None:
+    def __call__(
+        self, _: object, arguments: argparse.Namespace, values: object, switch: str | None = None
+    ) -> None:
         """Append the exports."""
         files = values if isinstance(values, list) else [values]
         arguments.exports += map(Export, self.kinds, files)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import count, islice, pairwise
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.semantics.expressions.literals import format_value
-from symcheck.tables import SHOWN_ROWS, Table, Tabular, state_table
+from symcheck.tables import SHOWN_ROWS, Columns, Table, Tabular, state_table
 
 __all__ = ["Strategy"]
 
@@ -173,8 +173,12 @@ class Strategy(Tabular):
         note = f"{np.count_nonzero(self.reachable):,} of {self.engine.states:,} states are reached"
         return state_table(self._names(), shown, ("action",), note)
 
-    def columns(self) -> dict[str, Any]:
+    def columns(self) -> Columns:
         """Number, variables and memory of each state, its action, and whether it is reached."""
-        columns: dict[str, Any] = {"state": range(self.engine.states)}
-        columns |= zip(self._names(), zip(*self.states(), strict=True), strict=True)
-        return columns | {"action": self.actions, "reached": self.reachable}
+        columns = zip(self._names(), zip(*self.states(), strict=True), strict=True)
+        return {
+            "state": range(self.engine.states),
+            **dict(columns),
+            "action": self.actions,
+            "reached": self.reachable,
+        }

@@ -124,7 +124,7 @@ def _entries(given: Any) -> tuple[Int64s, Int64s, Numbers, tuple[int, int]]:
     return rows, columns, dense[rows, columns], dense.shape
 
 
-def number_array(values: Any, what: str) -> Numbers:
+def number_array(values: object, what: str) -> Numbers:
     """An array of float64, or of objects if there are Fractions. Raises UsageError."""
     try:
         array = np.asarray(values)

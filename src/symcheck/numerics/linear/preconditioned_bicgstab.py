@@ -49,7 +49,7 @@ class SplitMatrix:
         low, up = (np.empty(matrix.states, np.int32) for _ in range(2))
         lower, upper = ssor_eisenstat.triangle_sizes(matrix.indptr, matrix.indices, low, up)
         table = ssor_eisenstat.distinct_values(matrix.data, tuning.SHORT_CODES)
-        kind: type[Any] = (
+        kind: type[Any] = (  # numpy has no name for the scalar types of an array
             np.float64
             if table is None
             else np.uint8

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,6 +22,10 @@ from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, doubles, full, is_exact
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.numerics.linear.rational import Number, Row, flint_number, fractions
+
+if TYPE_CHECKING:
+    from flint import fmpq_mat
+    from scipy.optimize import OptimizeResult
 
 __all__ = ["ROWS", "Optimum", "Program", "solve_program"]
 
@@ -117,7 +121,7 @@ def solve_program(program: Program) -> Optimum | None:
             raise NumericalError(f"the linear program was not solved: {answer.message}")
 
 
-def _by_highs(program: Program) -> Any:
+def _by_highs(program: Program) -> OptimizeResult:
     """The answer of HiGHS, which minimises."""
     from scipy.optimize import linprog
     from scipy.sparse import csc_array
@@ -132,12 +136,12 @@ def _by_highs(program: Program) -> Any:
     return answer
 
 
-def _estimated(program: Program, answer: Any) -> Optimum:
+def _estimated(program: Program, answer: OptimizeResult) -> Optimum:
     dual = float(program.right @ answer.eqlin.marginals)
     return Optimum(-answer.fun, answer.x, abs(dual - answer.fun))
 
 
-def _proved(program: Program, answer: Any) -> Optimum:
+def _proved(program: Program, answer: OptimizeResult) -> Optimum:
     """The exact optimum near the vertex of HiGHS."""
     for threshold in _TRIES:
         vertex = _optimal_vertex(program, answer, threshold)
@@ -149,7 +153,7 @@ def _proved(program: Program, answer: Any) -> Optimum:
     )
 
 
-def _optimal_vertex(program: Program, answer: Any, threshold: float) -> Numbers | None:
+def _optimal_vertex(program: Program, answer: OptimizeResult, threshold: float) -> Numbers | None:
     """An exact vertex that is proved optimal, or None."""
     x: Floats = np.asarray(answer.x)
     reduced: Floats = np.abs(np.asarray(answer.lower.marginals))
@@ -217,7 +221,7 @@ class _Vertex:
         self.reduced = [c - _dot(a, dual) for a, c in zip(program.exact_columns, cost, strict=True)]
 
     @staticmethod
-    def _solved(matrix: Any, right: Sequence[Number]) -> list[Number]:
+    def _solved(matrix: fmpq_mat, right: Sequence[Number]) -> list[Number]:
         import flint
 
         return list(matrix.solve(flint.fmpq_mat(len(right), 1, right)).entries()) if right else []

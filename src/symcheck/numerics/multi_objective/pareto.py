@@ -103,7 +103,7 @@ def pareto_front(flow: Flow, asked: Sequence[int], least: Numbers) -> Front | No
     return Front(np.array(vertices), tuple(cells.facets()))
 
 
-def _vertices(points: Sequence[Numbers], tolerance: Any) -> list[Numbers]:
+def _vertices(points: Sequence[Numbers], tolerance: float | Fraction) -> list[Numbers]:
     """The points that are not below a convex combination of others, within the tolerance."""
     kept = list(points)
     for point in points:

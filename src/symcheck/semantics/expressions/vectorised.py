@@ -39,6 +39,7 @@ from symcheck.syntax.operators import Function, Operator, UnaryOperator, connect
 __all__ = ["BINARY", "FUNCTIONS", "Column", "Lanes", "evaluate_columns"]
 
 Column = NDArray[Any]
+"""Values of one expression in many states: bool, int64 or float64 by its type."""
 Bools = NDArray[np.bool_]
 _BITS = 63
 """The largest exponent for which a power of an int other than -1, 0 and 1 can have a value."""
@@ -163,7 +164,10 @@ def _checked(values: Column) -> Lanes:
 
 
 def _arithmetic(operation: Callable[[Any, Any], Any]) -> Callable[[Column, Column], Lanes]:
-    """`+`, `-` or `*`: the extreme operands show whether an int result may exceed 64 bits."""
+    """`+`, `-` or `*` of columns or of ints.
+
+    The results at the extreme operands show whether an int result may exceed 64 bits.
+    """
 
     def apply(x: Column, y: Column) -> Lanes:
         if not _are_integers(x, y):
@@ -221,7 +225,7 @@ def _rounding(function: Callable[[Column], Column]) -> Callable[[Column], Lanes]
     return apply
 
 
-def _total(operation: Callable[..., Any]) -> Callable[..., Lanes]:
+def _total(operation: Callable[..., Column]) -> Callable[..., Lanes]:
     """A total operation; more than two operands are combined from the left."""
     return lambda *operands: Lanes(np.asarray(reduce(operation, operands)))
 
