@@ -1,5 +1,5 @@
-"""Whole runs from start-up to the result, each a process of its own, for `growth.py` and
-`memory.py`.
+"""Whole runs from start-up to the result, each a process of its own, for `growth.py`, `memory.py`
+and `qcomp.py`.
 
 Storm runs if `stormpy` is installed, with its default precision (a relative change of 1e-6 without
 proof); symcheck has a proved precision of 1e-6. An engine that exceeds a limit of time or memory at
@@ -23,7 +23,10 @@ from pathlib import Path
 
 from growth_plots import Run
 
-__all__ = ["ENGINES", "MODELS", "RESULTS", "Family", "available", "runs", "switches"]
+__all__ = [
+    *("ENGINES", "MODELS", "RESULTS", "STORM", "Family"),
+    *("available", "last", "measure", "runs", "switches"),
+]
 
 HERE = Path(__file__).resolve().parent
 MODELS = HERE.parent / "models"
@@ -83,20 +86,28 @@ def available(engines: Sequence[str]) -> list[str]:
 
 STORM = """
 import sys, stormpy
-path, query, constants, engine = sys.argv[1:5]
+path, query, constants, engine, *names = sys.argv[1:]
 program = stormpy.parse_prism_program(path, prism_compatibility=True)
-formulas = stormpy.parse_properties(query, program)
+formulas = [
+    f for f in stormpy.parse_properties(query, program) if not names or f.get_name() in names
+][:1]
+undefined = {c.name for c in program.constants if not c.defined}
+undefined |= {c.name for c in formulas[0].get_undefined_constants()}
+constants = ",".join(c for c in constants.split(",") if c.split("=")[0] in undefined)
 if constants:
     program, formulas = stormpy.instantiate_constants(program, constants, formulas)
 kind = getattr(stormpy.Engine, engine)
 model = stormpy.build_model(program, formulas, engine=kind)
 print("States:", model.nr_states, flush=True)
 result = stormpy.model_checking(model, formulas[0], engine=kind)
+greatest = str(formulas[0]).startswith("filter(max") or "maximum" in str(formulas[0])
 if engine == "SPARSE":
-    print("Result:", result.get_value(model.initial_states[0]))
+    get = result.__getitem__ if result.is_qualitative() else result.get_value
+    values = [get(s) for s in model.initial_states]
+    print("Result:", max(values) if greatest else min(values))
 else:
     result.filter(stormpy.create_filter_initial_states(model))
-    print("Result:", result.get_min())
+    print("Result:", result.get_max() if greatest else result.get_min())
 """
 
 
@@ -113,18 +124,26 @@ def command(family: Family, size: int, engine: str, model: Path) -> list[str]:
 
 
 def measure(
-    arguments: Sequence[str], seconds: float, megabytes: int
+    arguments: Sequence[str], seconds: float, megabytes: int, processor: int = 0
 ) -> tuple[str, str, float, float, int]:
-    """The output of a process, its status, wall and CPU seconds, and megabytes."""
+    """The output of a process, its status, wall and CPU seconds, and megabytes.
+
+    seconds: limit of wall time. processor: limit of CPU seconds; 0: none.
+    """
+
+    def limits() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (megabytes << 20, megabytes << 20))
+        if processor:
+            resource.setrlimit(resource.RLIMIT_CPU, (processor, processor + 1))
+
     with tempfile.TemporaryFile("w+") as out:
         started = time.perf_counter()
-        limit = megabytes << 20
         process = subprocess.Popen(
             arguments,
             stdout=out,
             stderr=subprocess.STDOUT,
             start_new_session=True,
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (limit, limit)),
+            preexec_fn=limits,
         )
         ended = ""
         try:
@@ -142,6 +161,8 @@ def measure(
         process.returncode = os.waitstatus_to_exitcode(status)
         wall = time.perf_counter() - started
         out.seek(0)
+        if process.returncode in (-signal.SIGXCPU, -signal.SIGKILL):
+            ended = "time"
         ended = ended or ("done" if process.returncode == 0 else "failed")
         return out.read(), ended, wall, usage.ru_utime + usage.ru_stime, usage.ru_maxrss >> 10
 
