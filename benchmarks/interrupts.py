@@ -3,13 +3,15 @@
 python benchmarks/interrupts.py [--runs N] [--seed N] [--slack SECONDS]
 
 A run is stopped by a signal, by a limit of time or memory, by a full disk or by a closed pipe. It
-must then end within a second, with its exit status and one message, without a traceback, and each
-file must be whole or missing. The library is not imported: runs are processes of their own.
+must then end within a second, with its exit status and one message, without a traceback and without
+a process that it leaves behind, and each file must be whole or missing. The library is not
+imported: runs are processes of their own.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import random
 import re
@@ -24,6 +26,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from xml.etree import ElementTree
 
 MODELS = Path(__file__).resolve().parent.parent / "models"
 
@@ -45,8 +48,32 @@ JOBS: tuple[str, ...] = (
     "crowds/crowds.pm -const TotalRuns=4,CrowdSize=5:9 -jobs 2 -exporttrans c.tra "
     "-exportresults r.csv crowds/crowds.pctl",
     "die/die.pm die/die.pctl -exportpage p.html -exportdot d.dot -exportstrat s.txt",
+    "herman/herman7.pm herman/herman7.pctl -exportpage p.html -exportresults r.csv",
+    "die/die.jani -exportmodel m.tra,sta,lab,srew -exportresults r.csv -pf P=?[F\u00a0d=6]",
+    "crowds/crowds.pm crowds/crowds.pctl -const TotalRuns=4,CrowdSize=5 -exportjani j.jani "
+    "-exportresults r.csv",
+    "die/die.pm -pf P<=0.1[F\u00a0d=6] -counterexample -exportcounterexample c.json "
+    "-exportresults r.csv",
+    "crowds/crowds.pm -const TotalRuns=4,CrowdSize=5 -pf P<=0.001[F\u00a0observed0>1] "
+    "-exportcounterexample c.txt",
+    "crowds/crowds.pm crowds/crowds.pctl -const TotalRuns=5,CrowdSize=5 -testall "
+    "-exporttests r.xml",
+    "dining/dining.nm dining/dining.pctl -testall -exporttests r.json -exportresults r.csv",
+    "compare die/die.pm die/die.pctl -with prism",
+    "compare crowds/crowds.pm crowds/crowds.pctl -const TotalRuns=3:4,CrowdSize=5 -with prism",
+    "queue/queue.sm queue/queue.csl -const c=5:14 -jobs 3 -exportresults r.csv",
+    "crowds/crowds.pm crowds/crowds.pctl -const TotalRuns=3:6,CrowdSize=5 -jobs 2 -testall "
+    "-exporttests r.xml -exportresults r.csv",
 )
-"""Runs of a second or so; names of files without a dash before them that exist are models."""
+"""Runs of a second or so; names of files without a dash before them that exist are models. A space
+within a word is a no-break space.
+"""
+
+_PEER = "#!/bin/sh\nsleep 0.1\necho Result: 0.5\n"
+"""The program `prism` of the runs that compare answers."""
+
+_TRIAL = "SYMCHECK_TRIAL"
+"""The environment variable by which the processes of a trial are known."""
 
 _IMPORTS = 140 << 20  # bytes that Python, numpy and the extension modules take
 
@@ -90,14 +117,17 @@ def trials(seed: int) -> Iterator[Trial]:
     """Random trials without end."""
     draw = random.Random(seed)
     while True:
-        words = draw.choice(JOBS).split() + [w for w in [draw.choice(ENGINES)] if w]
+        words = draw.choice(JOBS).split(" ") + [w for w in [draw.choice(ENGINES)] if w]
         if "-exportdot" in words and words[-1] in ("-ex", "-exact"):
             words.pop()
+        words = [w.replace("\u00a0", " ") for w in words]
         whole = tuple(str(MODELS / w) if (MODELS / w).is_file() else w for w in words)
         kind = draw.choice(DISTURBANCES)
         moment = draw.choice((draw.uniform(0.05, 0.4), draw.uniform(0.0, 2.0)))
         way, amount = "", 0
-        if kind == "memory":
+        if kind in ("SIGINT", "SIGTERM"):
+            way = draw.choice(("", "to the group", "twice", "to the group, twice"))
+        elif kind == "memory":
             way = draw.choice(("-cuddmaxmem", "SYMCHECK_MEMORY", "address space", "data"))
             amount = int(2 ** draw.uniform(20, 29))
             amount += (way in ("address space", "data")) * _IMPORTS
@@ -111,7 +141,7 @@ def trials(seed: int) -> Iterator[Trial]:
 def run(trial: Trial, command: tuple[str, ...] = (sys.executable, "-m", "symcheck")) -> Outcome:
     """Carry out a trial in a folder of its own."""
     words = [*command, *trial.words]
-    environment = {**os.environ}
+    environment = {**os.environ, _TRIAL: f"{os.getpid()}.{time.monotonic_ns()}"}
     limits: list[tuple[int, int]] = []
     if trial.kind == "time":
         words += ["-timeout", f"{max(trial.moment, 0.01):.3f}"]
@@ -119,7 +149,7 @@ def run(trial: Trial, command: tuple[str, ...] = (sys.executable, "-m", "symchec
         words += ["-cuddmaxmem", f"{trial.amount >> 10}k"]
     elif trial.way == "SYMCHECK_MEMORY":
         environment["SYMCHECK_MEMORY"] = f"{trial.amount >> 10}k"
-    elif trial.way:
+    elif trial.kind == "memory":
         limit = resource.RLIMIT_AS if trial.way == "address space" else resource.RLIMIT_DATA
         limits.append((limit, trial.amount))
     elif trial.kind == "space":
@@ -130,7 +160,15 @@ def run(trial: Trial, command: tuple[str, ...] = (sys.executable, "-m", "symchec
         for limit, amount in limits:
             resource.setrlimit(limit, (amount, resource.getrlimit(limit)[1]))
 
-    with tempfile.TemporaryDirectory() as folder, open("/dev/full", "w") as full:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        tempfile.TemporaryDirectory() as programs,
+        open("/dev/full", "w") as full,
+    ):
+        peer = Path(programs, "prism")
+        peer.write_text(_PEER)
+        peer.chmod(0o755)
+        environment["PATH"] = f"{programs}:{environment['PATH']}"
         started = time.monotonic()
         process = subprocess.Popen(
             words,
@@ -140,13 +178,14 @@ def run(trial: Trial, command: tuple[str, ...] = (sys.executable, "-m", "symchec
             cwd=folder,
             env=environment,
             preexec_fn=prepare,
+            start_new_session=True,
         )
         disturbed = started + (trial.moment if trial.kind == "time" else 0.0)
         if trial.kind in ("SIGINT", "SIGTERM"):
             try:
                 process.wait(trial.moment)
             except subprocess.TimeoutExpired:
-                process.send_signal(signal.Signals[trial.kind])
+                _send(process, trial)
             disturbed = time.monotonic()
         head = b""
         if trial.kind == "closed pipe":
@@ -161,11 +200,42 @@ def run(trial: Trial, command: tuple[str, ...] = (sys.executable, "-m", "symchec
             out, err = process.communicate()
             err += b"\ndoes not end: internal error"
         late = time.monotonic() - disturbed
+        if left := _left_running(environment[_TRIAL]):
+            err += f"\nleft running: internal error: {left}".encode()
         files = {p.name: p.read_bytes() for p in Path(folder).iterdir()}
     shown = head + (out or b"")
     # A signal that arrives before Python has started ends the process; shells add 128 to it.
     status = process.returncode if process.returncode >= 0 else 128 - process.returncode
     return Outcome(status, shown.decode(), err.decode(), late, files)
+
+
+def _send(process: subprocess.Popen[bytes], trial: Trial) -> None:
+    """Send a signal to a process, or to its group, as a terminal does; perhaps a second one."""
+    number = signal.Signals[trial.kind]
+    for pause in (0.0, trial.moment % 0.3) if "twice" in trial.way else (0.0,):
+        time.sleep(pause)
+        if process.poll() is not None:
+            return
+        if "group" in trial.way:
+            os.killpg(process.pid, number)
+        else:
+            process.send_signal(number)
+
+
+def _left_running(trial: str) -> list[str]:
+    """The command lines of the processes of a trial that run a second after its end."""
+    mark, end = f"{_TRIAL}={trial}".encode(), time.monotonic() + 1
+    while True:
+        left = []
+        for folder in Path("/proc").glob("[0-9]*"):
+            try:
+                if mark in (folder / "environ").read_bytes():
+                    left.append((folder / "cmdline").read_bytes().decode().replace("\0", " "))
+            except OSError:
+                continue
+        if not left or time.monotonic() > end:
+            return left
+        time.sleep(0.05)
 
 
 @cache
@@ -216,7 +286,7 @@ def faults(trial: Trial, found: Outcome, slack: float) -> list[str]:
             out.append(f"left behind: {name}")
         elif not name.startswith("r.") and name != "path.txt" and content != whole.files[name]:
             out.append(f"half a file: {name}")
-        elif name == "r.csv" and not content.endswith(b"\n"):
+        elif not _is_whole(name, content):
             out.append(f"half a table: {name}")
     results = found.out.count("\nResult: ")
     table = found.files.get("r.csv")
@@ -225,6 +295,21 @@ def faults(trial: Trial, found: Outcome, slack: float) -> list[str]:
     if table is None and results and "r.csv" in trial.words and trial.kind != "space":
         out.append("finished results were not written")
     return out
+
+
+def _is_whole(name: str, content: bytes) -> bool:
+    """Whether a file of results is complete; how many results it has is another question."""
+    try:
+        match Path(name).suffix:
+            case ".csv":
+                return content.endswith(b"\n")
+            case ".xml":
+                ElementTree.fromstring(content)
+            case ".json":
+                json.loads(content)
+    except (ValueError, ElementTree.ParseError):
+        return False
+    return True
 
 
 def main() -> int:
