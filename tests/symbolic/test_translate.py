@@ -105,9 +105,7 @@ def test_booleans(way, text):
     for state in all_states():
         expected = value_at(expression, state)
         assert at(space, faults, state) == (expected is None)
-        if (
-            expected is not None and "/" not in text
-        ):  # a NaN inside compares differently when diagrams are composed
+        if expected is not None:
             assert at(space, found, state) == expected
 
 
@@ -125,11 +123,11 @@ def test_numbers(way, text):
     for state in all_states():
         expected = value_at(expression, state)
         assert at(space, faults, state) == has_fault(expression, state)
-        if expected is None:
+        if at(space, faults, state):
             continue
-        assert at(space, found, state) == pytest.approx(float(expected), rel=1e-13, abs=1e-300)
-        if way == "tabulated":
-            assert not at(space, undefined, state)
+        assert at(space, undefined, state) == (expected is None)
+        if expected is not None:
+            assert at(space, found, state) == pytest.approx(float(expected), rel=1e-13, abs=1e-300)
 
 
 def test_undefined_values_are_known():

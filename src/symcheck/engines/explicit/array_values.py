@@ -7,11 +7,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from symcheck.engines.base import ROUNDING, bracket
+from symcheck.kernels.explore.register_machine import Op, apply_to_doubles
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
 
 __all__ = ["ArraySet", "ArrayValues"]
@@ -150,10 +151,10 @@ class ArrayValues:
                 return ArrayValues(*_same(_STEPS[operator](low), _STEPS[operator](high)))
             slack = _slack(operator, operands)
             if slack is not None and all(o.exact for o in operands):
-                value = _point(operator, [o.lower for o in operands])
+                value = _unsigned(_point(operator, [o.lower for o in operands]))
                 return ArrayValues(value, value, computed, slack)
             low, high = _interval(operator, [o._margins() for o in operands])
-        return ArrayValues(*_same(low, high))
+        return ArrayValues(*_same(_unsigned(low), _unsigned(high)))
 
     def choose(self, states: ArraySet, other: ArrayValues) -> ArrayValues:
         """These values on the set, the other ones elsewhere."""
@@ -244,14 +245,25 @@ def _same(low: Floats, high: Floats) -> _Pair:
     return (low, low) if np.array_equal(low, high, equal_nan=True) else (low, high)
 
 
+def _unsigned(values: Floats) -> Floats:
+    """The values with zeros of one sign, as rationals have them: bounds are no sides of zero."""
+    return np.asarray(values + 0.0)
+
+
 def _point(operator: str, values: list[Floats]) -> Floats:
     """An operator applied to known values."""
     first, *rest = values
     if operator == "-" and not rest:
-        return np.asarray(0.0 - first)  # not -first: there is no negative zero
+        return np.asarray(-first)
     for other in rest:
         first = _POINTS[operator](first, other)
     return first
+
+
+def _remainder(x: Floats, y: Floats) -> Floats:
+    """`mod` as `symcheck.semantics.expressions.evaluate` defines it; NaN for y = 0."""
+    remainder = np.fmod(x, y)
+    return np.where(remainder < 0, remainder + y, remainder)
 
 
 _POINTS: dict[str, Callable[[Floats, Floats], Floats]] = {
@@ -261,17 +273,17 @@ _POINTS: dict[str, Callable[[Floats, Floats], Floats]] = {
     "/": np.divide,
     "min": np.minimum,
     "max": np.maximum,
-    "^": np.power,
-    "pow": np.power,
-    "mod": lambda x, y: np.where(y > 0, np.mod(x, y), np.nan),
-    "log": lambda x, base: np.log(x) / np.log(base),
+    "^": partial(apply_to_doubles, Op.POWD),
+    "pow": partial(apply_to_doubles, Op.POWD),
+    "mod": _remainder,
+    "log": partial(apply_to_doubles, Op.LOGD),
 }
 
 
 def _interval(operator: str, pairs: list[_Pair]) -> _Pair:
     first, *rest = pairs
     if operator == "-" and not rest:
-        return 0.0 - first[1], 0.0 - first[0]
+        return -first[1], -first[0]
     for other in rest:
         bounds = _INTERVALS.get(operator, _corners)(operator, first, other)
         first = (
@@ -314,7 +326,8 @@ def _power(_: str, x: _Pair, y: _Pair) -> _Pair:
 
 def _modulo(_: str, x: _Pair, y: _Pair) -> _Pair:
     point = (y[0] == y[1]) & (np.floor(x[0] / y[0]) == np.floor(x[1] / y[1])) & (y[0] > 0)
-    return np.where(point, np.mod(x[0], y[0]), 0.0), np.where(point, np.mod(x[1], y[1]), y[1])
+    low, high = np.minimum(2 * y[0], 0.0), np.maximum(np.abs(y[0]), np.abs(y[1]))
+    return np.where(point, np.mod(x[0], y[0]), low), np.where(point, np.mod(x[1], y[0]), high)
 
 
 _INTERVALS: dict[str, Callable[[str, _Pair, _Pair], _Pair]] = {

@@ -157,8 +157,11 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, HasActions):
         return self._known(numbers(states.members, exact=self.exact))
 
     def _known(self, array: Numbers) -> Numeric:
-        """Values without rounding."""
-        return RationalValues(array) if self.exact else ArrayValues(array, array)
+        """Values without rounding; zeros of one sign."""
+        if self.exact:
+            return RationalValues(array)
+        array = array + 0.0
+        return ArrayValues(array, array)
 
     def system(self, states: ArraySet, direction: Direction | None = None) -> ExplicitSystem:
         """The equations over some states."""

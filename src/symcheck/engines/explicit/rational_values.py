@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
-from math import ceil, floor, inf, isinf, nan
+from math import isfinite, nan
 from operator import eq, ge, gt, le, lt, ne
 
 import numpy as np
@@ -13,9 +13,10 @@ import numpy as np
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.matrices.numbers import Rationals, rationals
 from symcheck.matrices.rows import Int64s
-from symcheck.semantics.expressions.evaluate import evaluate
-from symcheck.syntax.ast import Binary, Call, Name
-from symcheck.syntax.operators import FUNCTION_BY_NAME, Operator
+from symcheck.semantics.expressions.evaluate import BINARY, FUNCTIONS
+from symcheck.semantics.model import Value
+from symcheck.syntax.ast import Name
+from symcheck.syntax.operators import FUNCTION_BY_NAME, OPERATOR_BY_TOKEN, Function
 
 __all__ = ["RationalValues"]
 
@@ -109,43 +110,34 @@ _COMPARISONS: dict[str, Callable[[Rational, Rational], bool]] = {
 
 
 def _function(operator: str) -> Callable[..., Rational]:
-    """The exact meaning of an operator, as the scalar evaluator has it."""
-    direct = _DIRECT.get(operator)
-    if direct is not None:
-        return direct
+    """The exact meaning of an operator, as the scalar evaluator has it.
+
+    Where that is an error, because an int is no infinity and no remainder by zero, the value
+    is the operand or NaN: not every state is relevant.
+    """
+    if operator in OPERATOR_BY_TOKEN:
+        binary = BINARY[OPERATOR_BY_TOKEN[operator]]
+        return lambda x, y: _rational(binary(x, y, True, _NODE))
+    function = FUNCTION_BY_NAME[operator]
+    meaning = FUNCTIONS[function]
 
     def apply(*values: Rational) -> Rational:
-        names = tuple(Name(f"x{i}") for i in range(len(values)))
-        node = (
-            Binary(Operator.POWER, *names)
-            if operator == "^"
-            else Call(FUNCTION_BY_NAME[operator], names)
-        )
-        result = evaluate(node, {n.name: v for n, v in zip(names, values, strict=True)}, exact=True)
-        return Fraction(result) if isinstance(result, int) else result
+        match function:
+            case Function.FLOOR | Function.CEIL | Function.ROUND if not isfinite(values[0]):
+                return values[0]
+            case Function.MOD:
+                if not all(map(isfinite, values)) or values[1] == 0:
+                    return nan
+                return _rational(meaning([int(v) for v in values], True, _NODE))
+            case _:
+                return _rational(meaning(values, True, _NODE))
 
     return apply
 
 
-def _divide(x: Rational, y: Rational) -> Rational:
-    if y == 0:
-        return nan if x == 0 or x != x else inf if x > 0 else -inf
-    return nan if isinf(x) and isinf(y) else Fraction(0) if isinf(y) else x / y
+def _rational(value: Value) -> Rational:
+    return Fraction(value) if isinstance(value, int) else value
 
 
-def _times(x: Rational, y: Rational) -> Rational:
-    return nan if (isinf(x) and y == 0) or (isinf(y) and x == 0) else x * y
-
-
-_DIRECT: dict[str, Callable[..., Rational]] = {
-    "+": lambda x, y: x + y,
-    "-": lambda x, y: x - y,
-    "*": _times,
-    "/": _divide,
-    "min": min,
-    "max": max,
-    "floor": lambda x: Fraction(floor(x)),
-    "ceil": lambda x: Fraction(ceil(x)),
-    "round": lambda x: Fraction(floor(x + Fraction(1, 2))),
-    "mod": lambda x, y: x % y,
-}
+_NODE = Name("the value of a property")
+"""Stands for the expression in errors."""

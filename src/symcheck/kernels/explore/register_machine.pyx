@@ -7,7 +7,7 @@ status of an error. Doubles follow IEEE 754 (division by zero gives an infinity 
 overflow is an error.
 """
 
-from libc.math cimport INFINITY, NAN, ceil, floor, log, pow
+from libc.math cimport INFINITY, NAN, ceil, floor, log, pow, signbit
 
 import numpy as np
 
@@ -56,6 +56,17 @@ cdef inline double logarithm(double x, double base) noexcept nogil:
     if not (0 < base < INFINITY) or base == 1 or not x >= 0:
         return NAN
     return log(x) / log(base)
+
+
+cdef inline bint precedes(double x, double y) noexcept nogil:
+    """Whether x is less than y; -0.0 is less than 0.0."""
+    return x < y or (x == y and signbit(x) > signbit(y))
+
+
+cdef inline double nearest(double x) noexcept nogil:
+    """The nearest int, upwards from the middle; x + 0.5 would be rounded."""
+    cdef double whole = floor(x)
+    return whole + 1 if x - whole >= 0.5 else whole
 
 
 cdef int execute(const Instruction* pc, const Instruction* code, Register* r) noexcept nogil:
@@ -110,9 +121,9 @@ cdef int execute(const Instruction* pc, const Instruction* code, Register* r) no
         elif op == Op.NEGD:
             r[dst].d = -r[a].d
         elif op == Op.MIND:
-            r[dst].d = r[b].d if r[b].d < r[a].d or r[b].d != r[b].d else r[a].d
+            r[dst].d = r[b].d if precedes(r[b].d, r[a].d) or r[b].d != r[b].d else r[a].d
         elif op == Op.MAXD:
-            r[dst].d = r[b].d if r[b].d > r[a].d or r[b].d != r[b].d else r[a].d
+            r[dst].d = r[b].d if precedes(r[a].d, r[b].d) or r[b].d != r[b].d else r[a].d
         elif op == Op.POWD:
             r[dst].d = pow(r[a].d, r[b].d)
         elif op == Op.LOGD:
@@ -126,7 +137,7 @@ cdef int execute(const Instruction* pc, const Instruction* code, Register* r) no
             if status:
                 return status
         elif op == Op.ROUND:
-            status = to_integer(floor(r[a].d + 0.5), &r[dst])
+            status = to_integer(nearest(r[a].d), &r[dst])
             if status:
                 return status
         elif op == Op.EQI:
@@ -203,6 +214,29 @@ def evaluate(const int[:, ::1] code, long long[::1] registers) -> int:
     """
     cdef const Instruction* program = <const Instruction*> &code[0, 0]
     return execute(program, program, <Register*> &registers[0])
+
+
+def apply_to_doubles(op: int, const double[::1] x, const double[::1] y) -> Floats:
+    """The doubles that an operation on two doubles gives for each pair.
+
+    Args:
+        op: a member of `Op` such as POWD, with two operands and a result that are doubles.
+        x, y: float64[n].
+    Returns:
+        float64[n].
+    """
+    cdef Instruction[2] code = [Instruction(op, 2, 0, 1), Instruction(Op.HALT, 0, 0, 0)]
+    cdef Register[3] r
+    cdef Py_ssize_t i
+    result = np.empty(x.shape[0])
+    cdef double[::1] out = result
+    with nogil:
+        for i in range(x.shape[0]):
+            r[0].d = x[i]
+            r[1].d = y[i]
+            execute(code, code, r)
+            out[i] = r[2].d
+    return result
 
 
 def run_packed(const int[:, ::1] code, const long long[::1] slots, const int[:, ::1] fields,

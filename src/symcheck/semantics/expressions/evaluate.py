@@ -5,10 +5,13 @@ It defines the semantics of expressions, and is the oracle for the faster evalua
 - `+ - * min max pow ^` of ints give an int (beyond 64 bits is an error, PRISM's limit is 32),
   otherwise a double; `/` always gives a double; `floor ceil round` give an int; `c ? a : b` is a
   double if either branch is one.
-- Doubles follow IEEE 754: `1/0` is infinite, `0/0` is NaN, and `min` and `max` of anything and NaN
-  are NaN. In exact arithmetic they are Fractions, except infinities and NaN; zero has no sign.
-- `round(x)` is floor(x + 0.5). `floor ceil round` of NaN, an infinity or a number beyond 64 bits
-  are errors.
+- Doubles follow IEEE 754 (2019): `1/0` is infinite, `0/0` is NaN, and `min` and `max` of anything
+  and NaN are NaN. Zero has a sign, which only a division, a power or a logarithm shows: `0 / -3`
+  is -0.0, and `min` and `max` take -0.0 as less than 0.0 (its operations minimum and maximum, and
+  Java's). In exact arithmetic, doubles are Fractions except infinities and NaN, and zero has no
+  sign. An int zero has none either.
+- `round(x)` is floor(x + 1/2) without rounding error. `floor ceil round` of NaN, an infinity or a
+  number beyond 64 bits are errors.
 - `pow` of ints with a negative exponent is an error, because its type would not be int. In exact
   arithmetic, an exponent that is not integral is an error (such powers are irrational in general),
   and so is a logarithm that is not rational.
@@ -292,7 +295,7 @@ def _ln(x: Fraction) -> float:
 
 
 def _extreme(better: Callable[[Value, Value], bool]) -> FunctionMeaning:
-    """The least or greatest of the values; NaN if a value is NaN."""
+    """The best of the values; NaN if a value is NaN."""
 
     def apply(values: Sequence[Value], exact: bool, node: Node) -> Value:  # noqa: ARG001
         if not all(isinstance(v, int) for v in values):
@@ -318,8 +321,13 @@ def _rounding(function: Function, rounded: Callable[[float | Fraction], int]) ->
     return apply
 
 
+def _less(a: Value, b: Value) -> bool:
+    """Whether a is less than b; -0.0 is less than 0.0."""
+    return a < b or (a == b == 0 and math.copysign(1.0, a) < math.copysign(1.0, b))
+
+
 def _round(x: float | Fraction) -> int:
-    return math.floor(x + (Fraction(1, 2) if isinstance(x, Fraction) else 0.5))
+    return math.floor(Fraction(x) + Fraction(1, 2))
 
 
 def _modulo(i: Value, j: Value, exact: bool, node: Node) -> Value:  # noqa: ARG001
@@ -355,8 +363,8 @@ BINARY: Mapping[Operator, Meaning] = {
 """The function of each operator that is not logical."""
 
 FUNCTIONS: Mapping[Function, FunctionMeaning] = {
-    Function.MIN: _extreme(op.lt),
-    Function.MAX: _extreme(op.gt),
+    Function.MIN: _extreme(_less),
+    Function.MAX: _extreme(lambda a, b: _less(b, a)),
     Function.FLOOR: _rounding(Function.FLOOR, math.floor),
     Function.CEIL: _rounding(Function.CEIL, math.ceil),
     Function.ROUND: _rounding(Function.ROUND, _round),

@@ -14,12 +14,13 @@ from __future__ import annotations
 
 import operator as op
 from collections.abc import Callable, Mapping
-from functools import reduce
+from functools import partial, reduce
 from typing import Any, NamedTuple, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symcheck.kernels.explore.register_machine import Op, apply_to_doubles
 from symcheck.semantics.expressions.evaluate import INT_MAX, INT_MIN, is_int64
 from symcheck.semantics.expressions.literals import to_float
 from symcheck.syntax.ast import (
@@ -41,6 +42,7 @@ __all__ = ["BINARY", "FUNCTIONS", "Column", "Lanes", "evaluate_columns"]
 Column = NDArray[Any]
 """Values of one expression in many states: bool, int64 or float64 by its type."""
 Bools = NDArray[np.bool_]
+Operation = Callable[..., "Lanes"]
 _BITS = 63
 """The largest exponent for which a power of an int other than -1, 0 and 1 can have a value."""
 
@@ -190,7 +192,7 @@ def _negative(x: Column) -> Lanes:
 
 def _power(base: Column, exponent: Column) -> Lanes:
     if not _are_integers(base, exponent):
-        return Lanes(np.asarray(np.power(base.astype(np.float64), exponent.astype(np.float64))))
+        return _compiled(Op.POWD, base, exponent)
     faults = (exponent < 0) | ((exponent > _BITS) & ((base > 1) | (base < -1)))
     # The powers of -1, 0 and 1 depend on whether the exponent is 0 and whether it is odd.
     exponent = np.where(faults, 0, np.where(exponent > _BITS, _BITS - 1 + exponent % 2, exponent))
@@ -208,24 +210,46 @@ def _modulo(dividend: Column, divisor: Column) -> Lanes:
     return Lanes(values, _union(zero, beyond))
 
 
-def _logarithm(value: Column, base: Column) -> Lanes:
-    x, b = value.astype(np.float64), base.astype(np.float64)
-    meaningful = (b > 0) & (b != 1) & (b != np.inf) & (x >= 0)
-    return Lanes(np.where(meaningful, np.log(x) / np.log(b), np.nan))
+def _compiled(op: Op, x: Column, y: Column) -> Lanes:
+    """An operation of the register machine on doubles.
+
+    The powers and logarithms of numpy differ from those of the machine in their last digit.
+    """
+    x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+    return Lanes(apply_to_doubles(op, x.ravel(), y.ravel()).reshape(x.shape))
 
 
-def _rounding(function: Callable[[Column], Column]) -> Callable[[Column], Lanes]:
-    def apply(x: Column) -> Lanes:
+def _extreme(operation: Callable[[Column, Column], Column], *, least: bool) -> Operation:
+    """`min` or `max`; zeros are equal to numpy whatever their signs."""
+
+    def better(x: Column, y: Column) -> Column:
+        if _are_integers(x, y):
+            return operation(x, y)
+        x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
+        zero = np.where(np.signbit(x) == least, x, y)
+        return np.where(x == y, zero, operation(x, y))
+
+    return _total(better)
+
+
+def _rounding(function: Callable[[Column], Column]) -> Operation:
+    def round_all(x: Column) -> Lanes:
         if _are_integers(x):
             return Lanes(x)
         values = np.asarray(function(x))
         faults = ~((values >= float(INT_MIN)) & (values < -float(INT_MIN)))
         return Lanes(np.where(faults, 0, values).astype(np.int64), faults)
 
-    return apply
+    return round_all
 
 
-def _total(operation: Callable[..., Column]) -> Callable[..., Lanes]:
+def _nearest(x: Column) -> Column:
+    """The nearest ints, upwards from the middle; x + 0.5 would be rounded."""
+    whole = np.floor(x)
+    return np.asarray(whole + (x - whole >= 0.5))
+
+
+def _total(operation: Callable[..., Column]) -> Operation:
     """A total operation; more than two operands are combined from the left."""
     return lambda *operands: Lanes(np.asarray(reduce(operation, operands)))
 
@@ -244,13 +268,13 @@ BINARY: Mapping[Operator, Callable[[Column, Column], Lanes]] = {
     Operator.GE: _total(op.ge),
 }
 
-FUNCTIONS: Mapping[Function, Callable[..., Lanes]] = {
-    Function.MIN: _total(np.minimum),
-    Function.MAX: _total(np.maximum),
+FUNCTIONS: Mapping[Function, Operation] = {
+    Function.MIN: _extreme(np.minimum, least=True),
+    Function.MAX: _extreme(np.maximum, least=False),
     Function.FLOOR: _rounding(np.floor),
     Function.CEIL: _rounding(np.ceil),
-    Function.ROUND: _rounding(lambda x: np.floor(x + 0.5)),
+    Function.ROUND: _rounding(_nearest),
     Function.POW: _power,
     Function.MOD: _modulo,
-    Function.LOG: _logarithm,
+    Function.LOG: partial(_compiled, Op.LOGD),
 }

@@ -282,14 +282,20 @@ class Translator:
         ]
 
     def undefined(self, expression: Expression) -> Bdd:
-        """The states where a numeric expression is NaN, such as 0/0; its diagram is 0 there."""
+        """The states where a number is NaN, such as 0/0; its diagram has some number there."""
+        if self._type(expression) is not Type.DOUBLE:
+            return self.manager.false
         self.number_on_the_fly(expression)
         known = self.on_the_fly.get(("", expression))
         if isinstance(known, OnTheFlyNumber):
             return known.undefined
-        if expression in self._undefined or self.width(expression) <= self.limits.table_bits:
-            return self._undefined.get(expression, self.manager.false)
-        return self.manager.disjunction([self.undefined(e) for e in operands(expression)])
+        if expression in self._undefined:
+            return self._undefined[expression]
+        match expression:
+            case Conditional(condition, then, otherwise):
+                return self.boolean(condition).ite(self.undefined(then), self.undefined(otherwise))
+            case _:  # what is composed is NaN where an operand is
+                return self.manager.disjunction([self.undefined(e) for e in operands(expression)])
 
     def faults(self, expression: Expression) -> Bdd:
         """Where an expression that has been translated has no value, so that the scalar evaluation
@@ -338,7 +344,7 @@ class Translator:
                 x, y = self.number(left), self.number(right)
                 try:
                     number = self._arithmetic(operator, x, y, expression)
-                except NumericalError:  # infinity - infinity in some state: tabulate
+                except NumericalError:  # NaN in some state: tabulate
                     return self._mtbdd_table(expression)
                 # A large int may be rounded in an operand, and the result be small again.
                 composed = ((left, x), (right, y), (expression, number))
@@ -358,13 +364,20 @@ class Translator:
                 return self._mtbdd_table(expression)
 
     def _arithmetic(self, operator: str, x: Mtbdd, y: Mtbdd, expression: Expression) -> Mtbdd:
-        """The diagram of x op y. Raises TooLarge if it may have too many leaves."""
+        """The diagram of x op y.
+
+        Raises TooLarge if it may have too many leaves, and NumericalError if it may be NaN.
+        """
         leaves = leaf_bound(operator, x.leaves, y.leaves)
         if leaves > self.limits.max_leaves:
             raise TooLarge(
                 f"the diagram of an expression may have {leaves} different values "
                 f"({expression.span})"
             )
+        if operator == "*" and any(
+            np.any(a.leaves == 0) and np.any(np.isinf(b.leaves)) for a, b in ((x, y), (y, x))
+        ):  # CUDD takes it as 0
+            raise NumericalError("zero times infinity")
         return x + y if operator == "+" else x - y if operator == "-" else x * y
 
     def _is_exact(self, expression: Expression, number: Mtbdd) -> bool:
@@ -387,9 +400,8 @@ class Translator:
                 f"values ({expression.span})"
             )
         nan = np.isnan(numbers)
-        if nan.any():
-            self._undefined[expression] = self.manager.bdd_table(_row_bits(variables), nan)
-            numbers = np.where(nan, 0.0, numbers)
+        self._undefined[expression] = self.manager.bdd_table(_row_bits(variables), nan)
+        numbers = np.where(nan, 0.0, numbers)
         return self.manager.table(_row_bits(variables), numbers)
 
     # --------------------------------------------------------------------------------------- tables

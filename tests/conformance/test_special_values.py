@@ -1,0 +1,187 @@
+"""All evaluators of expressions agree on every operator, for zeros of both signs, large ints, infinities and NaN.
+
+The scalar evaluator is the reference; a table of its values at the points where tools differ states the language.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+
+import numpy as np
+import pytest
+
+import symcheck
+from kernels.columns import run_masked
+from symbolic.oracle import at
+from symcheck.errors import InputError
+from symcheck.explicit.compile import compile_expression
+from symcheck.options import Options
+from symcheck.semantics.binding.bind import bind
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.simplify import simplify
+from symcheck.semantics.expressions.vectorised import evaluate_columns
+from symcheck.semantics.model import Value
+from symcheck.symbolic.build import build
+from symcheck.symbolic.model import StateSpace
+from symcheck.symbolic.tuning import EncodingLimits
+from symcheck.syntax.ast import Binary, Call, Expression, Type, Unary
+from symcheck.syntax.operators import Function, Operator, UnaryOperator
+from symcheck.syntax.parse import parse_expression, parse_model
+from symcheck.syntax.printer import pretty
+
+MODEL = bind(parse_model("dtmc module m x : [-1..1]; [] true -> true; endmodule"))
+STATES = (-1, 0, 1)
+POWERS = [2**31, 2**53 + 1, -(2**53) - 1, 2**62, 2**63 - 1, -(2**63) + 1]
+INTS = ["x", "0", "-2", "3", *map(str, POWERS), "(-9223372036854775807-1)"]
+DOUBLES = [
+    *("-0.0", "x/-3", "(0.0*x)", "1/0", "-1/0", "0/0", "x/0", "0.5", "-2.5", "1.0", "4503599627370495.5"),
+    *("0.49999999999999994", "-0.49999999999999994", "9223372036854775807.0", "9223372036854774784.0", "1e308", "5e-324"),
+]  # fmt: skip
+WAYS = {
+    "tabulated": EncodingLimits(),
+    "composed": EncodingLimits(table_bits=0),
+    "on the fly": EncodingLimits(table_bits=0, wide_table_bits=0, max_nodes=0, max_leaves=0),
+}
+ARITHMETIC = [*(o for o in Operator if not o.is_logical), *(f for f in Function if f.arity != 1)]
+ROUNDING = [f for f in Function if f.arity in (1, None)]
+
+
+def applied(operator: Operator | Function, *operands: Expression) -> Expression:
+    return (
+        Binary(operator, *operands) if isinstance(operator, Operator) else Call(operator, operands)
+    )
+
+
+def expressions(operator: UnaryOperator | Operator | Function) -> list[Expression]:
+    """An operator applied to all special values."""
+    texts = [*INTS, *([] if operator is Function.MOD else DOUBLES)]
+    values = [parse_expression(text) for text in texts]
+    if operator is UnaryOperator.MINUS:
+        return [Unary(operator, v) for v in values]
+    single = [applied(operator, v) for v in values] if operator in ROUNDING else []
+    pairs = product(values, values) if operator in ARITHMETIC else []
+    return single + [applied(operator, *pair) for pair in pairs]
+
+
+def scalar(expression, x: int) -> Value | None:
+    try:
+        return evaluate(expression, {"x": x})
+    except InputError:
+        return None
+
+
+def key(value: Value | None) -> tuple[str, str]:
+    """Equal for equal values of one type; NaN equals itself, and zeros of different sign differ."""
+    return type(value).__name__, repr(value)
+
+
+@pytest.mark.parametrize("operator", [UnaryOperator.MINUS, *dict.fromkeys(ARITHMETIC + ROUNDING)])
+def test_evaluators_agree(operator: UnaryOperator | Operator | Function) -> None:
+    columns = {"x": np.array(STATES, np.int64)}
+    for expression in expressions(operator):
+        expected = [key(scalar(expression, x)) for x in STATES]
+
+        simplified = simplify(expression, types={"x": Type.INT})
+        assert [key(scalar(simplified, x)) for x in STATES] == expected, pretty(expression)
+
+        lanes = evaluate_columns(expression, columns).spread((len(STATES),))
+        faults = [False] * len(STATES) if lanes.faults is None else lanes.faults
+        values = zip(faults, lanes.values.tolist(), strict=True)
+        assert [key(None if fault else value) for fault, value in values] == expected, pretty(
+            expression
+        )
+
+        code = compile_expression(expression, MODEL)
+        found, valid = (
+            np.broadcast_to(a, len(STATES)) for a in run_masked(code, {0: columns["x"]})
+        )
+        values = zip(valid, found.tolist(), strict=True)
+        assert [key(value if ok else None) for ok, value in values] == expected, pretty(expression)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_diagrams_agree(way: str) -> None:
+    symbolic = build(MODEL, Options(), limits=WAYS[way])
+    everything = symbolic.translator.valid(symbolic.encoding.variables[0])
+    space = StateSpace(symbolic, everything, symbolic.manager.false, 3, "none", 0.0, ())
+    operands = ["x", "x/-3", "x/0", "-0.0", "9007199254740993"]
+    shapes = [
+        *(f"{{}} {o} {{}}" for o in Operator if not o.is_logical),
+        *(f"{f}({{}}, {{}})" for f in Function if f.arity != 1),
+        *["1/min({}, {})", "1/max({}, {})", "({} < {} ? 0/x : 1)", "pow({}, {}) * 0"],
+    ]
+    for shape, a, b in product(shapes, operands, operands):
+        text = shape.format(a, b)
+        if "mod" in text and ("/" in text or "." in text):
+            continue
+        expression = parse_expression(text)
+        translator = symbolic.translator
+        if compile_expression(expression, MODEL).type is Type.BOOL:
+            diagram, undefined = (
+                translator.boolean_on(expression, everything),
+                symbolic.manager.false,
+            )
+        else:
+            diagram = translator.number_on(expression, everything)
+            undefined = translator.undefined(expression)
+        faults = translator.faults(expression)
+        for x in STATES:
+            value = scalar(expression, x)
+            assert at(space, faults, (x,)) == (value is None), text
+            if value is not None:
+                is_nan = isinstance(value, float) and math.isnan(value)
+                assert at(space, undefined, (x,)) == is_nan, text
+                assert is_nan or at(space, diagram, (x,)) == float(value), text
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1 / min(0.0, -0.0)", -math.inf),
+        ("1 / min(-0.0, 0.0)", -math.inf),
+        ("1 / max(0.0, -0.0)", math.inf),
+        ("1 / max(-0.0, 0.0)", math.inf),
+        ("1 / min(0, 0 / -3)", -math.inf),  # the int is 0.0 beside a double
+        ("1 / min(0.0, 3, -0.0)", -math.inf),
+        ("1 / (0 * -1)", math.inf),  # an int has no negative zero
+        ("1 / (0.0 * -1)", -math.inf),
+        ("1 / (-0.0 + 0.0)", math.inf),
+        ("1 / floor(-0.0)", math.inf),
+        ("1 / -(0/1)", -math.inf),
+        ("1 / log(1, 0.5)", -math.inf),
+        ("-0.0 ^ -1", -math.inf),  # a minus binds tighter than a power
+        ("-0.0 ^ -2", math.inf),
+        ("0.0 = -0.0", True),
+        ("0.0 < -0.0", False),
+        ("round(0.49999999999999994)", 0),
+        ("round(4503599627370497.0)", 4503599627370497),
+        ("round(-2.5)", -2),
+        ("9007199254740993 = 9007199254740992.0", True),
+        ("max(9007199254740993, 1.0) = 9007199254740992", True),
+        ("pow(0/0, 0)", 1.0),
+    ],
+)  # fmt: skip
+def test_the_language(text: str, expected: Value) -> None:
+    assert key(scalar(parse_expression(text), 0)) == key(expected)
+
+
+@pytest.mark.parametrize("engine", ["explicit", "mtbdd", "hybrid", "exact"])
+def test_zeros_of_property_values_have_no_sign(engine: str, tmp_path) -> None:
+    file = tmp_path / "m.pm"
+    file.write_text("dtmc module m x : [0..1]; [] true -> (x'=1); endmodule")
+    options = {"exact": True} if engine == "exact" else {"engine": engine}
+    model = symcheck.load(file, **options)
+    never = "(P=? [ F x=7 ])"
+    for text, expected in {
+        f"1/min(0, {never}/-3)": math.inf,
+        f"{never}/-3": 0,
+        "x/-3": 0,
+        f"min(0/{never}, 1)": math.nan,
+        f"max(1, 0/{never})": math.nan,
+        f"floor(1/{never})": math.inf,
+        f"mod(floor({never}), 0)": math.nan,
+        f"mod(floor({never})-7, -3)": -4,
+        f"log({never} + 3, 1)": math.nan,
+    }.items():
+        assert str(model.check(text).value) in (str(expected), f"{expected}.0"), text
