@@ -57,9 +57,7 @@ def polling(stations: int) -> str:
 
 def main() -> None:
     """Print the model for the number of stations given on the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("stations", type=int, help="number of stations, at least 2")
     arguments = parser.parse_args()
     if arguments.stations < 2:
