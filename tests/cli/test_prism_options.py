@@ -227,7 +227,7 @@ def test_random_paths_need_no_model_but_exports_do(queue, capsys):
             capsys, "q.sm", "-const", "mu=1", "-pf", "P=? [ F<=1 n=2 ]", "-sim", switch, "x"
         )
         assert status == 2
-        assert f"{switch} needs the whole model" in err
+        assert f"{switch} has no effect: -sim builds no model" in err
     status, out, _ = run(
         capsys,
         "q.sm",

@@ -126,11 +126,6 @@ def test_several_vectors_are_written(tmp_path):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (
-            ["-nobuild", "-exportmodel", "x.tra"],
-            "-nobuild builds no model, and -exportmodel needs one",
-        ),
-        (["-nobuild", "-steadystate"], "-nobuild builds no model, and -steadystate needs one"),
         (["-exportmodel", "x.tra:obs=true"], "unknown option 'obs=true'"),
         (["-exportmodel", "x.umb:zip"], "unknown option 'zip'"),
         (["-exportmodel", "x.jani:precision=3"], "'precision=3' is no option of a JANI file"),

@@ -47,6 +47,12 @@ def test_other_switches_are_explained(word, message, capsys):
     assert (status, message in out) == (0, True)
 
 
+def test_compare_explains_itself(capsys):
+    for words in (["compare", "-help"], ["-help", "compare"]):
+        status, out, _ = printed(capsys, *words)
+        assert (status, "symcheck compare MODEL PROPERTIES -with PEER" in out) == (0, True)
+
+
 def test_an_unknown_switch_has_a_hint(capsys):
     status, _, err = printed(capsys, "-help", "epsiln")
     assert status == 2

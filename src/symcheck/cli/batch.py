@@ -22,7 +22,7 @@ from types import FrameType
 from typing import NoReturn, TextIO
 
 from symcheck.cli.output import fail
-from symcheck.cli.switches.arguments import ONE_FILE_SWITCHES, parse_arguments
+from symcheck.cli.switches.arguments import parse_arguments
 from symcheck.errors import SymcheckError, UsageError
 
 __all__ = ["is_batch", "run_batch"]
@@ -96,12 +96,6 @@ def _split(words: Sequence[str]) -> tuple[str, list[str]]:
         raise UsageError(
             f"'{arguments.model}' stands beside -batch, whose lines name models\n  hint: {hint}"
         )
-    for switch in (*ONE_FILE_SWITCHES, "mainlog"):
-        if getattr(arguments, switch):
-            raise UsageError(
-                f"-{switch} stands beside -batch: each line would write the same file"
-                "\n  hint: write the switch into the lines, with a file for each"
-            )
     assert arguments.batch is not None
     common, rest = [], iter(words)
     for word in rest:

@@ -41,11 +41,6 @@ def check_targets(a: Arguments) -> None:
     _targets(a)
     if a.transient is not None:
         list(_times(a.transient))
-    asked = a.transient is not None or a.steadystate
-    if not asked and (a.exporttransient or a.exportsteadystate):
-        raise UsageError(
-            "-exporttransient goes with -transient TIME, and -exportsteadystate with -steadystate"
-        )
 
 
 def _targets(a: Arguments, varying: ConstantTexts = NO_CONSTANTS) -> list[Target]:

@@ -72,8 +72,6 @@ def check_files(a: Arguments) -> None:
             check_report_file(a.exporttests)
         except UsageError as error:
             raise UsageError(f"-exporttests: {error}") from None
-        if not (a.test or a.testall):
-            raise UsageError("-exporttests needs tests\n  hint: add -testall")
         _check_folder("-exporttests", Path(a.exporttests))
     if a.exportcounterexample is not None:
         from symcheck.check.counterexample import check_counterexample_file

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from symcheck.api import Model
@@ -14,9 +14,11 @@ from symcheck.cli.instance import GivenTexts, InstancesTask
 from symcheck.cli.output_paths import NO_CONSTANTS
 from symcheck.cli.run_state import RunState, TestFailed
 from symcheck.cli.switches.arguments import Arguments
+from symcheck.cli.switches.needs import BUILT, MDP, PROPERTY, VALUES, unmet_needs
 from symcheck.constant_values import combinations, parse_constants
 from symcheck.errors import Diagnostic, NameFault, UsageError
 from symcheck.semantics.binding.bind import split_constants
+from symcheck.syntax.ast import ModelType
 from symcheck.syntax.declarations import PropertiesFile
 
 if TYPE_CHECKING:
@@ -32,12 +34,7 @@ def run(state: RunState) -> int:
     """
     a = state.arguments
     source = choose_model_file(a)
-    if a.nobuild and a.needs_model:
-        raise UsageError(
-            f"-nobuild builds no model, and -{a.needs_model[0]} needs one: leave out one of them"
-        )
     exports.check_targets(a)
-    _check_scheduler(a)
     peer = None
     if a.peer is not None:
         from symcheck.peers.programs import find_peer
@@ -52,22 +49,18 @@ def run(state: RunState) -> int:
     if a.properties:
         files.append(f'Reading properties file "{a.properties}"')
     state.output.header(files)
-    _note_unused_switches(state)
     model = read_model(a)
     properties = read_properties(a.properties, a.pf)
-    if not (properties.file.properties or properties.unparsed):
-        if peer is not None:
-            raise UsageError("compare needs a property\n  hint: name a file of properties, or -pf")
-        _refuse_exports_of_results(a)
     split = split_constants(model.program, properties.file, dict.fromkeys(given, ""))
     for warning in split.warnings:
         # No error: scripts give one list of constants to many models.
         hint = f" ({warning.hint})" if warning.hint else ""
         state.output.warn(f"-const: {warning.message}{hint}")
+    of_model = {n: given[n] for n in split.of_model}
+    _note_unused_switches(state, _facts(a, model, properties, of_model))
     indices = _selected_properties(properties.file, a.prop)
     exports.export_program(a, state.output, model.program)
     if not a.nobuild:
-        of_model = {n: given[n] for n in split.of_model}
         of_properties = {n: given[n] for n in split.of_properties}
         state.varying = tuple(n for n, values in given.items() if len(values) > 1)
         _check_instances(state, model, properties, indices, of_model, of_properties, peer)
@@ -114,34 +107,36 @@ def _check_instances(
         pass
 
 
-def _check_scheduler(a: Arguments) -> None:
-    """Refuse switches that the workers of a cluster cannot honour. Raises UsageError."""
-    if a.scheduler is None:
-        return
-    if a.jobs > 1:
-        raise UsageError(
-            "-jobs starts processes on this machine, and -scheduler names a cluster: one of them "
-            "is enough"
-        )
-    here = {"simpath": a.simpath is not None, "step": a.step, "compare": a.peer is not None}
-    switches = [*a.needs_model, *(name for name, given in here.items() if given)]
-    if switches:
-        name = switches[0] if switches[0] == "compare" else f"-{switches[0]}"
-        raise UsageError(
-            f"{name} needs the model on this machine, and -scheduler checks it on others"
-            "\n  hint: leave out one of them"
-        )
+def _facts(
+    a: Arguments, model: Model, properties: PropertiesInput, of_model: GivenTexts
+) -> dict[str, bool]:
+    """What the run has that switches may need."""
+    kind = model.type or model.program.type or ModelType.MDP
+    checks = bool(properties.file.properties or properties.unparsed)
+    return {
+        PROPERTY: checks,
+        BUILT: checks or a.needs_model or not (a.simpath or a.step),
+        MDP: kind is ModelType.MDP and a.importstrat is None,
+        VALUES: any(len(values) > 1 for values in of_model.values()),
+    }
 
 
-def _note_unused_switches(state: RunState) -> None:
-    """Print which switches have no effect, and why."""
+def _note_unused_switches(state: RunState, facts: Mapping[str, bool]) -> None:
+    """Print which switches have no effect, and why.
+
+    Raises UsageError if one of them asks for what the run cannot do.
+    """
     a = state.arguments
     reasons: dict[str, list[str]] = {}
     for switch, reason in a.without_effect.items():
-        reasons.setdefault(reason, []).append(switch)
+        reasons.setdefault(f": {reason}", []).append(switch)
+    for unmet in unmet_needs(a.given, facts):
+        if not unmet.note:
+            raise UsageError(str(unmet))
+        reasons.setdefault(unmet.reason, []).append(unmet.switch)
     for reason, switches in reasons.items():
         verb = "have" if len(switches) > 1 else "has"
-        state.output.line(f"Note: {', '.join(switches)} {verb} no effect: {reason}")
+        state.output.line(f"Note: {', '.join(switches)} {verb} no effect{reason}")
     engine = state.options.engine
     if a.draws_diagram and "engine" not in a.settings and not state.options.exact:
         state.output.line(f"Note: -exportdot needs diagrams: the engine is {engine}")
@@ -150,22 +145,6 @@ def _note_unused_switches(state: RunState) -> None:
             "Note: -exact has an engine of its own (states one by one, rational numbers); "
             f"-{engine} has no effect"
         )
-
-
-def _refuse_exports_of_results(a: Arguments) -> None:
-    """Without properties, nothing can be written to these files."""
-    for switch, target in (
-        ("exportstrat", a.exportstrat),
-        ("exportpareto", a.exportpareto),
-        ("exportcounterexample", a.exportcounterexample),
-        ("exporttests", a.exporttests),
-        ("exportresults", a.exportresults),
-    ):
-        if target is not None:
-            raise UsageError(
-                f"-{switch} needs a property\n  hint: name a file of properties, or -pf "
-                "'P=? [ F … ]'"
-            )
 
 
 def _selected_properties(file: PropertiesFile, selection: str | None) -> list[int]:

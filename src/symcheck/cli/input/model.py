@@ -40,14 +40,6 @@ def choose_model_file(a: Arguments) -> str:
         a.model, a.properties, a.importmodel = a.properties, None, a.model
     if a.importmodel is not None and a.importtrans is not None:
         raise UsageError("-importmodel and -importtrans both name a model to read")
-    for switch, file in (
-        ("importstates", a.importstates),
-        ("importlabels", a.importlabels),
-        ("importstaterewards", a.importstaterewards),
-        ("importtransrewards", a.importtransrewards),
-    ):
-        if file is not None and not a.imports_model:
-            raise UsageError(f"-{switch} needs -importtrans, which names the transitions")
     if a.imports_model and a.properties is None:
         if a.model is not None and _ends(a.model, _MODEL_ENDINGS):
             raise UsageError(f"'{a.model}' and -import… both name a model to read")

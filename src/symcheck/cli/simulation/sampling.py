@@ -39,10 +39,6 @@ def sampling_plan(a: Arguments) -> Plan:
         raise UsageError(
             "-sim estimates, and -exact asks for rational arithmetic: one of the two has to go"
         )
-    for switch in a.needs_model:
-        raise UsageError(
-            f"-{switch} needs the whole model, which -sim does not build: run it without -sim"
-        )
     return Plan(
         method=method,
         samples=a.simsamples,

@@ -89,10 +89,12 @@ def refused_switches() -> dict[str, str]:
 class Adapted:
     """An adapted command line.
 
-    words: for the parser. without_effect: the ignored switches, with reasons. folder: of -dir.
+    words: for the parser. own_words: those of the user, without those of saved settings.
+    without_effect: the ignored switches, with reasons. folder: of -dir.
     """
 
     words: list[str]
+    own_words: list[str]
     without_effect: Mapping[str, str]
     folder: str | None = None
 
@@ -157,7 +159,7 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
         )
     # Files come first: argparse does not accept optional positional words between switches.
     # Saved settings come before the switches, which win.
-    return Adapted([*files, *settings, *kept], without, folder)
+    return Adapted([*files, *settings, *kept], [*files, *kept], without, folder)
 
 
 class _Words:

@@ -51,9 +51,27 @@ class SwitchDescription(NamedTuple):
 
 # ------------------------------------------------------------------------------ -help SWITCH
 
+_COMPARE = """\
+symcheck compare MODEL PROPERTIES -with PEER [switches]
+  Checks the properties with symcheck and with a peer that is installed, and prints both answers,
+  the bounds that symcheck proves, the difference, and which side the bounds prove wrong.
+
+  PEER: storm (the package stormpy, or the program storm) or prism (the program prism). Words after
+  the name are switches of the program: -with 'prism -explicit -epsilon 1e-9'.
+  Other switches: -const, -prop, -pf, -timeout, and those of engines and methods. No files are
+  written, and no tests are made.
+
+  Exit status: 0 if the answers agree; 1 if two differ, or none can be compared.
+  In Python: symcheck.compare("model.pm", "model.pctl", peer="storm")"""
+
 
 def explain(word: str, switches: Sequence[SwitchDescription]) -> str:
-    """What a switch does, also one of PRISM that is ignored or refused. Raises UsageError."""
+    """What a switch does, also one of PRISM that is ignored or refused; or `compare`.
+
+    Raises UsageError.
+    """
+    if word == "compare":
+        return _COMPARE
     name = "-" + word.lstrip("-")
     ignored, refused = ignored_switches(), refused_switches()
     if name in ignored:
