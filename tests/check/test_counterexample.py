@@ -287,11 +287,15 @@ def test_renamed_modules_have_their_own_commands():
 @pytest.mark.parametrize(
     ("formula", "message"),
     [
-        ("Pmax=? [ F x=6 ]", "for P with a bound"),
+        ("Pmax=? [ F x=6 ]", "with a bound"),
         ("P<=0.999 [ F x=6 ]", "every strategy"),
-        ("P<=0.1 [ F G x=6 ]", "one of X, F, G, U, W and R"),
-        ("P<=0.1 [ F[2,4] x=6 ]", "lower bounds"),
-        ("x=0", "for P with a bound"),
+        ("P<=0.1 [ F^{steps<=2, steps<=3} x=6 ]", "bounds on rewards"),
+        ("T<=0.1 [ F (x=6 & X x=6) ]", "supported for F states"),
+        (
+            "T<=100 [ F x=1 | x=2 | x=3 ]",
+            "of every strategy",
+        ),
+        ("x=0", "with a bound"),
         ("P<=0.1 [ F<=10000000 x=6 ]", "too many"),
     ],
 )
@@ -359,7 +363,7 @@ def test_texts_and_files(tmp_path, capsys):
 def test_the_command_line_says_why_there_is_none(tmp_path, capsys):
     assert main([str(DIE), "-pf", "P=? [ F d=6 ]", "-counterexample"]) == 0
     assert (
-        "Warning: no counterexample: counterexamples are for P with a bound"
+        "Warning: no counterexample: counterexamples are for P, R and T with a bound"
         in capsys.readouterr().out
     )
     assert main([str(DIE), "-pf", "d=0", "-exportcounterexample", "c.pdf"]) == 2

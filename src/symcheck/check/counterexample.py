@@ -37,12 +37,14 @@ class LikelyPath(Sequence[State]):
         actions: the action of each step, "" for none; those of a chain's transition are joined by
             commas.
         probability: the product of the probabilities of the steps; a Fraction in rational
-            arithmetic.
+            arithmetic. With a bound on time, that of taking these steps in time, from below.
+        reward: what the path earns, for a bound on an expected reward or time; otherwise None.
     """
 
     states: tuple[State, ...]
     actions: tuple[str, ...]
     probability: float | Fraction
+    reward: float | Fraction | None = None
 
     @overload
     def __getitem__(self, index: int) -> State: ...
@@ -87,30 +89,38 @@ class CommandSet:
         of: how many commands the paths could use.
         smallest: whether it is proved that no smaller set suffices (for a lower bound on an MDP, no
             smaller one for the strategy of the paths). Otherwise no single command can be left out.
+        any_strategy: whether they suffice under some strategy, which need not be that of the paths.
     """
 
     commands: tuple[str, ...]
     of: int
     smallest: bool
+    any_strategy: bool = False
 
     def __str__(self) -> str:
         kind = "a smallest set" if self.smallest else "a small set, maybe not a smallest one"
+        kind += ", for some strategy, maybe not that of the paths" if self.any_strategy else ""
         verb = "suffices" if len(self.commands) == 1 else "suffice"
         return f"{len(self.commands)} of {self.of} commands {verb} ({kind}):"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Counterexample:
-    """Paths whose probabilities show together that a bound does not hold, or that it holds.
+    """Paths that show together that a bound does not hold, or that it holds.
+
+    They do so by the sum of their probabilities, or for a bound on an expected reward (time) by the
+    sum of probability times reward.
 
     Attributes:
         formula: the text of the property.
         refutes: whether they show that the property is false; otherwise that it is true.
         satisfies: whether the paths satisfy the path formula of the property; otherwise they
             violate it.
-        threshold: what the sum of their probabilities has to reach, or with `strict` to exceed.
+        threshold: what the sum has to reach, or with `strict` to exceed.
         paths: in the order of decreasing probability.
-        probability: the sum, a Fraction in rational arithmetic, otherwise exact up to rounding.
+        probability: the sum of their probabilities, a Fraction in rational arithmetic, otherwise
+            exact up to rounding.
+        reward: the sum of probability times reward; None for a bound on a probability.
         complete: whether the sum is proved to reach the threshold.
         commands: commands that suffice; None if they were not asked for or not found.
         note: why the counterexample is not complete, or has no commands.
@@ -125,6 +135,7 @@ class Counterexample:
     probability: float | Fraction
     complete: bool
     commands: CommandSet | None = None
+    reward: float | Fraction | None = None
     note: str = ""
 
     def __repr__(self) -> str:
@@ -145,17 +156,25 @@ class Counterexample:
         verb = {"satisfy": "satisfies", "violate": "violates"}[verb] if n == 1 else verb
         relation = "more than" if self.strict else "at least"
         digits = pretty_number(self.threshold)
-        bound = f"{relation} {self.threshold if '/' in digits else digits}"
+        whole = "/" in digits or self.threshold.denominator == 1
+        bound = f"{relation} {self.threshold if whole else digits}"
         shows = f"so the property is {'false' if self.refutes else 'true'}"
         outcome = f"{bound}, {shows}" if self.complete else f"not yet {bound}"
-        text = f"{paths} that {verb} the path formula"
-        return f"{text}, with probability {_number(self.probability)}: {outcome}"
+        if self.reward is not None:
+            earn = "earns" if n == 1 else "earn"
+            text = (
+                f"{paths} to the target with probability {_number(self.probability)}, which {earn}"
+            )
+            return f"{text} {_number(self.reward)} by probability times reward: {outcome}"
+        text = f"{paths} that {verb} the path formula, with probability"
+        return f"{text} {_number(self.probability)}: {outcome}"
 
     def _shown(self, count: int) -> Iterator[str]:
         yield self.summary
         for path in self.paths[:count]:
             shown = str(path) if count == len(self.paths) else path.short
-            yield f"  {_number(path.probability)}: {shown}"
+            earned = "" if path.reward is None else f" (earns {_number(path.reward)})"
+            yield f"  {_number(path.probability)}{earned}: {shown}"
         if len(self.paths) > count:
             yield f"  … and {len(self.paths) - count} more, none likelier"
         if self.commands is not None:
@@ -201,10 +220,12 @@ class Counterexample:
             "threshold": str(self.threshold),
             "strict": self.strict,
             "probability": _plain(self.probability),
+            "reward": None if self.reward is None else _plain(self.reward),
             "complete": self.complete,
             "paths": [
                 {
                     "probability": _plain(p.probability),
+                    **({} if p.reward is None else {"reward": _plain(p.reward)}),
                     "states": [dict(state) for state in p.states],
                     "actions": list(p.actions),
                 }

@@ -165,7 +165,7 @@ class Result:
     explain: Callable[[int | None], Counterexample] | None = field(default=None, repr=False)
 
     def counterexample(self, paths: int | None = None) -> Counterexample:
-        """Likeliest paths, and few commands, that show why a bound `P<=p [ … ]` is false, or true.
+        """Likeliest paths, and few commands, that show why a bound is false, or true.
 
         See `symcheck.check.explanation.find.find_counterexample`.
 
@@ -173,8 +173,8 @@ class Result:
             paths: the most paths; None for 1000.
 
         Raises:
-            UnsupportedError: the property is no bound on a probability, or no set of paths shows
-                its value.
+            UnsupportedError: the property is no bound on a probability or reward, or no set of
+                paths shows its value.
 
         Examples:
             >>> import symcheck

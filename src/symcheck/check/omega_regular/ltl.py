@@ -27,6 +27,7 @@ from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, ModelType
 
 __all__ = [
+    "accepted_states",
     "as_until",
     "co_safe_product",
     "co_safe_reward",
@@ -54,7 +55,7 @@ def path_probability_ltl(
     """
     product, pairs = linear_product(context, path)
     inner = replace(context, engine=product.engine)
-    accepting = _accepted(inner, context, product, pairs)
+    accepting = accepted_states(inner, context, product, pairs)
     return product.project(until(inner, inner.engine.all, accepting, direction))
 
 
@@ -263,7 +264,7 @@ def _union(none: StateSet, sets: Sequence[StateSet]) -> StateSet:
     return result
 
 
-def _accepted(
+def accepted_states(
     context: Context,
     base: Context,
     product: Product,

@@ -29,6 +29,7 @@ from symcheck.check.strategies.bounded import first_steps, within_rewards
 from symcheck.check.strategies.builder import StrategyBuilder
 from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.direction import Direction
+from symcheck.engines.base import StateSet
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.engines.linear_system import per_row
 from symcheck.errors import UnsupportedError
@@ -55,7 +56,7 @@ from symcheck.syntax.ast import (
     UnaryTemporal,
 )
 
-__all__ = ["strategy_of"]
+__all__ = ["strategy_of", "temporal_strategy"]
 
 
 def strategy_of(
@@ -128,16 +129,22 @@ def _probability(
                 "strategies are not supported for X with a bound on a reward and for state formulas"
             )
         case UntilPath() | NextPath() | TemporalPath():
-            return _with_memory(
-                context, temporal(formula.path, states_of, context.engine.model), direction
-            )
+            found = temporal(formula.path, states_of, context.engine.model)
+            return temporal_strategy(context, found, direction)[0]
         case _:
             assert_never(path)
     return builder.strategy(direction)
 
 
-def _with_memory(context: Context, path: TemporalPath, direction: Direction) -> Strategy:
-    """A strategy of the product with an automaton; a minimum is the maximum of the negation."""
+def temporal_strategy(
+    context: Context, path: TemporalPath, direction: Direction
+) -> tuple[Strategy, StateSet]:
+    """A strategy of the product with an automaton; a minimum is the maximum of the negation.
+
+    Returns:
+        The strategy, and the states of its product from which it is accepted almost surely because
+        they belong to an accepting end component.
+    """
     from symcheck.automata.acceptance import degeneralize
     from symcheck.check.omega_regular.ltl import linear_product
     from symcheck.engines.explicit.product import ExplicitProduct
@@ -148,9 +155,10 @@ def _with_memory(context: Context, path: TemporalPath, direction: Direction) -> 
     assert isinstance(product, ExplicitProduct)
     inner = replace(context, engine=product.engine, relevant_states=None)
     builder = StrategyBuilder(inner, Direction.MAX)
-    builder.until(product.engine.all, builder.accept(pairs))
+    accepted = builder.accept(pairs)
+    builder.until(product.engine.all, accepted)
     found = builder.strategy(direction)
-    return replace(found, memory=product.pairs.automaton, entry=product.entry)
+    return replace(found, memory=product.pairs.automaton, entry=product.entry), accepted
 
 
 def _reward(

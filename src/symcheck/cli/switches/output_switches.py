@@ -204,7 +204,8 @@ def add_output(parser: SwitchParser) -> None:
         "counterexample",
         needs=Needs((PROPERTY,), not_with=("-sim", "-nobuild", COMPARE)),
         action="store_true",
-        help="show why a bound P<=p [...] is false or true: likeliest paths, and few commands",
+        help="show why a bound P<=p [...] or R<=r [F ...] is false or true: likeliest paths, and "
+        "few commands",
     )
     parser.add(
         "exportcounterexample",

@@ -1,0 +1,53 @@
+"""Few commands that suffice for a bound, of those that the paths of a counterexample may use."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from symcheck.check import tuning
+from symcheck.check.counterexample import CommandSet
+from symcheck.check.explanation.fewest_commands import fewest_commands
+from symcheck.check.explanation.labelled_transitions import labelled_transitions
+from symcheck.check.explanation.question import Question
+from symcheck.numerics.likeliest_paths import StepProblem
+from symcheck.semantics.command_text import command_text
+from symcheck.syntax.ast import ModelType
+
+__all__ = ["command_set"]
+
+
+def command_set(asked: Question) -> tuple[CommandSet | None, str]:
+    """A small set of commands, or why there is none."""
+    engine, problem, model = asked.engine, asked.problem, asked.engine.model
+    matrix, rows, steps = problem.matrix, asked.rows, None
+    if model.builder is not None:
+        return None, "no commands: the model has none"
+    if asked.reward is not None or asked.origin is not None:
+        return None, "no commands: they are found for probabilities of one of X, F, G, U, W and R"
+    if model.type is ModelType.CTMC:
+        return None, "no commands: without a command, the others of a CTMC are more likely"
+    if isinstance(problem, StepProblem):
+        steps = problem.steps
+        if problem.end.any():
+            return None, "no commands: with a bound on steps, they are found for F and U"
+    if engine.states > tuning.COMMAND_STATES:
+        return None, f"no commands: they are found for at most {tuning.COMMAND_STATES:,} states"
+    if problem.target[asked.initial] or not problem.through[asked.initial]:
+        return None, "no commands: the initial state decides"
+    if asked.satisfies:  # any strategy may show it, and another one may need fewer commands
+        matrix, rows = engine.matrix, None
+    labelled = labelled_transitions(
+        engine, matrix, rows, problem.through, problem.target, asked.initial
+    )
+    found = (
+        None
+        if labelled is None
+        else fewest_commands(labelled, asked.need, strict=asked.strict, steps=steps)
+    )
+    if labelled is None or found is None:
+        return None, "no commands: the threshold is too close to the value (-exact decides)"
+    chosen, smallest = found
+    texts = [command_text(model, labelled.commands[i]) for i in np.flatnonzero(chosen)]
+    another = engine.model.type is ModelType.MDP and asked.satisfies
+    count = len(labelled.commands)
+    return CommandSet(tuple(sorted(texts)), count, smallest, any_strategy=another), ""

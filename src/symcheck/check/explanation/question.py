@@ -1,0 +1,336 @@
+"""Which paths show the truth of a bound, and how much they must show together.
+
+An upper bound is broken by paths that satisfy the path formula, a lower bound by paths that violate
+it, if they have enough probability together (Han, Katoen & Damman 2009). In an MDP they are those
+of a strategy that makes them as likely as possible; such a strategy also shows that a bound on the
+best case holds, but no set of paths shows what holds under every strategy.
+
+Paths that violate `left U right` reach a state from which it cannot be satisfied any more, or use
+up the steps that it has. Other LTL formulas are those of the product with an automaton: a path ends
+where the formula is satisfied almost surely. A path within a time bound counts with the probability
+that a CTMC runs it in time, a path to the target of a reward with what it earns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cache
+
+import numpy as np
+
+from symcheck.check import tuning
+from symcheck.check.context import Context
+from symcheck.check.omega_regular.ltl import accepted_states, linear_product
+from symcheck.check.path_formulas import (
+    NextPath,
+    RewardPath,
+    StatePath,
+    TemporalPath,
+    UntilPath,
+    negated,
+    resolve,
+    temporal,
+)
+from symcheck.check.queries.rewards import reward_of
+from symcheck.check.rebind_exact import exactly_bound
+from symcheck.check.state_formulas import satisfying, states_of, threshold_of
+from symcheck.check.strategies.strategy import strategy_of, temporal_strategy
+from symcheck.direction import Direction
+from symcheck.engines.base import erased
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.explicit.product import ExplicitProduct, ProductModel
+from symcheck.errors import UnsupportedError
+from symcheck.matrices.numbers import sum_segments
+from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
+from symcheck.numerics import graph
+from symcheck.numerics.likeliest_paths import FoundPath, StepProblem, WalkProblem
+from symcheck.numerics.transient.phase_type import least_probability_within
+from symcheck.semantics.rewards import Reward, Time
+from symcheck.syntax.ast import (
+    Bound,
+    Eventually,
+    ExpectedTime,
+    Expression,
+    ModelType,
+    ProbabilityOperator,
+    RewardOperator,
+)
+
+__all__ = ["Question", "question_of"]
+
+Number = float | Fraction
+BoundedOperator = ProbabilityOperator | RewardOperator | ExpectedTime
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """Which paths are asked for.
+
+    Attributes:
+        engine: the model.
+        problem: the walks that are paths.
+        initial: the state of the problem in which they begin.
+        satisfies: whether they satisfy the path formula.
+        refutes: whether they show that the property is false.
+        need: what their sum has to reach, or with `strict` to exceed.
+        strict: see `need`.
+        rows: the row of the engine that a strategy takes in each state of the problem; None for
+            chains, and where it depends on the number of steps.
+        origin: the state of the engine of each state of the problem; None: the same.
+        reward: what a path earns; None for a bound on a probability.
+        share: the part of the probability of a path that counts; None: all of it.
+        note: what else there is to say.
+    """
+
+    engine: ExplicitEngine
+    problem: WalkProblem | StepProblem
+    initial: int
+    satisfies: bool
+    refutes: bool
+    need: Fraction
+    strict: bool
+    rows: Int64s | None = None
+    origin: Int64s | None = None
+    reward: Callable[[FoundPath], Number] | None = None
+    share: Callable[[FoundPath], float] | None = None
+    note: str = ""
+
+
+def question_of(context: Context, formula: Expression) -> Question:
+    """What has to be shown, and by which paths.
+
+    Raises:
+        UnsupportedError: no set of paths shows the value of the formula.
+    """
+    engine = context.engine.capability(ExplicitEngine)
+    assert engine is not None
+    if not isinstance(formula, BoundedOperator) or not isinstance(formula.bound, Bound):
+        raise UnsupportedError(
+            "counterexamples are for P, R and T with a bound, such as P<=0.1 [ F states ] or "
+            "R<=3 [ F states ]"
+        )
+    if context.options.fairness:
+        raise UnsupportedError("counterexamples are not supported with -fair")
+    initial = context.engine.initial
+    holds = satisfying(context, formula, initial)
+    broken = initial - holds
+    refutes = bool(broken)
+    upper = not formula.bound.operator.is_lower_bound
+    # An upper bound that is broken, and a lower bound that holds, are shown by what is there.
+    satisfies = upper == refutes
+    if engine.model.type is ModelType.MDP:
+        given = formula.direction or ("max" if upper else "min")
+        if (given == "max") is not satisfies:
+            raise UnsupportedError(
+                f"the property is {str(not refutes).lower()} because of every strategy, and paths "
+                "belong to one\n  hint: a counterexample exists if the property is "
+                f"{str(refutes).lower()}"
+            )
+    first = int(np.argmax(context.engine.to_bools(broken if refutes else initial)))
+    strict = (formula.bound.operator.value in ("<=", ">=")) == refutes
+    need = _threshold(context, formula)
+    if isinstance(formula, ProbabilityOperator):
+        # P(path) > p breaks <= p; P(not path) > 1 - p breaks >= p; and so on.
+        need = need if satisfies else 1 - need
+        asked = _probability(context, engine, formula, first, satisfies=satisfies)
+    else:
+        asked = _reward(context, engine, formula, first, satisfies=satisfies)
+        if not asked.satisfies:
+            need, strict = Fraction(0), True
+    return replace(asked, refutes=refutes, need=need, strict=strict)
+
+
+def _threshold(context: Context, formula: BoundedOperator) -> Fraction:
+    """The threshold as it stands in the text: 1/6 is a rational, and no double."""
+    model = context.engine.model
+    if context.rebind is not None and not model.exact and model.builder is None:
+        twin = context.rebind(exactly_bound(model))
+        if isinstance(twin, BoundedOperator) and isinstance(twin.bound, Bound):
+            return threshold_of(twin.bound)
+    assert isinstance(formula.bound, Bound)
+    return threshold_of(formula.bound)
+
+
+def _probabilities(engine: ExplicitEngine) -> SparseMatrix:
+    """The matrix; that of the embedded chain for a CTMC."""
+    matrix = engine.matrix
+    if engine.model.type is not ModelType.CTMC:
+        return matrix
+    sums = sum_segments(matrix.data, matrix.indptr) if matrix.exact else matrix.row_sums()
+    return matrix.divided(sums)
+
+
+# ------------------------------------------------------------------------------- probabilities
+
+
+def _probability(
+    context: Context,
+    engine: ExplicitEngine,
+    formula: ProbabilityOperator,
+    first: int,
+    *,
+    satisfies: bool,
+) -> Question:
+    path = resolve(formula.path, states_of(context), context.engine)
+    path = path if satisfies else negated(path)
+    is_ctmc = engine.model.type is ModelType.CTMC
+    match path:
+        case NextPath(target, window, negative) if window.trivial:
+            end = context.engine.to_bools(~target if negative else target)
+            everything, nothing = np.ones_like(end), np.zeros_like(end)
+            steps = StepProblem(_probabilities(engine), everything, nothing, end, 1)
+            return _plain(engine, steps, first, satisfies)
+        case UntilPath(window=window) if window.trivial:
+            rows, matrix = None, _probabilities(engine)
+            if engine.model.type is ModelType.MDP:
+                rows = strategy_of(context, formula, states_of).rows
+                matrix = matrix.choose(rows)
+            passing, goal, _ = _until(context, matrix, path)
+            problem = WalkProblem(matrix, passing, goal)
+            return replace(_plain(engine, problem, first, satisfies), rows=rows)
+        case UntilPath(window=window) if is_ctmc:
+            if path.negative or not window.at_once:
+                raise UnsupportedError(
+                    "counterexamples of time bounds are supported for F<=t and U<=t whose paths "
+                    "satisfy the formula: P<=p [ F<=t a ] that is false, P>=p [ F<=t a ] that is "
+                    "true"
+                )
+            passing, goal, _ = _until(context, engine.matrix, path)
+            problem = WalkProblem(_probabilities(engine), passing, goal)
+            share = _within(engine, window.times()[1])
+            return replace(_plain(engine, problem, first, satisfies), share=share)
+        case UntilPath(window=window) if window.at_once:
+            return _plain(engine, _bounded(context, engine.matrix, path), first, satisfies)
+        case RewardPath():
+            raise UnsupportedError(
+                "counterexamples are not supported for bounds on rewards\n  hint: F<=k with steps "
+                "is supported, and so is a module that counts the reward"
+            )
+        case NextPath() | UntilPath() | TemporalPath() | StatePath():
+            if is_ctmc and not isinstance(path, TemporalPath):
+                raise UnsupportedError("counterexamples are not supported for X with a time bound")
+            read = temporal(formula.path, states_of(context), context.engine.model)
+            return _on_product(context, engine, replace(read, negative=not satisfies), first)
+
+
+def _plain(
+    engine: ExplicitEngine, problem: WalkProblem | StepProblem, first: int, satisfies: bool
+) -> Question:
+    return Question(engine, problem, first, satisfies, False, Fraction(0), False)
+
+
+def _until(context: Context, matrix: SparseMatrix, path: UntilPath) -> tuple[Bools, Bools, Bools]:
+    """Where paths may pass, where they end, and where they may be after all steps."""
+    to = context.engine.to_bools
+    passing, goal, end = to(path.left), to(path.right), to(context.engine.none)
+    if path.negative:
+        impossible = graph.prob0(matrix, passing, goal, Direction.MAX)
+        passing, goal, end = passing & ~goal & ~impossible, impossible, ~goal
+    return passing, goal, end
+
+
+def _bounded(context: Context, matrix: SparseMatrix, path: UntilPath) -> StepProblem:
+    steps = path.window.steps().upper
+    assert steps is not None
+    if (steps + 1) * matrix.states > tuning.PATH_STEPS:
+        raise UnsupportedError(
+            f"{steps:,} steps of {matrix.states:,} states are too many for a counterexample"
+        )
+    return StepProblem(matrix, *_until(context, matrix, path), steps)
+
+
+def _within(engine: ExplicitEngine, time: float | None) -> Callable[[FoundPath], float]:
+    """The probability that a path of a CTMC takes at most a time, from below."""
+    assert time is not None
+    if engine.exact:
+        raise UnsupportedError("counterexamples of time bounds are not supported with -exact")
+    exit_rates = engine.matrix.row_sums()
+
+    @cache
+    def of_rates(rates: tuple[float, ...]) -> float:
+        return least_probability_within(rates, time)
+
+    return lambda path: of_rates(tuple(sorted(exit_rates[list(path.states[:-1])].tolist())))
+
+
+def _on_product(
+    context: Context, engine: ExplicitEngine, path: TemporalPath, first: int
+) -> Question:
+    """Paths after which an LTL formula holds almost surely."""
+    if engine.model.type is ModelType.MDP:
+        direction = Direction.MIN if path.negative else Direction.MAX
+        strategy, accepted = temporal_strategy(context, replace(path, negative=False), direction)
+        product, matrix, entry = strategy.engine, strategy.induced, strategy.entry
+        rows: Int64s | None = strategy.rows
+        inner = replace(context, engine=erased(product))
+        good = inner.engine.to_bools(accepted)
+    else:
+        of_path, pairs = linear_product(context, path)
+        assert isinstance(of_path, ExplicitProduct)
+        inner = replace(context, engine=of_path.engine)
+        found = of_path.engine.capability(ExplicitEngine)
+        assert found is not None
+        product, entry, rows = found, of_path.entry, None
+        matrix = _probabilities(product)
+        good = inner.engine.to_bools(accepted_states(inner, context, of_path, pairs))
+    assert entry is not None
+    everything = np.ones(product.states, np.bool_)
+    sure = graph.prob1(matrix, everything, good)
+    explored = product.explored
+    assert isinstance(explored, ProductModel)
+    problem = WalkProblem(matrix, everything, sure)
+    asked = _plain(engine, problem, int(entry[first]), not path.negative)
+    rows = explored.rows if rows is None else explored.rows[rows]
+    return replace(asked, origin=explored.state.astype(np.int64), rows=rows)
+
+
+# ------------------------------------------------------------------------------------- rewards
+
+
+def _reward(
+    context: Context,
+    engine: ExplicitEngine,
+    formula: RewardOperator | ExpectedTime,
+    first: int,
+    *,
+    satisfies: bool,
+) -> Question:
+    """Paths to the target of an expected reward, or one that misses it for ever."""
+    path = formula.path if isinstance(formula, ExpectedTime) else formula.query
+    read = (
+        resolve(path, states_of(context), context.engine) if isinstance(path, Eventually) else None
+    )
+    if not isinstance(read, UntilPath) or not read.window.trivial:
+        raise UnsupportedError(
+            "counterexamples of expected rewards are supported for F states: R<=r [ F states ]"
+        )
+    if not satisfies:
+        raise UnsupportedError(
+            "no finite set of paths shows that an expected reward is small\n"
+            "  hint: R<=r [ F states ] that is false, and R>=r [ F states ] that is true have one"
+        )
+    reward: Reward = Time() if isinstance(formula, ExpectedTime) else reward_of(context, formula)
+    rows, matrix = None, _probabilities(engine)
+    if engine.model.type is ModelType.MDP:
+        rows = strategy_of(context, formula, states_of).rows
+        matrix = matrix.choose(rows)
+    target = context.engine.to_bools(read.right)
+    everything = np.ones_like(target)
+    start = np.zeros_like(target)
+    start[first] = True
+    reached = graph.forward_reachable(matrix, start, ~target)
+    missed = graph.prob0(matrix, everything, target) & reached
+    if missed.any():
+        asked = _plain(engine, WalkProblem(matrix, ~target & ~missed, missed), first, False)
+        note = "the expected reward is infinite, because the target is missed"
+        return replace(asked, rows=rows, note=note)
+    earned = context.engine.system(context.engine.all).step_rewards(reward)
+    earned = earned if rows is None else earned[rows]
+    if (earned[reached & ~target] < 0).any():
+        raise UnsupportedError("counterexamples are not supported for negative rewards")
+    asked = _plain(engine, WalkProblem(matrix, ~target, target), first, satisfies=True)
+    return replace(
+        asked, rows=rows, reward=lambda path: sum(earned[list(path.states[:-1])].tolist())
+    )
