@@ -27,8 +27,13 @@ from distributed import Client, LocalCluster
 import symcheck
 
 CROWDS = Path(__file__).resolve().parent.parent / "models" / "crowds"
-CONSTANTS = {"TotalRuns": range(2, 7), "CrowdSize": range(1, 41)}
-ARGUMENTS = (CROWDS / "crowds.pm", CROWDS / "crowds.pctl", CONSTANTS)
+MODEL = (CROWDS / "crowds.pm").read_text().replace("double PF = 0.8", "double PF")
+CONSTANTS = {
+    "TotalRuns": range(3, 7),
+    "CrowdSize": range(3, 13),
+    "PF": [0.5, 0.6, 0.7, 0.8, 0.9],
+}
+ARGUMENTS = (MODEL, CROWDS / "crowds.pctl", CONSTANTS)
 
 
 def started(workers: int) -> LocalCluster:
@@ -48,8 +53,9 @@ def measured(client: Client) -> tuple[float, list[float]]:
     start = perf_counter()
     rows = symcheck.experiment(*ARGUMENTS, executor=client, engine="hybrid")
     wall = perf_counter() - start
+    assert rows.complete
     assert len(rows) == 800
-    assert not rows.errors
+    assert not rows.errors, rows.errors[0].error
     after = client.run(processor_time)
     return wall, [after[worker] - before[worker] for worker in after]
 

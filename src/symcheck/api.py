@@ -54,6 +54,8 @@ from symcheck.syntax.parse import (
 )
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from networkx import DiGraph
     from scipy.sparse import csr_array
 
@@ -62,6 +64,8 @@ if TYPE_CHECKING:
     from symcheck.check.testing.property_tests import PropertyTests
     from symcheck.engines.transition_table import TransitionTable
     from symcheck.matrices.rows import Floats
+    from symcheck.parallel.dask import Cluster
+    from symcheck.parallel.workers import Workers
     from symcheck.semantics.reduction.reset_dead_variables import Reduction
     from symcheck.simulate.path import Path as RandomPath
     from symcheck.simulate.statistics import Method, Plan
@@ -583,12 +587,16 @@ class Model:
         most: float | None = None,
         max_steps: int = 10_000,
         seed: int | None = None,
+        jobs: int = 1,
+        executor: Executor | Cluster | None = None,
     ) -> Result:
         """Estimate one property from random paths; the model is not built.
 
         The keyword parameters are those of `symcheck.simulate.statistics.Plan`. The accuracy of the
-        result is an interval with a confidence. Raises SymcheckError.
+        result is an interval with a confidence. The processes (`jobs`) or the executor that sample
+        the paths (see `symcheck.experiment`) do not change the result. Raises SymcheckError.
         """
+        from symcheck.parallel.workers import Workers
         from symcheck.simulate.statistics import METHODS, Plan
 
         if method not in METHODS:
@@ -604,16 +612,19 @@ class Model:
             seed=seed,
         )
         instance = PropertyInstance(_single_property(formula), 0, constant_values(constants))
-        return self.estimate_instance(instance, plan)
+        with Workers(jobs, executor) as workers:
+            return self.estimate_instance(instance, plan, workers)
 
-    def estimate_instance(self, instance: PropertyInstance, plan: Plan) -> Result:
+    def estimate_instance(
+        self, instance: PropertyInstance, plan: Plan, workers: Workers | None = None
+    ) -> Result:
         """Estimate a property from random paths, sampled as planned. Raises SymcheckError."""
         from symcheck.simulate.check import check_by_sampling
 
         bound, labels = instance.bind(self.bound)
         fixed = self.options.fix_deadlocks
         return check_by_sampling(
-            self.bound, bound.formula, plan, labels=labels, fix_deadlocks=fixed
+            self.bound, bound.formula, plan, labels=labels, fix_deadlocks=fixed, workers=workers
         )
 
 

@@ -96,6 +96,19 @@ def test_a_stopped_experiment_goes_on_with_the_missing_rows(
     assert len(after) == 1 + len(expected)
 
 
+def test_paths_are_sampled_with_the_same_result(client: Client) -> None:
+    die = symcheck.loads(
+        "dtmc module m x:[0..2]; [] x=0 -> 0.3:(x'=1)+0.5:true+0.2:(x'=2); endmodule"
+    )
+    for formula, method, width in (
+        ("P=? [ F x=1 ]", "ci", 0.006),
+        ("P>0.61 [ F x=1 ]", "sprt", 0.005),
+    ):
+        here = die.estimate(formula, method=method, width=width, seed=3)
+        there = die.estimate(formula, method=method, width=width, seed=3, executor=client)
+        assert (here.value, here.accuracy) == (there.value, there.accuracy)
+
+
 def test_only_the_task_that_kills_every_worker_is_lost(client: Client) -> None:
     with Workers(1, client) as workers:
         tasks = ["1", "__import__('os')._exit(1)", "2"]

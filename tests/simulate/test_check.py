@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from pathlib import Path
 from random import Random
+from typing import Never
 
 import numpy as np
 import pytest
@@ -11,20 +13,35 @@ import pytest
 from checking import check_text, engine_of
 from generate import random_model, random_property
 from symcheck.check.result import Exact, Result, Statistical
-from symcheck.errors import NameFault, NumericalError, SymcheckError, UnsupportedError, UsageError
+from symcheck.errors import (
+    NameFault,
+    NumericalError,
+    ResourceError,
+    SymcheckError,
+    UnsupportedError,
+    UsageError,
+)
+from symcheck.parallel.workers import Workers
 from symcheck.semantics.binding.bind import bind, bind_properties
 from symcheck.simulate.check import check_by_sampling
+from symcheck.simulate.monitors import path_monitor
+from symcheck.simulate.samples import SampledProperty
 from symcheck.simulate.statistics import Plan
+from symcheck.syntax.ast import ProbabilityOperator
 from symcheck.syntax.parse import parse_model, parse_properties
 
 DIE = (Path(__file__).parents[2] / "models" / "die" / "die.pm").read_text()
 
 
-def sample(text: str, formula: str, **plan: object) -> Result:
+def sample(text: str, formula: str, workers: Workers | None = None, **plan: object) -> Result:
     model = bind(parse_model(text), {})
     bound = bind_properties(parse_properties(formula), model, {})
     return check_by_sampling(
-        model, bound.properties[0].formula, Plan(**{"seed": 1, **plan}), labels=bound.labels
+        model,
+        bound.properties[0].formula,
+        Plan(**{"seed": 1, **plan}),
+        labels=bound.labels,
+        workers=workers,
     )
 
 
@@ -204,3 +221,54 @@ def test_several_initial_states_are_refused() -> None:
             "dtmc module m x:[0..1]; [] true -> (x'=x); endmodule\ninit true endinit",
             "P=? [ F x=1 ]",
         )
+
+
+@pytest.mark.parametrize(
+    ("text", "formula", "plan"),
+    [
+        (DIE, "P=? [ F d=6 ]", {"width": 0.008, "error": 1e-6}),
+        (DIE, "P>=0.17 [ F d=6 ]", {"method": "sprt", "width": 0.01, "error": 1e-6}),
+        (
+            "ctmc module m x:[0..2]; [] x<2 -> 3:(x'=x+1)+1:(x'=0); endmodule rewards x>0 : x; endrewards",
+            "R=? [ F x=2 ]",
+            {"samples": 20_000},
+        ),
+    ],
+)
+def test_the_number_of_workers_does_not_change_the_result(
+    text: str, formula: str, plan: dict[str, object]
+) -> None:
+    here = sample(text, formula, **plan)
+    for count in (1, 2, 3):
+        with ThreadPoolExecutor(count) as executor, Workers(1, executor) as workers:
+            there = sample(text, formula, workers, **plan)
+        assert (there.value, there.accuracy) == (here.value, here.accuracy)
+        assert there.explanation == here.explanation
+
+
+def test_processes_sample_the_same_paths() -> None:
+    with Workers(2) as workers:
+        there = sample(DIE, "P=? [ F d=6 ]", workers, samples=9001)
+    assert there.accuracy == sample(DIE, "P=? [ F d=6 ]", samples=9001).accuracy
+
+
+def test_values_of_paths_do_not_depend_on_their_batch() -> None:
+    model = bind(parse_model(DIE), {})
+    bound = bind_properties(parse_properties("P=? [ F d=6 ]"), model, {})
+    operator = bound.properties[0].formula
+    assert isinstance(operator, ProbabilityOperator)
+    monitor = path_monitor(operator.path, model)
+    sampled = SampledProperty(model, None, monitor, None, {}, 5, 10_000, True)
+    whole = sampled.sampler().sample(0, 100).values
+    parts = [sampled.sampler().sample(b, min(7, 100 - b)).values for b in range(0, 100, 7)]
+    assert np.array_equal(np.concatenate(parts), whole)
+    assert 5 < whole.sum() < 30
+
+
+def test_a_lost_batch_is_an_error() -> None:
+    class Dead(ThreadPoolExecutor):
+        def submit(self, *_: object, **__: object) -> Never:
+            raise BrokenExecutor
+
+    with pytest.raises(ResourceError, match="its process was killed"):
+        sample(DIE, "P=? [ F d=6 ]", Workers(1, Dead()), samples=5000)

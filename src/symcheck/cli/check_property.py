@@ -65,7 +65,7 @@ def check_property(
     outcome: Result | SymcheckError
     try:
         if plan is not None:
-            outcome = model.estimate_instance(instance, plan)
+            outcome = model.estimate_instance(instance, plan, state.workers)
         else:
             outcome = model.check_instance(instance, shared=shared)
         state.output.result(outcome, state.options.method)

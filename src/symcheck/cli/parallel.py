@@ -13,6 +13,7 @@ from symcheck.check.testing.property_tests import PropertyTest
 from symcheck.cli.check_property import report_unbuilt_model
 from symcheck.cli.instance import InstancesTask
 from symcheck.cli.output import Output
+from symcheck.cli.output_paths import NO_CONSTANTS
 from symcheck.cli.progress import Progress
 from symcheck.cli.run_state import RunState, TestFailed
 from symcheck.cli.switches.arguments import Arguments
@@ -61,12 +62,19 @@ def check_in_parallel(
 ) -> None:
     """Check an instance for each choice of constants on the workers that the switches name.
 
+    The paths of a single instance are sampled by all of them.
+
     Raises as `InstancesTask.run`; UsageError if there is no scheduler.
     """
     a = state.arguments
     with ExitStack() as stack:
         client = None if a.scheduler is None else stack.enter_context(connect(a.scheduler))
-        _check_on_workers(state, task, choices, stack.enter_context(Workers(a.jobs, client)))
+        workers = stack.enter_context(Workers(a.jobs, client))
+        if a.sim and len(choices) == 1:
+            state.workers = workers
+            task.run(state, choices[0], NO_CONSTANTS)
+        else:
+            _check_on_workers(state, task, choices, workers)
 
 
 def _check_on_workers(

@@ -96,7 +96,7 @@ def _check_instances(
             compare_answers(state, task, choices, peer)
             return
         a = state.arguments
-        if a.scheduler is not None or (a.jobs > 1 and len(choices) > 1 and not a.step):
+        if not a.step and (a.scheduler is not None or (a.jobs > 1 and (len(choices) > 1 or a.sim))):
             from symcheck.cli.parallel import check_in_parallel
 
             check_in_parallel(state, task, choices)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from symcheck.check.testing.expected_results import VerdictKind
 from symcheck.check.testing.property_tests import PropertyTest, PropertyTests
@@ -11,6 +12,9 @@ from symcheck.cli.output import Output
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.experiments.rows import Row
 from symcheck.options import Options
+
+if TYPE_CHECKING:  # most runs do without
+    from symcheck.parallel.workers import Workers
 
 __all__ = ["RunState", "TestFailed"]
 
@@ -24,7 +28,7 @@ class RunState:
     """What was asked, where it is printed, and the results so far.
 
     varying: the constants that were given several values. build_seconds: time of building the
-    current model.
+    current model. workers: sample the paths of -sim; None: this process.
     """
 
     arguments: Arguments
@@ -34,6 +38,7 @@ class RunState:
     failures: int = 0
     varying: tuple[str, ...] = ()
     build_seconds: float = 0.0
+    workers: Workers | None = None
 
     @cached_property
     def options(self) -> Options:

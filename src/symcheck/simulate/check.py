@@ -13,19 +13,17 @@ from math import isinf
 from time import perf_counter
 from typing import assert_never
 
-import numpy as np
-
 from symcheck.check.result import Exact, Result, Statistical
 from symcheck.engines.base import Engine
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
+from symcheck.parallel.workers import Workers
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.simulate.monitors import Monitor, path_monitor, reward_monitor
 from symcheck.simulate.path import used_seed
-from symcheck.simulate.sampling import Sampler
-from symcheck.simulate.sources import CommandSource, Source, TableSource
+from symcheck.simulate.samples import SampledProperty, Samples
 from symcheck.simulate.statistics import IntervalEstimate, Plan, estimate, sequential_test
 from symcheck.syntax.ast import (
     Bound,
@@ -56,6 +54,7 @@ def check_by_sampling(
     labels: Mapping[str, Expression] | None = None,
     fix_deadlocks: bool = True,
     table: Engine | None = None,
+    workers: Workers | None = None,
 ) -> Result:
     """Estimate the value of a property `P=?` or `R=?` in the initial state, or decide its
     threshold.
@@ -66,6 +65,7 @@ def check_by_sampling(
         labels: labels of the properties file.
         fix_deadlocks: give deadlock states a loop; if False, a deadlock raises ModelFault.
         table: the explicit engine of a model without commands, whose rows are sampled.
+        workers: sample the paths; None: this process. The result is the same.
 
     Returns:
         A result whose accuracy is `Statistical`.
@@ -90,22 +90,20 @@ def check_by_sampling(
             "them in rational arithmetic"
         )
     seed = used_seed(plan.seed)
-    source: Source = (
-        CommandSource(model, reward, labels)
-        if table is None
-        else TableSource(table, reward, labels or {})
+    sampled = SampledProperty(
+        model, table, monitor, reward, labels or {}, seed, plan.max_steps, fix_deadlocks
     )
-    sampler = Sampler(source, monitor, np.random.default_rng(seed), plan.max_steps, fix_deadlocks)
+    samples = Samples(sampled, workers or Workers())
     probability = reward is None
     result = (
-        _decide_by_test(sampler, plan, bound, probability)
+        _decide_by_test(samples, plan, bound, probability)
         if plan.method == "sprt"
-        else _estimate_by_interval(sampler, plan, bound, probability)
+        else _estimate_by_interval(samples, plan, bound, probability)
     )
     warnings = (_UNIFORM,) if model.type is ModelType.MDP else ()
     explanation = (
-        f"{result.explanation}; {sampler.samples} paths of "
-        f"{sampler.steps / max(sampler.samples, 1):.1f} steps on average, seed {seed}"
+        f"{result.explanation}; {samples.samples} paths of "
+        f"{samples.steps / max(samples.samples, 1):.1f} steps on average, seed {seed}"
     )
     return Result(
         result.value,
@@ -141,9 +139,9 @@ def _read_operator(
 
 
 def _estimate_by_interval(
-    sampler: Sampler, plan: Plan, bound: Bound | None, probability: bool
+    samples: Samples, plan: Plan, bound: Bound | None, probability: bool
 ) -> Result:
-    interval = estimate(sampler, plan, probability=probability)
+    interval = estimate(samples, plan, probability=probability)
     method = f"estimated by {plan.method.upper()}"
     if isinf(interval.mean):
         explanation = "a sampled path never reaches the target"
@@ -181,14 +179,14 @@ def _verdict(interval: IntervalEstimate, bound: Bound) -> bool:
     return _compare(interval.mean, bound)
 
 
-def _decide_by_test(sampler: Sampler, plan: Plan, bound: Bound | None, probability: bool) -> Result:
+def _decide_by_test(samples: Samples, plan: Plan, bound: Bound | None, probability: bool) -> Result:
     if bound is None or not probability:
         raise UnsupportedError(
             "-simmethod sprt decides thresholds on probabilities only (P>=0.5 [ … ]); ci, aci and "
             "apmc estimate values"
         )
     threshold = _threshold(bound)
-    above, used = sequential_test(sampler, plan, threshold)
+    above, used = sequential_test(samples, plan, threshold)
     width, error = plan.width or 0.05, plan.error or 0.01
     explanation = (
         f"decided by SPRT after {used} samples; correct with probability {1 - error:g} unless the "

@@ -12,39 +12,44 @@ from symcheck.matrices.rows import Floats, Int32s, Int64s
 from symcheck.simulate import tuning
 from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.simulate.monitors import Monitor, Paths
+from symcheck.simulate.random_numbers import PathNumbers, Stream
 from symcheck.simulate.sources import Source
 
-__all__ = ["Sampler"]
+__all__ = ["Batch", "Sampler"]
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """The values of a property on some paths, float64[n], and the sum of their steps."""
+
+    values: Floats
+    steps: int
 
 
 @dataclass(eq=False)
 class Sampler:
     """Samples the value of a property on independent paths from the initial state.
 
-    The same seed of the generator gives the same samples.
+    The value of a path depends on its number and the seed, not on the paths that are sampled with
+    it.
 
     Args:
         source: the states and their successors, with the reward that the property accumulates.
         monitor: the property.
+        seed: of the random numbers.
         fix_deadlocks: give deadlock states a loop; if False, a deadlock raises ModelFault.
         max_steps: steps after which an undecided path raises NumericalError, because leaving it
             out, or giving it any value, would bias the estimate.
-
-    Attributes:
-        samples, steps, longest: number of paths sampled so far, the sum of their steps, and the
-            steps of the longest path.
     """
 
     source: Source
     monitor: Monitor
-    generator: np.random.Generator
+    seed: int
     max_steps: int = 10_000
     fix_deadlocks: bool = True
-    samples: int = 0
-    steps: int = 0
-    longest: int = 0
 
     def __post_init__(self) -> None:
+        self._numbers = PathNumbers(self.seed)
         self._chain = LazyChain(
             self.source,
             tuple(map(self.source.predicate, self.monitor.atoms)),
@@ -58,33 +63,23 @@ class Sampler:
                 "-sim, which gives the range over all initial states"
             )
 
-    def sample(self, count: int) -> Floats:
-        """Sample `count` new paths.
+    def sample(self, first: int, count: int) -> Batch:
+        """Sample `count` paths, of which the first has this number.
 
-        Returns:
-            The values of the property, float64[count]; infinite where a reward accumulates until a
-            target that is never reached.
+        The values are infinite where a reward accumulates until a target that is never reached.
 
         Raises:
             NumericalError: a path is undecided after `max_steps` steps.
             ModelFault: the model breaks a rule in a state on a path.
         """
-        parts = [
-            self._batch(min(tuning.PATHS_PER_BATCH, count - begin))
-            for begin in range(0, count, tuning.PATHS_PER_BATCH)
-        ]
-        self.samples += count
-        return np.concatenate(parts) if parts else np.empty(0)
-
-    def _batch(self, count: int) -> Floats:
-        values = np.empty(count)
+        values, steps = np.empty(count), 0
         alive: Int64s = np.arange(count)
         ids = np.repeat(self._chain.add(self._initial), count)
         time, total = np.zeros(count), np.zeros(count)
         step, next_check, goal = 0, tuning.FIRST_GRAPH_CHECK, self.monitor.goal
         while True:
             ids = self._chain.expand(ids)
-            leave = time + self._durations(ids)
+            leave = time + self._durations(ids, first + alive, step)
             decided, results = self.monitor.decide(
                 self._chain, Paths(step, ids, time, leave, total)
             )
@@ -103,27 +98,24 @@ class Sampler:
                 leave[remaining],
                 total[remaining],
             )
-            self.steps += len(alive)
+            steps += len(alive)
             if not len(alive):
-                self.longest = max(self.longest, step)
-                return values
+                return Batch(values, steps)
             if step >= self.max_steps:
                 raise self._too_long(len(alive), count)
-            ids, earned = self._chain.follow(self._branches(ids, total, leave - time))
+            total += self._chain.reward(ids) * (leave - time)
+            uniform = self._numbers.uniform(first + alive, step, Stream.BRANCH)
+            ids, earned = self._chain.follow(self._chain.sample(ids, uniform))
             total += earned
             time = leave
             step += 1
 
-    def _branches(self, ids: Int32s, total: Floats, duration: Floats) -> Int64s:
-        """Draw branches (int64[n]), and add the state rewards of the sojourns to `total`."""
-        total += self._chain.reward(ids) * duration
-        return self._chain.sample(ids, self.generator.random(len(ids)))
-
-    def _durations(self, ids: Int32s) -> Floats:
+    def _durations(self, ids: Int32s, paths: Int64s, step: int) -> Floats:
         """Sojourn times: one step in discrete time, exponentially distributed in a CTMC."""
         if not self._chain.continuous:
             return np.ones(len(ids))
-        return self.generator.standard_exponential(len(ids)) / self._chain.rate(ids)
+        uniform = self._numbers.uniform(paths, step, Stream.DURATION)
+        return np.asarray(-np.log1p(-uniform) / self._chain.rate(ids))
 
     def _too_long(self, undecided: int, count: int) -> NumericalError:
         return NumericalError(

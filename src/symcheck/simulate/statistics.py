@@ -15,7 +15,8 @@ import numpy as np
 
 from symcheck.errors import NumericalError, UsageError
 from symcheck.matrices.rows import Floats
-from symcheck.simulate.sampling import Sampler
+from symcheck.simulate import tuning
+from symcheck.simulate.samples import Samples
 
 __all__ = ["METHODS", "IntervalEstimate", "Plan", "estimate", "sequential_test"]
 
@@ -42,8 +43,8 @@ class Plan:
         pilot: number of samples from which the variance is estimated if `width` determines the
             number of samples.
         most: an upper bound on the reward of a path, for 'apmc'.
-        max_steps: maximal length of a path (see `Sampler`).
-        seed: seed of numpy's default generator; None draws one.
+        max_steps: maximal length of a path (see `Sampler.sample`).
+        seed: seed of the random numbers; None draws one.
     """
 
     method: Method = "ci"
@@ -74,7 +75,7 @@ class IntervalEstimate:
     samples: int
 
 
-def estimate(sampler: Sampler, plan: Plan, *, probability: bool) -> IntervalEstimate:
+def estimate(samples: Samples, plan: Plan, *, probability: bool) -> IntervalEstimate:
     """Estimate a mean by 'ci', 'aci' or 'apmc'.
 
     At most two of samples, error and width may be given; the third follows from them. The mean is
@@ -85,7 +86,7 @@ def estimate(sampler: Sampler, plan: Plan, *, probability: bool) -> IntervalEsti
 
     Raises:
         UsageError: the numbers of the plan do not fit the method.
-        NumericalError, ModelFault: see `Sampler.sample`.
+        NumericalError, ModelFault: see `Samples.sample`.
     """
     if plan.samples is not None and plan.error is not None and plan.width is not None:
         raise UsageError(
@@ -93,21 +94,21 @@ def estimate(sampler: Sampler, plan: Plan, *, probability: bool) -> IntervalEsti
             "third follows from them"
         )
     if plan.method == "apmc":
-        return _apmc(sampler, plan, probability)
+        return _apmc(samples, plan, probability)
     if plan.width is None or plan.samples is not None:
-        return _interval(sampler.sample(plan.samples or _BLOCK_SIZE), plan, probability)
-    return _estimate_to_width(sampler, plan, plan.width, probability)
+        return _interval(samples.sample(plan.samples or _BLOCK_SIZE), plan, probability)
+    return _estimate_to_width(samples, plan, plan.width, probability)
 
 
 def _estimate_to_width(
-    sampler: Sampler, plan: Plan, width: float, probability: bool
+    samples: Samples, plan: Plan, width: float, probability: bool
 ) -> IntervalEstimate:
     """Sample until the half width of the interval is at most `width`.
 
     The variance of a pilot sample determines the number of samples; a wider interval than expected
     repeats the computation (rarely).
     """
-    values = sampler.sample(plan.pilot)
+    values = samples.sample(plan.pilot)
     while True:
         result = _interval(values, Plan(method=plan.method, error=plan.error), probability)
         half = max(result.upper - result.mean, result.mean - result.lower)
@@ -119,7 +120,7 @@ def _estimate_to_width(
                 f"a half width of {width:g} needs more than {_MAX_SAMPLES:,} samples; choose a "
                 "larger -simwidth"
             )
-        values = np.concatenate([values, sampler.sample(needed - len(values))])
+        values = np.concatenate([values, samples.sample(needed - len(values))])
 
 
 def _interval(values: Floats, plan: Plan, probability: bool) -> IntervalEstimate:
@@ -172,7 +173,7 @@ def _clopper_pearson(hits: int, n: int, error: float) -> tuple[float, float]:
     return lower, upper
 
 
-def _apmc(sampler: Sampler, plan: Plan, probability: bool) -> IntervalEstimate:
+def _apmc(samples: Samples, plan: Plan, probability: bool) -> IntervalEstimate:
     """Okamoto's bound: |sample mean - true mean| < width * range with probability 1 - error, where
     error = 2 exp(-2 samples width²).
     """
@@ -181,37 +182,37 @@ def _apmc(sampler: Sampler, plan: Plan, probability: bool) -> IntervalEstimate:
             "-simmethod apmc needs an upper bound on the reward of a path: give it with -simmaxrwd"
         )
     scale = 1.0 if probability else plan.most or 1.0
-    samples, error, width = (
+    count, error, width = (
         plan.samples,
         plan.error,
         None if plan.width is None else plan.width / scale,
     )
-    if samples is not None and width is not None:
-        error = min(1.0, 2 * exp(-2 * samples * width * width))
+    if count is not None and width is not None:
+        error = min(1.0, 2 * exp(-2 * count * width * width))
     else:
         error = error or 0.01
-        if samples is None:
+        if count is None:
             width = width or 0.05
-            samples = ceil(log(2 / error) / (2 * width * width))
+            count = ceil(log(2 / error) / (2 * width * width))
         else:
-            width = sqrt(log(2 / error) / (2 * samples))
-    if samples > _MAX_SAMPLES:
+            width = sqrt(log(2 / error) / (2 * count))
+    if count > _MAX_SAMPLES:
         raise NumericalError(
-            f"this accuracy needs {samples:,} samples; choose a larger -simapprox or -simconf"
+            f"this accuracy needs {count:,} samples; choose a larger -simapprox or -simconf"
         )
-    values = sampler.sample(samples)
+    values = samples.sample(count)
     mean = float(np.mean(values))
     if not isfinite(mean):
-        return IntervalEstimate(mean, mean, mean, 1.0, samples)
+        return IntervalEstimate(mean, mean, mean, 1.0, count)
     if float(np.max(values)) > scale or float(np.min(values)) < 0:
         raise NumericalError(
             f"a sampled path has reward {float(np.max(values)):g}, outside of [0, {scale:g}] given "
             "by -simmaxrwd: the error bound does not hold"
         )
-    return IntervalEstimate(mean, mean - width * scale, mean + width * scale, 1 - error, samples)
+    return IntervalEstimate(mean, mean - width * scale, mean + width * scale, 1 - error, count)
 
 
-def sequential_test(sampler: Sampler, plan: Plan, threshold: float) -> tuple[bool, int]:
+def sequential_test(samples: Samples, plan: Plan, threshold: float) -> tuple[bool, int]:
     """Decide by Wald's test whether the probability is at least `threshold` + width or at most
     `threshold` - width.
 
@@ -240,7 +241,8 @@ def sequential_test(sampler: Sampler, plan: Plan, threshold: float) -> tuple[boo
     accept, reject = log((1 - error) / error), log(error / (1 - error))
     ratio, used = 0.0, 0
     while plan.samples is None or used < plan.samples:
-        values = sampler.sample(min(_BLOCK_SIZE, (plan.samples or _MAX_SAMPLES) - used))
+        block = min(max(_BLOCK_SIZE, used // 2), tuning.MAX_SEQUENTIAL_BLOCK)
+        values = samples.sample(min(block, (plan.samples or _MAX_SAMPLES) - used))
         log_ratios = ratio + np.cumsum(np.where(values > 0, hit_term, miss_term))
         decisions = np.flatnonzero((log_ratios >= accept) | (log_ratios <= reject))
         if len(decisions):

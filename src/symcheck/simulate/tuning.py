@@ -3,8 +3,19 @@
 MAX_BRANCHES = 1 << 25
 """Drop a lazily expanded chain and begin it again beyond this many branches (about 1 GB)."""
 
-PATHS_PER_BATCH = 1 << 16
-"""Number of paths that are sampled at a time: their arrays take a few megabytes."""
+PATHS_PER_BATCH = 1 << 14
+"""Number of paths that are sampled at a time. Each step costs about 0.1 ms and draws a number for
+all of them, also for those that are decided, which costs less up to this size.
+"""
+
+MIN_PATHS_ON_WORKERS = 4096
+"""Sample fewer paths in this process: they take less time than to start another."""
+
+BATCHES_ON_WORKERS = 16
+"""Number of batches for workers, at least: several for each, so that they end together."""
+
+MAX_SEQUENTIAL_BLOCK = 1 << 18
+"""Number of paths that a sequential test samples at a time, at most."""
 
 FIRST_GRAPH_CHECK = 16
 """Search for paths that cannot reach the target after this many steps, and after each doubling."""

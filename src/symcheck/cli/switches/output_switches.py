@@ -176,12 +176,13 @@ def add_output(parser: SwitchParser) -> None:
         metavar="N",
         type=positive_count,
         default=1,
-        help="check models with different constants in N processes at the same time (default: 1)",
+        help="check models with different constants in N processes at the same time, or sample the "
+        "paths of -sim (default: 1)",
     )
     parser.add(
         "scheduler",
         metavar="ADDRESS",
-        help="check them on the workers of a Dask cluster; ADDRESS is that of its scheduler, such "
+        help="do this on the workers of a Dask cluster; ADDRESS is that of its scheduler, such "
         "as tcp://host:8786",
     )
     parser.add(
