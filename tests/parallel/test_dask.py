@@ -8,6 +8,7 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 
+import dask
 import pytest
 from distributed import Client, LocalCluster
 
@@ -29,9 +30,12 @@ pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning")
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[LocalCluster]:
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    with LocalCluster(
-        n_workers=2, threads_per_worker=1, memory_limit="900MB", dashboard_address=":0"
-    ) as started:
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        LocalCluster(
+            n_workers=2, threads_per_worker=1, memory_limit="900MB", dashboard_address=":0"
+        ) as started,
+    ):
         yield started
 
 
@@ -55,27 +59,11 @@ def test_a_client_gives_the_rows_of_one_process(client: Client, expected: list[o
     assert table(symcheck.experiment(CROWDS, EXPOSED, CONSTANTS, executor=client)) == expected
 
 
-def test_a_killed_worker_loses_no_row(
-    client: Client, expected: list[object], tmp_path: Path
-) -> None:
-    seen: list[Row] = []
-
-    def kill_once(event: symcheck.Progress) -> None:
-        if not seen:
-            os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
-        seen.extend(event.rows)
-
-    rows = symcheck.experiment(
-        CROWDS,
-        EXPOSED,
-        CONSTANTS,
-        executor=client,
-        progress=kill_once,
-        resume=tmp_path / "rows.jsonl",
-    )
-    assert table(rows) == expected
-    assert len(seen) == len(expected)
-    assert len((tmp_path / "rows.jsonl").read_text().splitlines()) == 1 + len(expected)
+def test_a_task_beyond_the_limit_of_memory_fails_and_its_worker_lives(client: Client) -> None:
+    before = set(client.run(os.getpid).values())
+    with Workers(1, client) as workers, pytest.raises(MemoryError):
+        list(workers.completed(eval, [TOO_MUCH]))
+    assert set(client.run(os.getpid).values()) == before
 
 
 def test_a_stopped_experiment_goes_on_with_the_missing_rows(
@@ -107,20 +95,6 @@ def test_paths_are_sampled_with_the_same_result(client: Client) -> None:
         here = die.estimate(formula, method=method, width=width, seed=3)
         there = die.estimate(formula, method=method, width=width, seed=3, executor=client)
         assert (here.value, here.accuracy) == (there.value, there.accuracy)
-
-
-def test_only_the_task_that_kills_every_worker_is_lost(client: Client) -> None:
-    with Workers(1, client) as workers:
-        tasks = ["1", "__import__('os')._exit(1)", "2"]
-        assert dict(workers.completed(eval, tasks)) == {0: 1, 1: Lost(), 2: 2}
-
-
-def test_a_task_beyond_the_limit_of_memory_fails_and_its_worker_lives(client: Client) -> None:
-    client.wait_for_workers(2)
-    before = set(client.run(os.getpid).values())
-    with Workers(1, client) as workers, pytest.raises(MemoryError):
-        list(workers.completed(eval, [TOO_MUCH]))
-    assert set(client.run(os.getpid).values()) == before
 
 
 def test_the_command_line_gives_the_output_of_one_process(
@@ -156,3 +130,32 @@ def test_a_missing_scheduler_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         connect("tcp://127.0.0.1:1")
     with pytest.raises(UsageError, match="no Dask scheduler at 'nowhere'"):
         connect("nowhere")
+
+
+def test_a_killed_worker_loses_no_row(
+    client: Client, expected: list[object], tmp_path: Path
+) -> None:
+    seen: list[Row] = []
+
+    def kill_once(event: symcheck.Progress) -> None:
+        if not seen:
+            os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
+        seen.extend(event.rows)
+
+    rows = symcheck.experiment(
+        CROWDS,
+        EXPOSED,
+        CONSTANTS,
+        executor=client,
+        progress=kill_once,
+        resume=tmp_path / "rows.jsonl",
+    )
+    assert table(rows) == expected
+    assert len(seen) == len(expected)
+    assert len((tmp_path / "rows.jsonl").read_text().splitlines()) == 1 + len(expected)
+
+
+def test_only_the_task_that_kills_every_worker_is_lost(client: Client) -> None:
+    with Workers(1, client) as workers:
+        tasks = ["1", "__import__('os')._exit(1)", "2"]
+        assert dict(workers.completed(eval, tasks)) == {0: 1, 1: Lost(), 2: 2}
