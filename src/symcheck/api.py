@@ -108,13 +108,13 @@ class StructureRewards(NamedTuple):
 
 def takes_options(function: F) -> F:
     """A decorator: `help` and completion show the options as keyword parameters."""
-    own = signature(function)
-    kept = [p for p in own.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    declared = signature(function)
+    kept = [p for p in declared.parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
     options = [
         Parameter(f.name, Parameter.KEYWORD_ONLY, default=f.default, annotation=f.type)
         for f in fields(Options)
     ]
-    function.__signature__ = own.replace(parameters=[*kept, *options])  # type: ignore[attr-defined]
+    function.__signature__ = declared.replace(parameters=[*kept, *options])  # type: ignore[attr-defined]
     return function
 
 
@@ -209,11 +209,11 @@ class Model:
         """
         if not self.options.reduce or self.options.fairness:
             return self
-        asked = tuple((p.file, p.index, *p.constants.items(), keep_steps) for p in instances)
-        if asked not in self._reduced_models:
+        key = tuple((p.file, p.index, *p.constants.items(), keep_steps) for p in instances)
+        if key not in self._reduced_models:
             self._reduced_models.clear()
             reduction = reduced(self.bound, instances, keep_steps=keep_steps)
-            self._reduced_models[asked] = ReducedModel(
+            self._reduced_models[key] = ReducedModel(
                 self.program,
                 self.given_constants,
                 self.options,
@@ -221,7 +221,7 @@ class Model:
                 self.observer,
                 reduction,
             )
-        return self._reduced_models[asked]
+        return self._reduced_models[key]
 
     @cached_property
     def _reduced_models(self) -> dict[tuple[object, ...], Model]:
@@ -275,11 +275,11 @@ class Model:
     @property
     def rewards(self) -> Named[StructureRewards]:
         """The numbers of each reward structure, as arrays; one without a name is `""`."""
-        system, found = self.engine.system(self.engine.all), Named[StructureRewards]()
+        system, result = self.engine.system(self.engine.all), Named[StructureRewards]()
         for number, structure in enumerate(self.bound.rewards):
             arrays = system.rewards(Structure(number))
-            found[structure.name or ""] = StructureRewards(*(a.copy() for a in arrays))
-        return found
+            result[structure.name or ""] = StructureRewards(*(a.copy() for a in arrays))
+        return result
 
     @property
     def matrix(self) -> csr_array:
@@ -290,9 +290,9 @@ class Model:
         """
         from scipy.sparse import csr_array
 
-        found = self.transitions.matrix.doubles()
-        shape = found.rows, found.columns
-        return csr_array((found.data, found.indices, found.indptr), shape, copy=True)
+        rows = self.transitions.matrix.doubles()
+        shape = rows.rows, rows.columns
+        return csr_array((rows.data, rows.indices, rows.indptr), shape, copy=True)
 
     def to_networkx(self) -> DiGraph:
         """The states and transitions as a graph (see `TransitionTable.to_networkx`)."""
@@ -315,10 +315,10 @@ class Model:
         """
         everywhere = replace(self.options, everywhere=True, strategy=False)
         instance = PropertyInstance(_single_property(formula), 0, {})
-        found = self.check_instance(instance, options=everywhere).satisfying
-        if found is None:
+        satisfying = self.check_instance(instance, options=everywhere).satisfying
+        if satisfying is None:
             raise UsageError(f"a condition is expected, and {formula} is a number")
-        return found
+        return satisfying
 
     # ---------------------------------------------------------------------- properties
 

@@ -39,8 +39,8 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EPIPE)
 def uncompressed_name(path: str | Path) -> tuple[str, str]:
     """The name of a file without `.gz` or `.xz`, and that ending ("" if there is none)."""
     name = str(path)
-    ending = name[-3:] if name.endswith(COMPRESSED) else ""
-    return name.removesuffix(ending), ending
+    suffix = name[-3:] if name.endswith(COMPRESSED) else ""
+    return name.removesuffix(suffix), suffix
 
 
 def read_whole(path: str | Path) -> bytes:
@@ -51,19 +51,19 @@ def read_whole(path: str | Path) -> bytes:
         data = Path(path).read_bytes()
     except OSError as error:
         raise UsageError(f"cannot read {path}: {error.strerror or error}") from error
-    ending = uncompressed_name(path)[1]
-    return _uncompressed(data, ending, path) if ending else data
+    suffix = uncompressed_name(path)[1]
+    return _uncompressed(data, suffix, path) if suffix else data
 
 
-def _uncompressed(data: bytes, ending: str, path: str | Path) -> bytes:
+def _uncompressed(data: bytes, suffix: str, path: str | Path) -> bytes:
     import gzip
     import lzma
     import zlib
 
     try:
-        return gzip.decompress(data) if ending == ".gz" else lzma.decompress(data)
+        return gzip.decompress(data) if suffix == ".gz" else lzma.decompress(data)
     except (EOFError, zlib.error, lzma.LZMAError, gzip.BadGzipFile) as error:
-        raise UsageError(f"cannot read {path}: not a whole {ending} file: {error}") from None
+        raise UsageError(f"cannot read {path}: not a whole {suffix} file: {error}") from None
 
 
 @contextmanager
@@ -90,7 +90,7 @@ def open_for_text(path: Path, name: str | Path) -> Iterator[TextIO]:
                 yield file
 
 
-def write_whole(target: str | Path, write: Callable[[Path], object], ending: str = ".part") -> None:
+def write_whole(target: str | Path, write: Callable[[Path], object], suffix: str = ".part") -> None:
     """Let `write` make a temporary file beside the target, then rename it to the target.
 
     A device, a pipe or a link is written directly, because it must not be replaced.
@@ -98,7 +98,7 @@ def write_whole(target: str | Path, write: Callable[[Path], object], ending: str
     Args:
         target: the file.
         write: writes the file that it is given.
-        ending: that of the name of the temporary file.
+        suffix: that of the name of the temporary file.
 
     Raises:
         UsageError: the file cannot be written.
@@ -106,7 +106,7 @@ def write_whole(target: str | Path, write: Callable[[Path], object], ending: str
     """
     path = Path(target)
     special = path.is_symlink() or (path.exists() and not path.is_file())
-    beside = path.with_name(f".{path.name}.{os.getpid()}{ending}").absolute()
+    beside = path.with_name(f".{path.name}.{os.getpid()}{suffix}").absolute()
     temporary = path if special else beside
     try:
         if not special:

@@ -133,7 +133,7 @@ def test_other_engines_answer(engine):
 
 
 @pytest.mark.parametrize("name", ["explicit", "sparse"])
-def test_labels_that_a_formula_combines_are_not_told_apart(name):
+def test_labels_that_a_formula_combines_are_not_distinguished(name):
     engine = engine_of(LINE + 'label "one" = x=1|x=4;\nlabel "two" = x=2|x=4;\n', name)
     result = check_text(engine, 'P=? [ F "one" | "two" ]', bisim=True)
     assert "4 states -> 3" in result.explanation

@@ -102,7 +102,10 @@ def test_switches_beside_it_hold_for_each_line(
         (["-batch", "missing.txt"], "cannot read 'missing.txt'"),
         (["-batch", str(ROOT)], "cannot read"),
         ([DIE, "-batch", "-"], "whose lines name models"),
-        (["-batch", "-", "-exportresults", "x.csv"], "each line of -batch would write the same file"),
+        (
+            ["-batch", "-", "-exportresults", "x.csv"],
+            "each line of -batch would write the same file",
+        ),
         (["-batch"], "expected a value"),
     ],
 )

@@ -33,7 +33,7 @@ def test_what_is_whole_keeps_its_number():
         'x=0; P=? [ F "a;b ]',
     ],
 )
-def test_parts_are_told_apart(text):
+def test_parts_are_distinguished(text):
     texts = read_properties(None, [text])
     assert texts.file.properties[0].span.text == "x=0"
     assert texts.unparsed or texts.declarations

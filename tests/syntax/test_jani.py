@@ -67,7 +67,7 @@ def test_a_receiver_reads_what_its_sender_assigns_before(tmp_path, engine):
     )
 
 
-def test_actions_that_share_a_result_and_differ_in_reward_are_told_apart(tmp_path):
+def test_actions_that_share_a_result_and_differ_in_reward_are_distinguished(tmp_path):
     checked, _ = loaded(tmp_path, MODELS["handshake"])
     assert set(checked.bound.actions) == {"make", "put", "get", "get_2"}
 

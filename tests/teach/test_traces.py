@@ -59,16 +59,16 @@ def test_frontiers_add_up(schedule: str) -> None:
     frames = list(teach.frontiers(symbolic, schedule, limit=1000))
     space = symcheck.reach(symbolic)
     assert frames[-1].states == space.states
-    found = [state for frame in frames for state in frame.found]
+    found = [state for frame in frames for state in frame.new_states]
     assert len(found) == len(set(found)) == space.count
     assert set(found) == set(space.valuations(space.states))
-    assert frames[0].found == ((0, 0, 0),)
+    assert frames[0].new_states == ((0, 0, 0),)
 
 
 def test_frontiers_are_limited() -> None:
     frames = list(teach.frontiers(symcheck.build(bound(PHILOSOPHERS), OPTIONS), limit=2, frames=3))
     assert len(frames) == 3
-    assert all(len(f.found) <= 2 for f in frames)
+    assert all(len(f.new_states) <= 2 for f in frames)
     assert str(frames[1]).startswith("1: 7 states in")
     assert str(frames[1]).endswith("in all")
 
@@ -159,7 +159,7 @@ def test_blocks_cover_the_matrix() -> None:
 def test_traces_take_models_and_formulas() -> None:
     model = symcheck.load(PHILOSOPHERS)
     frames = teach.frontiers(model)
-    assert frames[0].found == ((0, 0, 0),)
+    assert frames[0].new_states == ((0, 0, 0),)
     assert len(frames) == len(list(frames)) == 8
     assert teach.construction(model)[-1].stage == "model"
     assert list(teach.prob1(model, "true", '"eating"', "max"))[-1].count == 155

@@ -99,11 +99,11 @@ def translate_externally(
     """
     text = format_formula(formula, syntax)
     with TemporaryDirectory(prefix="symcheck-") as folder:
-        asked, answer = Path(folder, "formula.ltl"), Path(folder, "automaton.hoa")
-        asked.write_text(text + "\n")
+        formula_file, answer = Path(folder, "formula.ltl"), Path(folder, "automaton.hoa")
+        formula_file.write_text(text + "\n")
         try:
             run = subprocess.run(
-                [program, str(asked), str(answer)],
+                [program, str(formula_file), str(answer)],
                 capture_output=True,
                 text=True,
                 errors="replace",

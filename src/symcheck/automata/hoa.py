@@ -96,8 +96,8 @@ class _Reader:
         self.sets = 0
 
     def fault(self, message: str, node: _Node) -> InputError:
-        place = node if isinstance(node, Token) else node.meta
-        start, end = place.start_pos or 0, place.end_pos or 0
+        position = node if isinstance(node, Token) else node.meta
+        start, end = position.start_pos or 0, position.end_pos or 0
         return InputError(Diagnostic(message, Span(self.source, start, end), "hoa"))
 
     def automaton(self, tree: _Node) -> Automaton:
@@ -157,8 +157,8 @@ class _Reader:
                 implicit += 1
             else:
                 letters = self.label(label or state_label)
-            together = self.marks(state_sets) | self.marks(sets)
-            yield int(state), letters, int(self.single(target.children)), together
+            both = self.marks(state_sets) | self.marks(sets)
+            yield int(state), letters, int(self.single(target.children)), both
 
     def marks(self, sets: _Node) -> frozenset[int]:
         return frozenset() if sets is None else frozenset(map(self.number, sets.children))

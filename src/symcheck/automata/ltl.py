@@ -225,8 +225,8 @@ class LtlFactory:
 
     def _monotone(self, f: LtlFormula, g: LtlFormula, depth: int) -> bool:
         if f.kind in (Kind.UNTIL, Kind.RELEASE):
-            shorter, longer = (f.bound, g.bound) if f.kind is Kind.UNTIL else (g.bound, f.bound)
-            if longer is not None and (shorter is None or shorter > longer):
+            smaller, longer = (f.bound, g.bound) if f.kind is Kind.UNTIL else (g.bound, f.bound)
+            if longer is not None and (smaller is None or smaller > longer):
                 return False
         return all(self.implies(a, b, depth) for a, b in zip(f.parts, g.parts, strict=True))
 

@@ -236,14 +236,14 @@ def _numeric(context: Context, formula: Expression, type: Type) -> Result:
 
 def _initially(context: Context, values: Values, type: Type) -> Result:
     """The value in the initial state, or the range over several initial states."""
-    initial, found = context.engine.initial, StateValues(context.engine, values)
+    initial, state_values = context.engine.initial, StateValues(context.engine, values)
     if initial.count == 1:
         single, accuracy = _answer(context, values.minimum(initial), values.rounded(initial), type)
-        return Result(single, accuracy, "value in the initial state", values=found)
+        return Result(single, accuracy, "value in the initial state", values=state_values)
     value, accuracy = _range(
         context, (values.minimum(initial), values.maximum(initial)), values.rounded(initial), type
     )
-    return Result(value, accuracy, _range_over(initial), values=found)
+    return Result(value, accuracy, _range_over(initial), values=state_values)
 
 
 def _filter_result(

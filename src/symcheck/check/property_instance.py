@@ -83,7 +83,7 @@ def property_instances(
         indices: the properties, from 0; None for all.
     """
     needed = needed_constants(program, file)
-    first = {name: own[0] for name, own in values.items()}
+    first = {name: labels[0] for name, labels in values.items()}
     return [
         PropertyInstance(file, i, {**first, **choice}, choice)
         for i in (range(len(file.properties)) if indices is None else indices)
@@ -108,7 +108,7 @@ def reduced(
     from symcheck.semantics.reduction.reset_dead_variables import observe, reduce
 
     bound = [instance.bind(model) for instance in instances]
-    labels = {n: x for _, own in bound for n, x in own.items()}
+    labels = {n: x for _, members in bound for n, x in members.items()}
     observed = observe(model, [p.formula for p, _ in bound if p.fault is None], labels)
     return reduce(model, replace(observed, steps=observed.steps or keep_steps))
 

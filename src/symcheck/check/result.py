@@ -221,8 +221,8 @@ class Result:
             case _:
                 assert_never(self.accuracy)
 
-    def _wrong_type(self, wanted: str) -> TypeError:
-        return TypeError(f"{wanted} is expected, and the value of this result is {self}")
+    def _wrong_type(self, expected: str) -> TypeError:
+        return TypeError(f"{expected} is expected, and the value of this result is {self}")
 
     def __bool__(self) -> bool:
         if isinstance(self.value, bool):

@@ -122,8 +122,8 @@ def transient(
     else:
         from symcheck.numerics.transient.uniformization import transient_distribution
 
-        found = transient_distribution(matrix, matrix.row_sums(), start, float(time), options)
-        lower, upper, text = found.lower, found.upper, found.explanation
+        solution = transient_distribution(matrix, matrix.row_sums(), start, float(time), options)
+        lower, upper, text = solution.lower, solution.upper, solution.explanation
     return Distribution(engine, lower, upper, True, text, perf_counter() - started)
 
 
@@ -212,10 +212,10 @@ def steady_state(
         index = np.full(engine.states, -1, np.int32)
         index[part] = np.arange(len(part), dtype=np.int32)
         component = matrix.select(part, index, len(part))
-        found = stationary_distribution(component, options)
-        certified &= found.certified
-        lower[part], upper[part] = found.lower * low, np.minimum(found.upper * high, 1.0)
-        largest = found.explanation if len(part) > 1 else largest
+        solution = stationary_distribution(component, options)
+        certified &= solution.certified
+        lower[part], upper[part] = solution.lower * low, np.minimum(solution.upper * high, 1.0)
+        largest = solution.explanation if len(part) > 1 else largest
     text = f"{len(parts)} bottom component{'s' if len(parts) > 1 else ''}" + (
         f"; {largest}" if largest else ""
     )

@@ -79,7 +79,7 @@ def is_plain(expression: Expression) -> bool:
             assert_never(expression)
 
 
-def satisfying(context: Context, formula: Expression, matter: StateSet) -> StateSet:
+def satisfying(context: Context, formula: Expression, relevant: StateSet) -> StateSet:
     """The states that satisfy a boolean formula; right at the states that `matter`.
 
     Raises NumericalError where a comparison cannot be decided at such a state, UnsupportedError and
@@ -87,26 +87,26 @@ def satisfying(context: Context, formula: Expression, matter: StateSet) -> State
     """
     if is_plain(formula):
         return context.engine.where(formula)
-    here = partial(satisfying, context, matter=matter)
+    here = partial(satisfying, context, relevant=relevant)
     match formula:
         case Unary(UnaryOperator.NOT, operand):
             return ~here(operand)
         case Binary(operator, left, right) if operator.is_logical:
             return connect(operator, here(left), here(right))
         case Binary() if formula.operator.is_comparison:
-            return _comparison(context, formula, matter)
+            return _comparison(context, formula, relevant)
         case Conditional(condition, then, otherwise):
             chosen = here(condition)
             return (chosen & here(then)) | (here(otherwise) - chosen)
         case LabelReference():
-            return _reference(context, formula, matter)
+            return _reference(context, formula, relevant)
         case Measure(_, Bound() as bound):
-            return _bounded(context, formula, bound, matter)
+            return _bounded(context, formula, bound, relevant)
         case PathQuantifier(quantifier, path):
             read = resolve(path, states_of(context), context.engine)
             return ctl.forall(context, read) if quantifier == "A" else ctl.exists(context, read)
         case Filter() | StateFilter():
-            return applied_filter(context, formula, matter).condition().per_state
+            return applied_filter(context, formula, relevant).condition().per_state
         case MultiObjective():
             raise _no_multi()
         case Literal() | Name() | Unary() | Binary() | Call() | Measure() | Quantile():
@@ -115,12 +115,12 @@ def satisfying(context: Context, formula: Expression, matter: StateSet) -> State
             assert_never(formula)
 
 
-def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
+def numbers(context: Context, formula: Expression, relevant: StateSet) -> Values:
     """The value of a numeric formula at each state, within the requested accuracy."""
     if is_plain(formula):
         return context.engine.values(formula, context.type(formula))
-    here = partial(numbers, context, matter=matter)
-    context = context.relevant_at(matter)
+    here = partial(numbers, context, relevant=relevant)
+    context = context.relevant_at(relevant)
     match formula:
         case Unary(UnaryOperator.MINUS, operand):
             return here(operand).map("-")
@@ -129,18 +129,18 @@ def numbers(context: Context, formula: Expression, matter: StateSet) -> Values:
         case Call(function, (first, *others)):
             return here(first).map(function, *(here(a) for a in others))
         case Conditional(condition, then, otherwise):
-            return here(then).choose(satisfying(context, condition, matter), here(otherwise))
+            return here(then).choose(satisfying(context, condition, relevant), here(otherwise))
         case LabelReference():
-            return numbers(context.inside(formula), context.referred(formula), matter)
+            return numbers(context.inside(formula), context.referred(formula), relevant)
         case Measure():
             values = _measured(context, formula, _direction(context, formula, None))(context)
             return _clipped(context, values) if formula.is_probability else values
         case Filter() | StateFilter():
-            return applied_filter(context, formula, matter).number().per_state
+            return applied_filter(context, formula, relevant).number().per_state
         case Quantile():
             from symcheck.check.queries.quantile import quantile
 
-            return quantile(context, formula, satisfying, matter)
+            return quantile(context, formula, satisfying, relevant)
         case MultiObjective():
             raise _no_multi()
         case Literal() | Name() | Unary() | Call() | PathQuantifier():
@@ -162,12 +162,12 @@ def states_of(context: Context) -> StatesOf:
 
 
 def applied_filter(
-    context: Context, formula: Filter | StateFilter, matter: StateSet
+    context: Context, formula: Filter | StateFilter, relevant: StateSet
 ) -> AppliedFilter:
     """A filter on the states of the engine; its formula is also right at the states that matter."""
     node = formula if isinstance(formula, Filter) else modern_filter(formula)
     states = context.engine.all if node.states is None else states_of(context)(node.states)
-    also = states | matter if node.operator in ("print", "printall") else states
+    also = states | relevant if node.operator in ("print", "printall") else states
     return AppliedFilter(
         context,
         node,
@@ -186,59 +186,59 @@ def modern_filter(formula: StateFilter) -> Filter:
     return Filter(operator, formula.formula, formula.states, span=formula.span)
 
 
-def _reference(context: Context, reference: LabelReference, matter: StateSet) -> StateSet:
+def _reference(context: Context, reference: LabelReference, relevant: StateSet) -> StateSet:
     if reference.name == "init":
         return context.engine.initial
     if reference.name == "deadlock":
         return context.engine.deadlocks
-    return satisfying(context.inside(reference), context.referred(reference), matter)
+    return satisfying(context.inside(reference), context.referred(reference), relevant)
 
 
-def _comparison(context: Context, formula: Binary, matter: StateSet) -> StateSet:
+def _comparison(context: Context, formula: Binary, relevant: StateSet) -> StateSet:
     left, right = formula.left, formula.right
     if context.type(left) is Type.BOOL:
-        both = satisfying(context, left, matter), satisfying(context, right, matter)
+        both = satisfying(context, left, relevant), satisfying(context, right, relevant)
         same = connect(Operator.IFF, *both)
         return same if formula.operator is Operator.EQ else ~same
     if isinstance(right, Literal):
         threshold = Fraction(right.value)
         return decide(
             context,
-            lambda c: numbers(c, left, matter),
+            lambda c: numbers(c, left, relevant),
             formula.operator.value,
             threshold,
-            matter,
-            partial(_exactly, context, formula, matter),
+            relevant,
+            partial(_exactly, context, formula, relevant),
         )
 
     def difference(c: Context) -> Values:
-        return numbers(c, left, matter).map("-", numbers(c, right, matter))
+        return numbers(c, left, relevant).map("-", numbers(c, right, relevant))
 
     return decide(
         context,
         difference,
         formula.operator.value,
         0,
-        matter,
-        partial(_exactly, context, formula, matter),
+        relevant,
+        partial(_exactly, context, formula, relevant),
     )
 
 
-def _bounded(context: Context, formula: AnyMeasure, bound: Bound, matter: StateSet) -> StateSet:
+def _bounded(context: Context, formula: AnyMeasure, bound: Bound, relevant: StateSet) -> StateSet:
     """The states that satisfy a measure with a bound, by graph analysis where it decides."""
     operator, threshold = bound.operator.value, threshold_of(bound)
     direction = _direction(context, formula, operator)
     compute: Callable[[Context], Values]
     if isinstance(formula, ProbabilityOperator):
         path = resolve(formula.path, states_of(context), context.engine)
-        by_graph = qualitative(context.relevant_at(matter), path, operator, threshold, direction)
+        by_graph = qualitative(context.relevant_at(relevant), path, operator, threshold, direction)
         if by_graph is not None:
             return by_graph
         compute = partial(probability, path=path, direction=direction)
     else:
         compute = _measured(context, formula, direction)
-    exactly = partial(_exactly, context, formula, matter)
-    return decide(context.relevant_at(matter), compute, operator, threshold, matter, exactly)
+    exactly = partial(_exactly, context, formula, relevant)
+    return decide(context.relevant_at(relevant), compute, operator, threshold, relevant, exactly)
 
 
 def _measured(
@@ -265,7 +265,7 @@ def _measured(
             assert_never(formula)
 
 
-def _exactly(context: Context, formula: Expression, matter: StateSet) -> StateSet:
+def _exactly(context: Context, formula: Expression, relevant: StateSet) -> StateSet:
     """The states that satisfy a part of the checked formula in rational arithmetic.
 
     It is right at the states that matter.
@@ -273,8 +273,8 @@ def _exactly(context: Context, formula: Expression, matter: StateSet) -> StateSe
     Raises UnsupportedError where the formula cannot be evaluated exactly.
     """
     exact, twin = exact_twin(context, formula)
-    asked = exact.engine.from_bools(context.engine.to_bools(matter))
-    return context.engine.from_bools(exact.engine.to_bools(satisfying(exact, twin, asked)))
+    states = exact.engine.from_bools(context.engine.to_bools(relevant))
+    return context.engine.from_bools(exact.engine.to_bools(satisfying(exact, twin, states)))
 
 
 def threshold_of(bound: Bound) -> Fraction:

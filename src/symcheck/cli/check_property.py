@@ -113,10 +113,10 @@ def report_unparsed(state: RunState, property: UnparsedProperty) -> None:
     if verdict.kind is not VerdictKind.PASS:
         verdict = Verdict(VerdictKind.FAIL, message)
     expected = expected_value(property.comments, {})
-    place = property.place
-    line = place.source.position(place.start)[0]
+    span = property.span
+    line = span.source.position(span.start)[0]
     state.conclude(
-        PropertyTest(property.text, {}, expected, message, verdict, 0.0, place.source.name, line)
+        PropertyTest(property.text, {}, expected, message, verdict, 0.0, span.source.name, line)
     )
 
 
@@ -183,16 +183,16 @@ def _write_front(path: str, output: Output, result: Result) -> None:
 def _explain(a: Arguments, output: Output, result: Result, varying: ConstantTexts) -> None:
     """Print and write a counterexample."""
     try:
-        found = result.counterexample()
+        counterexample = result.counterexample()
     except UnsupportedError as error:
         output.warn(f"no counterexample: {error}")
         return
     if a.counterexample:
         output.line()
-        output.line(str(found))
+        output.line(str(counterexample))
     if a.exportcounterexample is not None:
         path = instance_path(a.exportcounterexample, varying)
-        found.save(path)
+        counterexample.save(path)
         output.exported(path)
 
 
@@ -206,9 +206,11 @@ def _write_product(
         return
     from symcheck.exchange.api_io import product_targets
 
-    asked = {kind: instance_path(path, varying) for kind, path in files.items() if path is not None}
+    targets = {
+        kind: instance_path(path, varying) for kind, path in files.items() if path is not None
+    }
     try:
-        for path in product_targets(model, instance, asked, a.exportprecision, state.output.out):
+        for path in product_targets(model, instance, targets, a.exportprecision, state.output.out):
             state.output.exported(path)
     except UnsupportedError as error:
         state.output.warn(f"-exportprod…: {error}")

@@ -71,12 +71,12 @@ def _targets(a: Arguments, varying: ConstantTexts = NO_CONSTANTS) -> list[Target
             source = a.model or a.importmodel or a.importtrans or "model"
             targets += parse_target(argument, source, options)
         elif argument:
-            path, own = file_options(argument, options)
+            path, overrides = file_options(argument, options)
             if kind == "jani":
                 check_no_options(argument, path)
             if kind in ("dot", "dotstates"):
-                kind, own = "dot", replace(own, states=kind == "dotstates")
-            targets.append(Target(kind, path, own))
+                kind, overrides = "dot", replace(overrides, states=kind == "dotstates")
+            targets.append(Target(kind, path, overrides))
     for target in targets:
         where = Path(target.path)
         if not where.parent.is_dir():
@@ -149,11 +149,11 @@ def export_model(
     labels = model.properties(file, given).labels
     output.line()
 
-    def asked(exact: Model) -> list[BoundProperty]:
+    def properties(exact: Model) -> list[BoundProperty]:
         bound = exact.properties(file, given).properties
         return [bound[i] for i in indices]
 
-    for path in export_targets(model, targets, output.out, labels, asked):
+    for path in export_targets(model, targets, output.out, labels, properties):
         output.exported(path)
 
 
@@ -174,8 +174,8 @@ def _export_dot(path: str, output: Output, engine: Engine, varying: ConstantText
         )
     matrices = symbolic.diagrams.roots
     for i, matrix in enumerate(matrices):
-        own = {**varying, **({"slot": str(i + 1)} if len(matrices) > 1 else {})}
-        target = instance_path(path, own)
+        values = {**varying, **({"slot": str(i + 1)} if len(matrices) > 1 else {})}
+        target = instance_path(path, values)
         write_text(
             target,
             [
@@ -208,8 +208,8 @@ def report_distributions(
         _report(a, output, "transient", model.transient(time, start), path, varying)
     if a.steadystate:
         output.line("\nComputing steady-state probabilities...")
-        found = model.steady_state(start)
-        _report(a, output, "steady-state", found, a.exportsteadystate, varying)
+        distribution = model.steady_state(start)
+        _report(a, output, "steady-state", distribution, a.exportsteadystate, varying)
 
 
 def _times(argument: str) -> Iterator[tuple[str, float]]:

@@ -59,13 +59,13 @@ def _check_instance(
     varying: the constants of the model that have several values, for the names of files.
     """
     a = state.arguments
-    asked = model.instances(file, of_properties, indices)
+    instances = model.instances(file, of_properties, indices)
     constants = {n: str(v) for n, v in model.given_constants.items()}
     try:
         watch = Progress(state.output)
         if a.importstrat is not None:
             model = _under_strategy(state, model, a.importstrat)
-        model = _bound_model(state, model.with_observer(_observer(state, watch)), asked)
+        model = _bound_model(state, model.with_observer(_observer(state, watch)), instances)
         if a.simpath:
             write_path(a, state.output, model, varying)
         if a.step:
@@ -73,33 +73,33 @@ def _check_instance(
 
             step_through(a, state.output, model)
         plan = sampling_plan(a) if a.sim else None
-        if (a.simpath or a.step) and plan is None and not asked and not a.needs_model:
+        if (a.simpath or a.step) and plan is None and not instances and not a.needs_model:
             return
         if plan is None:
             _build(state, model, watch)
     except (ResourceError, OutputError):
         raise
     except SymcheckError as error:
-        _report_fault(state, error, asked, constants, alone=not varying)
+        _report_fault(state, error, instances, constants, alone=not varying)
         return
     shared = None
     if plan is None:
         exports.export_constants(a, state.output, model, varying)
         exports.export_model(a, state.output, model, file, indices, of_properties, varying)
         exports.report_distributions(a, state.output, model, varying)
-        shared = model.shared_quotient(asked)
+        shared = model.shared_quotient(instances)
         if shared is not None:
             state.output.line(f"Bisimulation: {shared}")
-        elif state.options.bisim and len(asked) > 1:
+        elif state.options.bisim and len(instances) > 1:
             state.output.detail(
                 "Bisimulation: no quotient that is common to the properties is half as large as "
                 "the model; each gets its own"
             )
-    for instance in asked:
-        own = {n: str(v) for n, v in instance.relevant.items() if len(of_properties[n]) > 1}
+    for instance in instances:
+        texts = {n: str(v) for n, v in instance.relevant.items() if len(of_properties[n]) > 1}
         name = file.properties[instance.index].name or str(instance.index + 1)
         number = {"property": name} if len(indices) > 1 else {}
-        check_property(state, model, instance, plan, shared, {**varying, **own, **number})
+        check_property(state, model, instance, plan, shared, {**varying, **texts, **number})
 
 
 def _under_strategy(state: RunState, model: Model, file: str) -> Model:
@@ -125,7 +125,7 @@ def _observer(state: RunState, watch: Progress) -> Progress | None:
     return watch if state.options.engine == "auto" or watch.wanted else None
 
 
-def _bound_model(state: RunState, model: Model, asked: Sequence[PropertyInstance]) -> Model:
+def _bound_model(state: RunState, model: Model, instances: Sequence[PropertyInstance]) -> Model:
     """The model, bound and reduced for the properties, and described in the output.
 
     Raises InputError.
@@ -137,7 +137,7 @@ def _bound_model(state: RunState, model: Model, asked: Sequence[PropertyInstance
     if state.options.fairness:
         state.output.warn("-reduce is not used: which strategies are fair depends on the states")
     keep_steps = bool(a.transient is not None or a.steadystate or a.simpath or a.step or a.exports)
-    model = model.reduced_for(asked, keep_steps=keep_steps)
+    model = model.reduced_for(instances, keep_steps=keep_steps)
     if isinstance(model, ReducedModel):
         state.output.line(f"Reduction:   {model.reduction}")
     return model
@@ -155,7 +155,7 @@ def _build(state: RunState, model: Model, watch: Progress) -> None:
 def _report_fault(
     state: RunState,
     error: SymcheckError,
-    asked: Sequence[PropertyInstance],
+    instances: Sequence[PropertyInstance],
     constants: ConstantTexts,
     *,
     alone: bool,
@@ -165,7 +165,7 @@ def _report_fault(
     RESULT lines may expect it: then it is the result of every property.
     """
     tests = []
-    for instance in asked if state.testing else ():
+    for instance in instances if state.testing else ():
         known = {**constants, **{n: str(v) for n, v in instance.constants.items()}}
         values = {n: _plain_value(v) for n, v in known.items()}
         tests.append(property_test(instance, error, constants, values))
@@ -176,7 +176,7 @@ def _report_fault(
     elif alone or isinstance(error, UsageError):
         raise error
     else:
-        report_unbuilt_model(state, asked, constants, error)
+        report_unbuilt_model(state, instances, constants, error)
 
 
 def _plain_value(text: str) -> Value:

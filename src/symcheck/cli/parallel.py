@@ -114,8 +114,8 @@ def _report(
 ) -> None:
     if isinstance(outcome, Lost):
         given = ",".join(f"{n}={v}" for n, v in constants.items())
-        asked = task.model.instances(task.file, task.of_properties, task.indices)
-        report_unbuilt_model(state, asked, constants, SymcheckError(f"{given}: {outcome}"))
+        instances = task.model.instances(task.file, task.of_properties, task.indices)
+        report_unbuilt_model(state, instances, constants, SymcheckError(f"{given}: {outcome}"))
         return
     _add(state, outcome)
     if outcome.error is not None:

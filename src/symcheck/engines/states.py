@@ -129,12 +129,12 @@ def _one(engine: Engine, key: object) -> StateSet:
             raise TypeError(f"{v.name}={x!r}: a variable has an integer or a truth value")
         value = Literal(bool(x) if v.type is Type.BOOL else int(x), v.type)
         condition = Binary(Operator.AND, condition, Binary(Operator.EQ, Name(v.name), value))
-    if any(abs(int(x)) > maxsize for x in key) or not (found := engine.where(condition)):
+    if any(abs(int(x)) > maxsize for x in key) or not (states := engine.where(condition)):
         raise KeyError(f"the state {format_state(key)} of ({', '.join(names)}) is not reachable")
-    return found
+    return states
 
 
-def _place(number: int, count: int) -> int:
+def _index(number: int, count: int) -> int:
     """An index from 0, negative ones counted from the end. Raises IndexError."""
     if not -count <= number < count:
         raise IndexError(f"state {number} of {count:,} states, which have the numbers from 0")
@@ -195,8 +195,8 @@ class States(Tabular, Collection[State]):
 
     def _listed(self, start: int, stop: int) -> Iterator[State]:
         numbers = self.engine.numbers(self.members, stop - start, start).tolist()
-        found = self.engine.valuations(self.members, stop - start, start)
-        return (State(self.engine, n, v) for n, v in zip(numbers, found, strict=True))
+        valuations = self.engine.valuations(self.members, stop - start, start)
+        return (State(self.engine, n, v) for n, v in zip(numbers, valuations, strict=True))
 
     @overload
     def __getitem__(self, key: slice) -> list[State]: ...
@@ -210,12 +210,12 @@ class States(Tabular, Collection[State]):
             refuse_many(stop - start)
             return list(self._listed(start, max(start, stop)))
         if isinstance(key, int | np.integer) and not isinstance(key, bool):
-            place = _place(key, self.count)
-            return next(self._listed(place, place + 1))
-        found = self._with(self.members & _one(self.engine, key))
-        if not found:
+            index = _index(key, self.count)
+            return next(self._listed(index, index + 1))
+        result = self._with(self.members & _one(self.engine, key))
+        if not result:
             raise KeyError(f"the state {key} is not in this set")
-        return found[0]
+        return result[0]
 
     def __contains__(self, state: object) -> bool:
         if isinstance(state, State) and state.engine is self.engine and _few(self.engine):
@@ -328,8 +328,8 @@ class StateVector(Tabular):
         if isinstance(key, State) and key.engine is self.engine and _few(self.engine):
             key = key.number
         if isinstance(key, int | np.integer) and not isinstance(key, bool):
-            place = _place(key, self.engine.states)
-            return _plain(self.array[place : place + 1])
+            index = _index(key, self.engine.states)
+            return _plain(self.array[index : index + 1])
         return _plain(self.midpoints(_one(self.engine, key)))
 
     def items(self) -> Iterator[tuple[State, float | Fraction]]:

@@ -100,14 +100,14 @@ def _as_read(model: BoundModel) -> Engine:
 
 def _doubles(model: BoundModel) -> Contributions:
     apart = commands_apart(model)
-    own = apart.matrix
-    assert own.groups is not None
-    row = np.repeat(np.arange(own.rows), own.lengths)
-    counts = np.diff(own.groups)
-    state = np.repeat(np.arange(own.states), counts)[row]
+    matrix = apart.matrix
+    assert matrix.groups is not None
+    row = np.repeat(np.arange(matrix.rows), matrix.lengths)
+    counts = np.diff(matrix.groups)
+    state = np.repeat(np.arange(matrix.states), counts)[row]
     share = counts[state] if model.type is ModelType.DTMC else 1
     return Contributions(
-        state, own.indices.astype(np.int64), apart.choice_actions[row], own.data / share
+        state, matrix.indices.astype(np.int64), apart.choice_actions[row], matrix.data / share
     )
 
 
@@ -117,7 +117,7 @@ def _rational(engine: Engine) -> Contributions:
     model, states = engine.model, list(engine.valuations(engine.all))
     number = {state: i for i, state in enumerate(states)}
     names = {name: i for i, name in enumerate(model.actions)}
-    found = [
+    entries = [
         (i, number[target], names.get(choice.action or "", -1), Fraction(weight) / share)
         for i, state in enumerate(states)
         for enabled in [choices(model, state, check_sums=False)]
@@ -125,7 +125,7 @@ def _rational(engine: Engine) -> Contributions:
         for choice in enabled
         for weight, target in choice.branches
     ]
-    source, target, action, weight = zip(*found, strict=True) if found else ((), (), (), ())
+    source, target, action, weight = zip(*entries, strict=True) if entries else ((), (), (), ())
     return Contributions(
         np.array(source, np.int64),
         np.array(target, np.int64),
@@ -146,16 +146,16 @@ def transition_parts(engine: Engine) -> TransitionParts | None:
     """
     if engine.capability(HasBlocks) is not None:
         return None
-    found = contributions(engine)
+    weights = contributions(engine)
     matrix = engine.system(engine.all).matrix
-    if found is None:
+    if weights is None:
         return None
     if engine.capability(HasImportedStates) is None:
-        place = np.empty(engine.states, np.int64)
+        number = np.empty(engine.states, np.int64)
         builder = engine.model.builder
-        own = slice(None) if builder is None else _sorted(_as_read(engine.model))
-        place[own] = _sorted(engine)
-        if len(found.source) and found.source.max() >= engine.states:
+        order = slice(None) if builder is None else _sorted(_as_read(engine.model))
+        number[order] = _sorted(engine)
+        if len(weights.source) and weights.source.max() >= engine.states:
             return None
-        found = found.renumbered(place)
-    return TransitionParts.of(matrix, found, engine.model.actions)
+        weights = weights.renumbered(number)
+    return TransitionParts.of(matrix, weights, engine.model.actions)

@@ -86,8 +86,8 @@ class TransitionTable(Tabular):
             return [text or None for text in joined] or [None] * self.matrix.entries
         assert known is not None
         names = np.array([*model.actions, None])
-        found: list[str | None] = names[known.row_actions()[self.choice]].tolist()
-        return found
+        actions: list[str | None] = names[known.row_actions()[self.choice]].tolist()
+        return actions
 
     def __len__(self) -> int:
         return self.engine.transitions

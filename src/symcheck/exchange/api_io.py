@@ -160,9 +160,9 @@ def export_targets(
 
     predefined = ("init", "deadlock")
     with_properties = any(t.options.proplabels or t.kind == "proplab" for t in parts)
-    own = [n for n in engine.model.labels if n not in predefined]
-    others = [n for n in labels if n not in (*own, *predefined)] if with_properties else []
-    data = explicit_export(engine, own, states, property_labels=others)
+    names = [n for n in engine.model.labels if n not in predefined]
+    others = [n for n in labels if n not in (*names, *predefined)] if with_properties else []
+    data = explicit_export(engine, names, states, property_labels=others)
     yield from targets.export(data, parts, out)
 
 
@@ -191,8 +191,8 @@ def product_targets(
     bound, labels = instance.bind(model.bound)
     product = product_export(model.engine, bound.formula, model.options, labels)
     options = targets.ExportOptions(precision=precision)
-    asked = [targets.Target(kind, path, options) for kind, path in files.items()]
-    yield from targets.export(product, asked, out)
+    targets_of_files = [targets.Target(kind, path, options) for kind, path in files.items()]
+    yield from targets.export(product, targets_of_files, out)
 
 
 @takes_options

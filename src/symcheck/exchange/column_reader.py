@@ -119,15 +119,15 @@ class Columns:
 
     def integers(self, word: int, limit: int, what: str) -> Int64s:
         """A column of the lines after the first: integers from 0 to limit - 1, int64[lines]."""
-        found = self._integers(word)
-        for i in np.flatnonzero((found < 0) | (found >= limit))[:1].tolist():
+        numbers = self._integers(word)
+        for i in np.flatnonzero((numbers < 0) | (numbers >= limit))[:1].tolist():
             self.fault(
                 i + 1,
-                f"{what} {found[i]} does not exist: there are {limit}, numbered from 0",
+                f"{what} {numbers[i]} does not exist: there are {limit}, numbered from 0",
                 "index",
                 word,
             )
-        return found
+        return numbers
 
     def _integers(self, word: int) -> Int64s:
         if self.table is not None:

@@ -28,10 +28,10 @@ def components_file(model: ExplicitExport, kind: str) -> Iterator[str]:
     Raises:
         UnsupportedError: 'mecs' of a chain.
     """
-    found = sorted(_components(model, kind), key=lambda states: int(states[0]))
+    components = sorted(_components(model, kind), key=lambda states: int(states[0]))
     yield f"({','.join(v.name for v in model.variables)})\n"
-    for i, states in enumerate(found):
-        yield f"\n{_TITLES[kind]} {i + 1}/{len(found)}:\n"
+    for i, states in enumerate(components):
+        yield f"\n{_TITLES[kind]} {i + 1}/{len(components)}:\n"
         for state in states.tolist():
             yield f"{state}:{model.state_texts(state, state + 1)[0]}\n"
 

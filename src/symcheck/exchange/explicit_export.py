@@ -95,9 +95,11 @@ class ExplicitExport:
     @cached_property
     def parts(self) -> TransitionParts:
         """The transitions, each divided among its actions."""
-        found = self.contributions()
-        if found is not None:
-            return TransitionParts.of(replace(self.matrix, data=self.values), found, self.actions)
+        contributions = self.contributions()
+        if contributions is not None:
+            return TransitionParts.of(
+                replace(self.matrix, data=self.values), contributions, self.actions
+            )
         rows = np.full(self.matrix.rows, -1, np.int32)
         actions = rows if self.row_actions is None else self.row_actions
         return TransitionParts(
@@ -186,7 +188,7 @@ def explicit_export(
         members |= {name: engine.to_bools(states(name)) for name in (*labels, *property_labels)}
     system = engine.system(engine.all)
     matrix = system.matrix
-    found = ExplicitExport(
+    export = ExplicitExport(
         model.type,
         model.variables,
         columns,
@@ -203,7 +205,7 @@ def explicit_export(
         _rewards_of_commands(engine),
         partial(contributions, engine),
     )
-    return _sorted(found, state_order(engine, columns))
+    return _sorted(export, state_order(engine, columns))
 
 
 def _entry_rewards(engine: Engine, structure: int) -> Numbers | None:
@@ -239,40 +241,40 @@ def _row_actions(engine: Engine) -> Int32s | None:
     return known.row_actions()
 
 
-def _sorted(found: ExplicitExport, order: Int64s | None) -> ExplicitExport:
+def _sorted(export: ExplicitExport, order: Int64s | None) -> ExplicitExport:
     """The export with states and entries in canonical order (variable orders may differ)."""
     if order is not None:
-        found = _permuted(found, order)
-    m = found.matrix
+        export = _permuted(export, order)
+    m = export.matrix
     inside = np.diff(m.indices) > 0
     inside[m.indptr[1:-1][(m.indptr[1:-1] > 0) & (m.indptr[1:-1] < m.entries)] - 1] = True
     if inside.all():
-        return found
-    by = np.lexsort((m.indices, found.row_of_entry))
+        return export
+    by = np.lexsort((m.indices, export.row_of_entry))
     matrix = SparseMatrix(m.indptr, m.indices[by], m.data[by], m.columns, m.groups)
     rewards = [
-        r._replace(entries=None if r.entries is None else r.entries[by]) for r in found.rewards
+        r._replace(entries=None if r.entries is None else r.entries[by]) for r in export.rewards
     ]
-    return replace(found, matrix=matrix, values=found.values[by], rewards=rewards)
+    return replace(export, matrix=matrix, values=export.values[by], rewards=rewards)
 
 
-def _permuted(found: ExplicitExport, order: Int64s) -> ExplicitExport:
+def _permuted(export: ExplicitExport, order: Int64s) -> ExplicitExport:
     """The export with permuted states: new state i is old state `order[i]`."""
-    m = found.matrix
-    place = np.empty(found.n, np.int32)
-    place[order] = np.arange(found.n, dtype=np.int32)
-    counts = np.ones(found.n, np.int64) if m.groups is None else np.diff(m.groups)
-    starts = np.arange(found.n) if m.groups is None else m.groups[:-1]
+    m = export.matrix
+    number = np.empty(export.n, np.int32)
+    number[order] = np.arange(export.n, dtype=np.int32)
+    counts = np.ones(export.n, np.int64) if m.groups is None else np.diff(m.groups)
+    starts = np.arange(export.n) if m.groups is None else m.groups[:-1]
     rows = spans(starts[order], starts[order] + counts[order])
     entries = spans(m.indptr[:-1][rows], m.indptr[1:][rows])
     groups = None if m.groups is None else starts_of(counts[order])
     return replace(
-        found,
-        columns=[c[order] for c in found.columns],
-        matrix=m.select(rows, place, m.columns, groups),
-        values=found.values[entries],
-        row_actions=None if found.row_actions is None else found.row_actions[rows],
-        labels={name: members[order] for name, members in found.labels.items()},
+        export,
+        columns=[c[order] for c in export.columns],
+        matrix=m.select(rows, number, m.columns, groups),
+        values=export.values[entries],
+        row_actions=None if export.row_actions is None else export.row_actions[rows],
+        labels={name: members[order] for name, members in export.labels.items()},
         rewards=[
             ExplicitRewards(
                 r.name,
@@ -280,6 +282,6 @@ def _permuted(found: ExplicitExport, order: Int64s) -> ExplicitExport:
                 r.rows[rows],
                 None if r.entries is None else r.entries[entries],
             )
-            for r in found.rewards
+            for r in export.rewards
         ],
     )

@@ -96,8 +96,8 @@ def _product(
         seen[frontier] = True
     pairs = np.flatnonzero(seen)
     second, first = np.divmod(pairs, n)
-    place = np.full(len(seen), -1, np.int32)
-    place[pairs] = np.arange(len(pairs), dtype=np.int32)
+    number = np.full(len(seen), -1, np.int32)
+    number[pairs] = np.arange(len(pairs), dtype=np.int32)
     groups = np.arange(n + 1) if m.groups is None else m.groups
     rows = spans(groups[first], groups[first + 1])
     sizes = groups[first + 1] - groups[first]
@@ -107,7 +107,7 @@ def _product(
     automaton = np.repeat(np.repeat(second, sizes), lengths)
     matrix = SparseMatrix(
         starts_of(lengths),
-        place[after[automaton, targets] * n + targets],
+        number[after[automaton, targets] * n + targets],
         m.data[entries],
         len(pairs),
         None if m.groups is None else starts_of(sizes),

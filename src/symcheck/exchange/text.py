@@ -45,9 +45,9 @@ def number_texts(values: Numbers, precision: int = FULL_PRECISION) -> list[str]:
     """`number_text` of each value (float64[n] or objects). Most models have few distinct values."""
     if values.dtype == object:
         return [number_text(v if isinstance(v, Fraction) else float(v), precision) for v in values]
-    distinct, place = np.unique(values, return_inverse=True)
+    distinct, index = np.unique(values, return_inverse=True)
     texts = np.array([number_text(v, precision) for v in distinct.tolist()], dtype=object)
-    chosen: list[str] = texts[place].tolist() if len(distinct) else []
+    chosen: list[str] = texts[index].tolist() if len(distinct) else []
     return chosen
 
 

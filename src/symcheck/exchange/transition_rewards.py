@@ -42,13 +42,13 @@ def _doubles(model: BoundModel, matrix: SparseMatrix) -> list[Numbers]:
     from symcheck.explicit.tables import total_reward
 
     apart = commands_apart(model)
-    own = apart.matrix
-    assert own.groups is not None
-    row, state = own.row_of_entry, own.state_of_row
-    place, _ = matrix.find(state[row], own.indices)
-    found: list[Numbers] = []
+    commands = apart.matrix
+    assert commands.groups is not None
+    row, state = commands.row_of_entry, commands.state_of_row
+    entry, _ = matrix.find(state[row], commands.indices)
+    result: list[Numbers] = []
     for structure in model.rewards:
-        rewards = np.zeros(own.rows)
+        rewards = np.zeros(commands.rows)
         for number, action in enumerate((*model.actions, None)):
             items = [i for i in structure.items if not i.on_states and i.action == action]
             rows = np.flatnonzero(apart.choice_actions == (number if action is not None else -1))
@@ -56,33 +56,33 @@ def _doubles(model: BoundModel, matrix: SparseMatrix) -> list[Numbers]:
                 rewards[rows] = evaluate_states(model, apart.states, total_reward(items))[
                     state[rows]
                 ]
-        rewards[own.groups[:-1][apart.deadlocks]] = (
+        rewards[commands.groups[:-1][apart.deadlocks]] = (
             0  # the loop that a deadlock is given earns nothing
         )
-        found.append(_means(place, own.data, rewards[row], matrix.entries))
-    return found
+        result.append(_means(entry, commands.data, rewards[row], matrix.entries))
+    return result
 
 
-def _means(place: Int64s, weights: Floats, rewards: Floats, entries: int) -> Floats:
+def _means(entry: Int64s, weights: Floats, rewards: Floats, entries: int) -> Floats:
     """The weighted mean of the rewards per entry; without rounding if all rewards are equal."""
     least, most = np.full(entries, np.inf), np.full(entries, -np.inf)
-    np.minimum.at(least, place, rewards)
-    np.maximum.at(most, place, rewards)
-    mean = np.bincount(place, weights * rewards, entries) / np.bincount(place, weights, entries)
+    np.minimum.at(least, entry, rewards)
+    np.maximum.at(most, entry, rewards)
+    mean = np.bincount(entry, weights * rewards, entries) / np.bincount(entry, weights, entries)
     return np.asarray(np.where(least == most, least, np.clip(mean, least, most)), np.float64)
 
 
 def _rational(engine: Engine, matrix: SparseMatrix) -> list[Numbers]:
     states = {state: i for i, state in enumerate(engine.valuations(engine.all))}
-    found = [np.full(matrix.entries, Fraction(0), dtype=object) for _ in engine.model.rewards]
+    result = [np.full(matrix.entries, Fraction(0), dtype=object) for _ in engine.model.rewards]
     for i, means in enumerate(_means_of_states(engine.model, tuple(states))):
         start = int(matrix.indptr[i])
         targets = matrix.indices[start : int(matrix.indptr[i + 1])].tolist()
         by_target = {states[state]: rewards for state, rewards in means.items()}
         for j, target in enumerate(targets):
-            for structure, value in zip(found, by_target.get(target, ()), strict=False):
+            for structure, value in zip(result, by_target.get(target, ()), strict=False):
                 structure[start + j] = value
-    return found
+    return result
 
 
 def _means_of_states(

@@ -23,11 +23,11 @@ class Instance:
 
     Attributes:
         constants: one value for each constant of the model.
-        wanted: indices of the properties that are checked.
+        properties: indices of those that are checked.
     """
 
     constants: GivenConstants
-    wanted: tuple[int, ...]
+    properties: tuple[int, ...]
 
 
 def check_pickled(work: bytes, instance: Instance) -> list[Row]:
@@ -44,11 +44,11 @@ def _unpickled(work: bytes) -> tuple[Model, Sequence[PropertyInstance]]:
 def check_instance(
     model: Model, properties: Sequence[PropertyInstance], instance: Instance
 ) -> list[Row]:
-    """One row for each wanted property. Faults become rows.
+    """One row for each property of the instance. Faults become rows.
 
     Raises Interrupted, KeyboardInterrupt.
     """
-    chosen = [properties[i] for i in instance.wanted]
+    chosen = [properties[i] for i in instance.properties]
     empty = [row_of(p, instance.constants) for p in chosen]
     started = perf_counter()
     try:
@@ -61,12 +61,12 @@ def check_instance(
     except Exception as error:  # one instance must not stop the others
         return [replace(row, error=error_text(error)) for row in empty]
     rows = []
-    for asked, row in zip(chosen, empty, strict=True):
+    for property_instance, row in zip(chosen, empty, strict=True):
         row = replace(
             row, states=engine.states, transitions=engine.transitions, build_seconds=seconds
         )
         try:
-            result = model.check_instance(asked, shared=shared)
+            result = model.check_instance(property_instance, shared=shared)
         except Interrupted:
             raise
         except Exception as error:  # one property must not stop the others

@@ -77,8 +77,8 @@ def _read(file: int, path: str | Path, experiment: Mapping[str, str]) -> dict[st
     differing: list[str] = []
     if lines:
         try:
-            found = json.loads(lines[0])["experiment"]
-            differing = [name for name, value in experiment.items() if found.get(name) != value]
+            header = json.loads(lines[0])["experiment"]
+            differing = [name for name, value in experiment.items() if header.get(name) != value]
             if not differing:
                 entries = map(json.loads, lines[1:])
                 rows = {entry.pop("key"): _decoded(entry) for entry in entries}
@@ -104,12 +104,12 @@ def _write(file: int, text: str) -> None:
 
 
 def _encoded(row: Row) -> dict[str, Any]:
-    found = asdict(row)
-    found["constants"] = {n: _plain(v) for n, v in row.constants.items()}
-    found["value"] = _plain(row.value)
+    entry = asdict(row)
+    entry["constants"] = {n: _plain(v) for n, v in row.constants.items()}
+    entry["value"] = _plain(row.value)
     if row.accuracy is not None:
-        found["accuracy"] = {"kind": type(row.accuracy).__name__, **asdict(row.accuracy)}
-    return found
+        entry["accuracy"] = {"kind": type(row.accuracy).__name__, **asdict(row.accuracy)}
+    return entry
 
 
 def _decoded(entry: dict[str, Any]) -> Row:

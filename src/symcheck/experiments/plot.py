@@ -81,15 +81,15 @@ def plot(
     return axes
 
 
-def _draw(axes: Any, places: Sequence[Any], rows: Sequence[Row], label: str) -> None:
+def _draw(axes: Any, positions: Sequence[Any], rows: Sequence[Row], label: str) -> None:
     """One line, its points in order, with the bounds of its values."""
-    if all(isinstance(p, str | bool) for p in places):
-        places = [constant_text(p) for p in places]
+    if all(isinstance(p, str | bool) for p in positions):
+        positions = [constant_text(p) for p in positions]
         order = list(range(len(rows)))
     else:
-        places = [float(p) for p in places]
-        order = sorted(range(len(rows)), key=lambda i: places[i])
-    across = [places[i] for i in order]
+        positions = [float(p) for p in positions]
+        order = sorted(range(len(rows)), key=lambda i: positions[i])
+    across = [positions[i] for i in order]
     values = [rows[i].number for i in order]
     bounds = [rows[i].bounds or (rows[i].number, rows[i].number) for i in order]
     (line,) = axes.plot(across, values, marker="o", markersize=3.5, label=label)

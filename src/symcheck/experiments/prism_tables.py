@@ -26,15 +26,15 @@ class _Group(NamedTuple):
 
 
 def _groups(rows: Sequence[Row], varying: Sequence[str]) -> list[_Group]:
-    found = []
+    result = []
     for name in dict.fromkeys(r.name for r in rows):
-        own = [r for r in rows if r.name == name]
-        formula = own[0].formula
+        of_property = [r for r in rows if r.name == name]
+        formula = of_property[0].formula
         title = f'"{name}": {formula}' if formula not in ("", name) else name
-        names = [n for n in own[0].constants if n in varying]
-        cells = [[*(constant_text(r.constants[n]) for n in names), r.text] for r in own]
-        found.append(_Group(title, names, cells))
-    return found
+        names = [n for n in of_property[0].constants if n in varying]
+        cells = [[*(constant_text(r.constants[n]) for n in names), r.text] for r in of_property]
+        result.append(_Group(title, names, cells))
+    return result
 
 
 def _lines(rows: Sequence[Sequence[str]], separator: str) -> str:

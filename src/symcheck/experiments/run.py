@@ -117,7 +117,7 @@ def experiment(
     if split.warnings:
         raise NameFault(*(replace(w, severity="error") for w in split.warnings))
     _require_values(whole, file, values)
-    asked = whole.instances(file, {n: values[n] for n in split.of_properties})
+    instances = whole.instances(file, {n: values[n] for n in split.of_properties})
     choices = [
         {**whole.given_constants, **choice}
         for choice in combinations({n: values[n] for n in split.of_model})
@@ -125,9 +125,9 @@ def experiment(
     rows = {
         (c, i): row_of(instance, choice)
         for c, choice in enumerate(choices)
-        for i, instance in enumerate(asked)
+        for i, instance in enumerate(instances)
     }
-    keys = {place: _key(row, asked[place[1]].index) for place, row in rows.items()}
+    keys = {index: _key(row, instances[index[1]].index) for index, row in rows.items()}
     finished: dict[tuple[int, int], Row] = {}
     varying = tuple(n for n, given in values.items() if len(given) > 1)
     complete = True
@@ -144,23 +144,23 @@ def experiment(
             report({p: journal.rows[k] for p, k in keys.items() if k in journal.rows})
         tasks = []
         for c, choice in enumerate(choices):
-            wanted = tuple(i for i in range(len(asked)) if (c, i) not in finished)
-            if wanted:
-                tasks.append((c, Instance(choice, wanted)))
+            indices = tuple(i for i in range(len(instances)) if (c, i) not in finished)
+            if indices:
+                tasks.append((c, Instance(choice, indices)))
         here = executor is None and (jobs == 1 or len(tasks) == 1)
         workers = stack.enter_context(Workers(jobs, executor))
         results = workers.completed(
-            _checker(whole, asked, here=here), [instance for _, instance in tasks]
+            _checker(whole, instances, here=here), [instance for _, instance in tasks]
         )
         stack.enter_context(closing(results))
         try:
             for t, result in results:
                 c, instance = tasks[t]
-                places = [(c, i) for i in instance.wanted]
+                pairs = [(c, i) for i in instance.properties]
                 if isinstance(result, Lost):  # no fault of the instance: not in the file
-                    report({p: replace(rows[p], error=str(result)) for p in places})
+                    report({p: replace(rows[p], error=str(result)) for p in pairs})
                     continue
-                new = dict(zip(places, result, strict=True))
+                new = dict(zip(pairs, result, strict=True))
                 if journal is not None:
                     journal.append({keys[p]: row for p, row in new.items()})
                 report(new)

@@ -32,16 +32,16 @@ class Contributions(NamedTuple):
 
     def totals(self, matrix: SparseMatrix) -> Numbers:
         """The entries of a matrix, summed from their contributions where there are some."""
-        place, known = matrix.find(self.source, self.target)
+        entry, known = matrix.find(self.source, self.target)
         sums = full(matrix.entries, 0, exact=matrix.exact)
-        np.add.at(sums, place[known], self.weight[known])
+        np.add.at(sums, entry[known], self.weight[known])
         touched = np.zeros(matrix.entries, bool)
-        touched[place[known]] = True
+        touched[entry[known]] = True
         return np.where(touched, sums, matrix.data)
 
-    def renumbered(self, place: Int64s) -> Contributions:
+    def renumbered(self, number: Int64s) -> Contributions:
         """The contributions after state i is called `place[i]`."""
-        return self._replace(source=place[self.source], target=place[self.target])
+        return self._replace(source=number[self.source], target=number[self.target])
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ class TransitionParts:
 
     @classmethod
     def of(
-        cls, matrix: SparseMatrix, found: Contributions, names: Sequence[str]
+        cls, matrix: SparseMatrix, contributions: Contributions, names: Sequence[str]
     ) -> TransitionParts:
         """Divide the entries of a chain's matrix; one without contributions has no action.
 
@@ -70,26 +70,26 @@ class TransitionParts:
 
         Args:
             matrix: probabilities (rates), a row per state.
-            found: the contributions, with the state numbers of the matrix.
+            contributions: the contributions, with the state numbers of the matrix.
             names: the action names.
         """
         by_name = np.array([-1, *sorted(range(len(names)), key=names.__getitem__)], np.int32)
         rank = np.empty(len(names) + 1, np.int64)
         rank[by_name] = np.arange(len(by_name))  # by_name[0] = -1 is the last place
-        place, known = matrix.find(found.source, found.target)
+        entries, known = matrix.find(contributions.source, contributions.target)
         bare = np.ones(matrix.entries, bool)
-        bare[place[known]] = False
+        bare[entries[known]] = False
         alone = np.flatnonzero(bare)
         exact = matrix.exact
         codes, part = np.unique(
             np.concatenate(
-                [place[known] * len(rank) + rank[found.action[known]], alone * len(rank)]
+                [entries[known] * len(rank) + rank[contributions.action[known]], alone * len(rank)]
             ),
             return_inverse=True,
         )
         weights = full(len(codes), 0, exact=exact)
         ones = full(len(alone), 1, exact=exact)
-        np.add.at(weights, part, np.concatenate([found.weight[known], ones]))
+        np.add.at(weights, part, np.concatenate([contributions.weight[known], ones]))
         entry = codes // len(rank)
         single = np.bincount(entry, minlength=matrix.entries)[entry] == 1
         values = np.where(single, matrix.data[entry], weights)
@@ -98,13 +98,13 @@ class TransitionParts:
     def texts(self, names: Sequence[str]) -> list[str]:
         """The action name of each part; empty for none."""
         with_none = np.array([*names, ""], dtype=object)
-        found: list[str] = with_none[self.action].tolist()
-        return found
+        texts_of_parts: list[str] = with_none[self.action].tolist()
+        return texts_of_parts
 
     def joined(self, names: Sequence[str], entries: int) -> list[str]:
         """The action names of each of the matrix' entries, joined by commas; empty for none."""
-        found: list[list[str]] = [[] for _ in range(entries)]
+        actions: list[list[str]] = [[] for _ in range(entries)]
         for entry, text in zip(self.entry.tolist(), self.texts(names), strict=True):
             if text:
-                found[entry].append(text)
-        return [", ".join(own) for own in found]
+                actions[entry].append(text)
+        return [", ".join(actions) for actions in actions]

@@ -38,9 +38,9 @@ def is_exact(values: Numbers) -> bool:
 
 def rationals(values: Iterable[float | Fraction]) -> Rationals:
     """Numbers of any kind as rationals; a finite float is the binary fraction that it holds."""
-    found = [_rational(v) for v in values]
-    out = np.empty(len(found), dtype=object)
-    out[:] = found
+    converted = [_rational(v) for v in values]
+    out = np.empty(len(converted), dtype=object)
+    out[:] = converted
     return out
 
 

@@ -91,15 +91,15 @@ class SparseMatrix:
         """The number of the entry in each of these places, and whether there is one."""
         keys = self.row_of_entry * self.columns + self.indices
         by = np.argsort(keys, kind="stable")
-        wanted = rows * self.columns + columns
-        place = by[np.minimum(np.searchsorted(keys[by], wanted), len(keys) - 1)]
-        return place, keys[place] == wanted
+        sought = rows * self.columns + columns
+        position = by[np.minimum(np.searchsorted(keys[by], sought), len(keys) - 1)]
+        return position, keys[position] == sought
 
     @property
     def nbytes(self) -> int:
         """Memory of the arrays, in bytes."""
-        own = self.indptr.nbytes + self.indices.nbytes + self.data.nbytes
-        return own + (0 if self.groups is None else self.groups.nbytes)
+        total = self.indptr.nbytes + self.indices.nbytes + self.data.nbytes
+        return total + (0 if self.groups is None else self.groups.nbytes)
 
     @property
     def exact(self) -> bool:
@@ -127,11 +127,11 @@ class SparseMatrix:
         return replace(self, data=self.data / np.repeat(divisor, self.lengths))
 
     def select(
-        self, rows: Int64s | Int32s, place: Int32s, columns: int, groups: Int64s | None = None
+        self, rows: Int64s | Int32s, index: Int32s, columns: int, groups: Int64s | None = None
     ) -> SparseMatrix:
         """The chosen rows, with only the columns c where place[c] >= 0, renumbered to place[c]."""
         indptr, indices, data = sparse.select(
-            self.indptr, self.indices, self.handles, np.asarray(rows, np.int64), place
+            self.indptr, self.indices, self.handles, np.asarray(rows, np.int64), index
         )
         return SparseMatrix(indptr, indices, self.from_handles(data), columns, groups)
 
@@ -139,18 +139,18 @@ class SparseMatrix:
         """The chosen rows with all columns."""
         return self.select(rows, np.arange(self.columns, dtype=np.int32), self.columns, groups)
 
-    def merge(self, place: Int32s, columns: int) -> SparseMatrix:
+    def merge(self, class_of: Int32s, columns: int) -> SparseMatrix:
         """The matrix with columns renumbered by `place` (many to one); entries that coincide are
         added.
         """
         if not self.exact:
             return SparseMatrix(
-                *sparse.merge_columns(self.indptr, self.indices, self.data, place, columns),
+                *sparse.merge_columns(self.indptr, self.indices, self.data, class_of, columns),
                 columns,
                 self.groups,
             )
-        places = self.row_of_entry * columns + place[self.indices]
-        keys, inverse = np.unique(places, return_inverse=True)
+        keys = self.row_of_entry * columns + class_of[self.indices]
+        keys, inverse = np.unique(keys, return_inverse=True)
         order = np.argsort(inverse, kind="stable")
         starts = starts_of(np.bincount(inverse, minlength=len(keys)))
         return SparseMatrix(

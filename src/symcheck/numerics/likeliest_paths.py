@@ -63,12 +63,12 @@ class WalkProblem:
         # Reversed; a length of 0 is an edge, because it is stored.
         graph = csr_array((lengths, (m.indices[kept], source[kept])), (n, n))
         ends = np.flatnonzero(self.target)
-        found = (
+        lengths_to_end = (
             dijkstra(graph, indices=ends, min_only=True)
             if len(ends)
             else np.full(n, np.inf, dtype=np.float64)
         )
-        return [found], [np.arange(n)]
+        return [lengths_to_end], [np.arange(n)]
 
 
 @dataclass(frozen=True, eq=False)

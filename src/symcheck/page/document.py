@@ -53,7 +53,7 @@ def document(data: Mapping[str, JsonValue]) -> str:
         "SCRIPT": script,
         "DATA": text.replace("<", "\\u003c"),
     }
-    return re.sub("@(TITLE|STYLE|SCRIPT|DATA)@", lambda found: parts[found[1]], page)
+    return re.sub("@(TITLE|STYLE|SCRIPT|DATA)@", lambda match: parts[match[1]], page)
 
 
 def fragment(data: Mapping[str, JsonValue], height: int = 560) -> str:

@@ -148,7 +148,7 @@ class Comparison(Sequence[ComparedProperty], Tabular):
 
     def columns(self) -> dict[str, Sequence[object]]:
         """The fields of the properties by name; the first column numbers them from 1."""
-        own: dict[str, Sequence[object]] = {
+        answers: dict[str, Sequence[object]] = {
             "lower": [p.bounds and p.bounds[0] for p in self],
             "upper": [p.bounds and p.bounds[1] for p in self],
             "peer": [_plain(p.peer_value) for p in self],
@@ -157,14 +157,14 @@ class Comparison(Sequence[ComparedProperty], Tabular):
             "explanation": [p.explanation for p in self],
         }
         constants: dict[str, Sequence[object]] = {
-            n if n not in own else f"constant {n}": [p.constants.get(n) for p in self]
+            n if n not in answers else f"constant {n}": [p.constants.get(n) for p in self]
             for n in dict.fromkeys(n for p in self.properties for n in p.constants)
         }
         first: dict[str, Sequence[object]] = {
             "number": list(range(1, len(self) + 1)),
             "property": [p.name for p in self],
         }
-        return {**first, **constants, "value": [p.value for p in self], **own}
+        return {**first, **constants, "value": [p.value for p in self], **answers}
 
 
 def compare(
@@ -197,7 +197,7 @@ def compare(
         >>> symcheck.compare("die.pm", "die.pctl", peer="storm")  # doctest: +SKIP
         <Comparison with Storm: 8 same, 0 different, 0 unanswered>
     """
-    found = find_peer(peer)
+    program = find_peer(peer)
     values = value_lists(constants)
     file = properties_file(properties)
     whole = model if isinstance(model, Model) else load(model)
@@ -209,12 +209,12 @@ def compare(
         for row in compared(
             one,
             one.instances(file, {n: values[n] for n in split.of_properties}),
-            found,
+            program,
             tolerance=tolerance,
             time_limit=time_limit,
         )
     ]
-    return Comparison(tuple(compared_properties), found.name)
+    return Comparison(tuple(compared_properties), program.name)
 
 
 def compared(
@@ -263,10 +263,10 @@ def _question(model: Model, instance: PropertyInstance, folder: Path) -> Questio
         text = pretty(replace(program, type=model.type or program.type))
     model_file, properties = folder / "model.prism", folder / "properties.props"
     model_file.write_text(text, encoding="utf-8")
-    asked = instance.file.properties[instance.index]
-    source = asked.span.source
-    own = [p for p in instance.file.properties if p.span.source is source]
-    number, words = own.index(asked) + 1, source.text
+    checked = instance.file.properties[instance.index]
+    source = checked.span.source
+    in_file = [p for p in instance.file.properties if p.span.source is source]
+    number, words = in_file.index(checked) + 1, source.text
     if _is_foreign(words):
         number, words = 1, alone
     properties.write_text(words, encoding="utf-8")
@@ -291,10 +291,10 @@ def _standing_alone(model: Model, instance: PropertyInstance) -> str:
     if not (declares or refers or _is_foreign(instance.text)):
         return instance.text
     bound, labels = instance.bind(model.with_options(exact=True).bound)
-    own: dict[str, Expression] = {x.name: labels[x.name] for x in file.labels}
+    definitions: dict[str, Expression] = {x.name: labels[x.name] for x in file.labels}
 
     def put(node: Tree) -> Tree:
-        return own.get(node.name, node) if isinstance(node, LabelReference) else node
+        return definitions.get(node.name, node) if isinstance(node, LabelReference) else node
 
     return pretty(transform(bound.formula, put))
 

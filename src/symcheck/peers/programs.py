@@ -110,11 +110,11 @@ def _ending(status: int) -> str:
 
 def _read(output: str, status: int) -> Answer:
     """The answer in the output of a peer. Raises PeerError."""
-    found = _RESULT.findall(output)
-    if not found:
+    results = _RESULT.findall(output)
+    if not results:
         faults = _ERROR.findall(output) or [_ending(status)]
         raise PeerError(_NO_MEMORY if "bad_alloc" in faults[-1] else _KIND.sub("", faults[-1]))
-    text = re.split(r" +\(", found[-1].strip())[0]
+    text = re.split(r" +\(", results[-1].strip())[0]
     if text in ("true", "false"):
         return text == "true"
     ends = text.strip("[]").split(",")

@@ -166,11 +166,11 @@ class _UntilMonitor(Monitor):
         late_enough = paths.time >= self.lower
         if chain.continuous:
             hit = right & (late_enough | (left & (paths.leave >= self.lower)))
-            missed = ~left | (paths.leave > upper)
+            failed = ~left | (paths.leave > upper)
         else:
             hit = right & late_enough
-            missed = ~left | (paths.time >= upper)
-        return hit | missed, (hit ^ self.negative).astype(np.float64)
+            failed = ~left | (paths.time >= upper)
+        return hit | failed, (hit ^ self.negative).astype(np.float64)
 
     @property
     def goal(self) -> Goal | None:

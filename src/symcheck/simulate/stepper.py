@@ -69,9 +69,9 @@ class Simulator:
     def labels(self) -> tuple[str, ...]:
         """The labels that the state has, "init" and "deadlock" among them."""
         state = self._path[-1].state
-        own = [n for n in self._steps.model.labels if self._steps.has_label(state, n)]
+        named = [n for n in self._steps.model.labels if self._steps.has_label(state, n)]
         init = ["init"] if state in self._initial else []
-        return (*init, *([] if self.choices else ["deadlock"]), *own)
+        return (*init, *([] if self.choices else ["deadlock"]), *named)
 
     @cached_property
     def _initial(self) -> frozenset[State]:
@@ -184,10 +184,12 @@ class Simulator:
                 chosen = int(simulator._generator.choice(strategy.taken[taken], p=shares[taken]))
             row = slice(matrix.indptr[chosen], matrix.indptr[chosen + 1])
             targets = (states[t] for t in matrix.indices[row].tolist())
-            wanted: dict[State, float] = dict(zip(targets, matrix.data[row].tolist(), strict=True))
+            probabilities: dict[State, float] = dict(
+                zip(targets, matrix.data[row].tolist(), strict=True)
+            )
 
             def difference(choice: Choice) -> float:
-                left = dict(wanted)
+                left = dict(probabilities)
                 for branch in choice.branches:
                     left[branch.state] = left.get(branch.state, 0.0) - float(branch.probability)
                 return sum(abs(value) for value in left.values())

@@ -73,14 +73,14 @@ class Steps:
 
     def choices(self, state: State) -> tuple[Choice, ...]:
         """The enabled choices; none in a deadlock. Raises ModelFault."""
-        found = []
+        result = []
         for choice in choices(self.model, state, check_sums=self._check_sums):
             modules = {c.module for c in choice.commands}
             name = self.model.modules[modules.pop()].name if len(modules) == 1 else None
             rewards = tuple(map(float, choice.rewards))
             branches = tuple(Branch(p, s, rewards) for p, s in choice.branches)
-            found.append(Choice(choice.action, name, branches, choice.commands, self.model))
-        return tuple(found)
+            result.append(Choice(choice.action, name, branches, choice.commands, self.model))
+        return tuple(result)
 
     def rewards(self, state: State) -> tuple[float, ...]:
         """The state reward per reward structure. Raises ModelFault."""
@@ -183,13 +183,13 @@ class TableSteps(Steps):
         """The transitions of a row of a chain, by action."""
         first, last = self._explored.matrix.indptr[row : row + 2].tolist()
         whole, values = self._branches(row), parts.values.tolist()
-        found: dict[int, list[Branch]] = {}
+        result: dict[int, list[Branch]] = {}
         for i in range(*np.searchsorted(parts.entry, (first, last)).tolist()):
             branch = whole[int(parts.entry[i]) - first]
             part = replace(branch, probability=values[i])
-            found.setdefault(int(parts.action[i]), []).append(part)
+            result.setdefault(int(parts.action[i]), []).append(part)
         names = (*self.model.actions, None)
-        return tuple(Choice(names[a], None, tuple(b)) for a, b in sorted(found.items()))
+        return tuple(Choice(names[a], None, tuple(b)) for a, b in sorted(result.items()))
 
     def _branches(self, row: int) -> tuple[Branch, ...]:
         explored = self._explored

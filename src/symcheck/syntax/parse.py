@@ -135,10 +135,10 @@ def parse_properties_file(path: str | Path) -> PropertiesFile:
         UsageError: the file is unreadable.
     """
     if is_jani(path):
-        found = parse_jani_file(path)
-        for fault in found.faults.values():
+        parsed = parse_jani_file(path)
+        for fault in parsed.faults.values():
             raise fault
-        return found.properties
+        return parsed.properties
     return parse_properties(_read(path), str(path))
 
 
@@ -171,10 +171,10 @@ def _read(path: str | Path) -> str:
         return data.decode("latin-1")
 
 
-def _first_of_each_line(found: list[Diagnostic]) -> list[Diagnostic]:
+def _first_of_each_line(diagnostics: list[Diagnostic]) -> list[Diagnostic]:
     """The first diagnostic of each line, because further ones mostly follow from it."""
     lines: dict[int, Diagnostic] = {}
-    for diagnostic in found:
+    for diagnostic in diagnostics:
         lines.setdefault(diagnostic.span.source.position(diagnostic.span.start)[0], diagnostic)
     return list(lines.values())
 

@@ -59,15 +59,15 @@ def pretty_number(value: Fraction) -> str:
         rest, fives = rest // 5, fives + 1
     if rest != 1:
         return f"({numerator}.0/{denominator}.0)"
-    places = max(twos, fives)
-    digits = str(numerator * 10**places // denominator)
-    if places > 20 or len(digits) > places + 20:
+    decimals = max(twos, fives)
+    digits = str(numerator * 10**decimals // denominator)
+    if decimals > 20 or len(digits) > decimals + 20:
         stripped = digits.rstrip("0")
-        return f"{stripped}e{len(digits) - len(stripped) - places}"
-    if not places:
+        return f"{stripped}e{len(digits) - len(stripped) - decimals}"
+    if not decimals:
         return f"{digits}.0"
-    digits = digits.rjust(places + 1, "0")
-    return f"{digits[:-places]}.{digits[-places:]}"
+    digits = digits.rjust(decimals + 1, "0")
+    return f"{digits[:-decimals]}.{digits[-decimals:]}"
 
 
 def _tree(node: Tree, least: int = _CONDITIONAL) -> str:
@@ -260,8 +260,8 @@ def _measure(node: ast.AnyMeasure, tail: str = "") -> str:
                 head += " "  # only Smin=? and Smax=? are read as one word
         case _:
             assert_never(node)
-    asked = "=?" if node.bound is None else _limit(node.bound)
-    return f"{head}{node.direction or ''}{asked} [ {text}{tail} ]"
+    comparison = "=?" if node.bound is None else _limit(node.bound)
+    return f"{head}{node.direction or ''}{comparison} [ {text}{tail} ]"
 
 
 # -------------------------------------------------------------------------------------------- files

@@ -148,7 +148,7 @@ class Builder:
 
     # ------------------------------------------------------------------------------------ positions
 
-    def _place(self, part: Value) -> tuple[int, int]:
+    def _extent(self, part: Value) -> tuple[int, int]:
         """Where a word or node starts and ends, with the parentheses around it."""
         if not isinstance(part, ast.Node):
             return part.start_pos, part.end_pos
@@ -156,7 +156,7 @@ class Builder:
         return (part.span.start, part.span.end) if outer is None else outer[:2]
 
     def _span(self, values: Values) -> Span:
-        return Span(self.source, self._place(values[0])[0], self._place(values[-1])[1])
+        return Span(self.source, self._extent(values[0])[0], self._extent(values[-1])[1])
 
     def _words(self, values: Values) -> Span:
         """The span of values of which the first and the last are words."""
@@ -291,14 +291,14 @@ class Builder:
                 waiting.append((strength, operator, count, 0))
                 if strength > UnaryOperator.NOT.precedence and self._is_open_negation(operand):
                     self._misplaced_negation(operand, operator)
-            _, end = self._place(operand)
+            _, end = self._extent(operand)
             if i < last and chain[i + 1].precedence > UnaryOperator.NOT.precedence:
                 while self._is_open_negation(operand):
                     waiting.append(
                         (UnaryOperator.NOT.precedence, UnaryOperator.NOT, 1, operand.span.start)
                     )
                     operand = operand.operand
-            operands.append((operand, self._place(operand)[0], end))
+            operands.append((operand, self._extent(operand)[0], end))
         while waiting:
             self._apply(operands, *waiting.pop())
         return operands[0][0]
@@ -436,7 +436,7 @@ class ModelBuilder(Builder):
 
     def update(self, values: Values) -> decl.Update:
         probability, _, (assignments, span) = values
-        span = Span(self.source, self._place(probability)[0], span.end)
+        span = Span(self.source, self._extent(probability)[0], span.end)
         return decl.Update(self.measure(probability), assignments, span=span)
 
     def assignments(self, values: Values) -> tuple[tuple[decl.Assignment, ...], Span]:
@@ -489,7 +489,7 @@ class PropertiesBuilder(Builder):
     def property(self, values: Values) -> decl.Property:
         name, _, formula = values
         text = self.source.text
-        (start, _), (_, end) = self._place(name or formula), self._place(formula)
+        (start, _), (_, end) = self._extent(name or formula), self._extent(formula)
         word = _LAST_WORD.search(text, max(start, end - _LONGEST_WORD), end)
         if word and _OPENING.match(text, end):
             span = Span(self.source, word.start(), end)
@@ -645,7 +645,7 @@ class PropertiesBuilder(Builder):
         else:
             bound = limits(path.bound)
             parts = (bound,)
-        found = replace(formula, path=replace(path, bound=bound))
+        result = replace(formula, path=replace(path, bound=bound))
         proper = [
             p
             for p in parts
@@ -653,11 +653,11 @@ class PropertiesBuilder(Builder):
             or (isinstance(p.lower, ast.Parameter) and p.upper is None)
         ]
         count = sum(isinstance(n, ast.Parameter) for n in nodes(bound))
-        elsewhere = [n for n in nodes(found) if isinstance(n, ast.Name) and n.name == variable]
+        elsewhere = [n for n in nodes(result) if isinstance(n, ast.Name) and n.name == variable]
         if len(proper) != 1 or count != 1 or elsewhere:
             message = f"{variable} stands once, as <={variable}, >={variable} or >{variable}"
             self._wrong(message, span, "quantile", "other constants may have any expression")
-        return ast.Quantile(optimum.value, variable, found, span=span)
+        return ast.Quantile(optimum.value, variable, result, span=span)
 
     # -------------------------------------------------------------------------------------- filters
 
@@ -672,8 +672,8 @@ class PropertiesBuilder(Builder):
             known = (*FILTERS, "values")
             near = get_close_matches(name, known, 1)
             hint = f"did you mean {near[0]}?" if near else f"the filters are {', '.join(known)}"
-            place = Span(self.source, word.start_pos, word.end_pos)
-            self._wrong(f"there is no filter '{name}'", place, "filter", hint)
+            position = Span(self.source, word.start_pos, word.end_pos)
+            self._wrong(f"there is no filter '{name}'", position, "filter", hint)
         return ast.Filter(operator or "state", formula, states, span=span)
 
     def old_filter(self, values: Values) -> tuple[Expression, tuple[Value, ...]]:

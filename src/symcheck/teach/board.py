@@ -114,8 +114,8 @@ class Board:
         """The nodes of a set of reachable states, over row bits."""
         if self.engine is None:
             return []
-        found = map(self.graph.number, enumerate_states(manager, encoding, states))
-        return [f"s{s}" for s in found if s in self._drawn]
+        numbers = map(self.graph.number, enumerate_states(manager, encoding, states))
+        return [f"s{s}" for s in numbers if s in self._drawn]
 
     @cached_property
     def _drawn(self) -> frozenset[int]:
@@ -162,8 +162,8 @@ class Board:
         """The graphs, and the states that are drawn, for `symcheck.page.document`."""
         if self.engine is None:
             return {"graphs": self.graphs}
-        place = {s: i for i, s in enumerate(self.drawn.tolist())}
-        of_chain = {s: self.graph.actions_to(s) for s in place} if self.graph.is_chain else {}
+        index = {s: i for i, s in enumerate(self.drawn.tolist())}
+        of_chain = {s: self.graph.actions_to(s) for s in index} if self.graph.is_chain else {}
 
         def named(source: int, target: int) -> list[str]:
             """The action of a chain's transition, if it has one."""
@@ -174,22 +174,22 @@ class Board:
                 [
                     c.row,
                     c.action,
-                    [[place.get(t, -1), float(p), *named(s, t)] for t, p in c.successors],
+                    [[index.get(t, -1), float(p), *named(s, t)] for t, p in c.successors],
                 ]
                 for c in self.graph.choices(s)
             ]
-            for s in place
+            for s in index
         ]
         states = [
-            self.graph.text(self.graph.valuations[s], named=True, width=1 << 30) for s in place
+            self.graph.text(self.graph.valuations[s], named=True, width=1 << 30) for s in index
         ]
         model = {
             "kind": self.engine.model.type.name,
-            "ids": list(place),
+            "ids": list(index),
             "states": states,
             "rows": rows,
             "initial": [
-                place[s] for s in np.flatnonzero(self.graph.initial).tolist() if s in place
+                index[s] for s in np.flatnonzero(self.graph.initial).tolist() if s in index
             ],
             "strategies": [],
         }

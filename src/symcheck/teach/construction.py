@@ -78,9 +78,9 @@ def _construction(space: StateSpace, options: Options) -> Iterator[BuildFrame]:
             continue
         name = event.event.action or f"unlabelled {number + 1}"
         for commands in event.participants:
-            for place, command in enumerate(commands):
+            for index, command in enumerate(commands):
                 yield from _command(
-                    space, command, f"[{name}] command {place + 1} of {_module(symbolic, command)}"
+                    space, command, f"[{name}] command {index + 1} of {_module(symbolic, command)}"
                 )
             if len(commands) > 1:
                 matrix = participant_matrix(symbolic, commands, touched_by(commands), space.states)
@@ -126,11 +126,11 @@ def _module(symbolic: SymbolicModel, command: EncodedCommand) -> str:
 
 def construction_show(frames: Sequence[BuildFrame], board: Board) -> Show:
     """A diagram for each frame; guards and commands also on the state graph."""
-    found = []
+    result = []
     for frame in shown(frames):
         drawn = board.diagram([frame.diagram], frame.encoding, title=frame.title)
         enabled = board.nodes(frame.states, frame.manager, frame.encoding)
-        found.append(
+        result.append(
             {
                 "title": frame.title,
                 "note": f"{frame.nodes} nodes" + ("" if drawn.panes else ", too many to be drawn"),
@@ -142,6 +142,6 @@ def construction_show(frames: Sequence[BuildFrame], board: Board) -> Show:
         "name": "Construction of the matrix, guard by guard",
         "note": "Guards and updates become commands, modules, events, and finally the matrix."
         + left_out(frames),
-        "frames": found,
+        "frames": result,
         "keys": [["in", "states in which it is enabled"]],
     }

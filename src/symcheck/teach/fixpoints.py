@@ -123,11 +123,11 @@ def fixpoint_show(
     """A fixpoint on the state graph, and on one diagram of all its sets."""
     symbolic = engine.space.symbolic
     diagram = board.diagram([f.bdd for f in shown(frames)], symbolic.encoding)
-    found, before = [], set[str]()
+    result, before = [], set[str]()
     for number, frame in enumerate(shown(frames)):
         here = set(board.nodes(frame.bdd, symbolic.manager, symbolic.encoding))
         marks = (("in", here & before), ("new", here - before), ("gone", before - here))
-        found.append(
+        result.append(
             {
                 "title": f"{frame.number}: {frame.stage}",
                 "note": f"{frame.count} states in {frame.nodes} nodes",
@@ -143,7 +143,7 @@ def fixpoint_show(
         "note": "Each frame is a set of states on the way to the fixpoint; the last is the result."
         + left_out(frames),
         "panes": [*board.panes, *diagram.panes],
-        "frames": found,
+        "frames": result,
         "keys": [
             ["in", "in the set"],
             ["new", "new, or changed in the diagram"],

@@ -30,7 +30,7 @@ class SearchFrame:
         iteration: counts of the iteration.
         states: the states reached so far.
         frontier: the states that this iteration found.
-        found: the first of these, as values in declaration order.
+        new_states: the first of these, as values in declaration order.
         encoding: says which bits encode which variable.
         manager: of the diagrams.
     """
@@ -38,16 +38,16 @@ class SearchFrame:
     iteration: Iteration
     states: Bdd = field(repr=False)
     frontier: Bdd = field(repr=False)
-    found: tuple[tuple[bool | int, ...], ...]
+    new_states: tuple[tuple[bool | int, ...], ...]
     encoding: Encoding = field(repr=False)
     manager: DiagramManager = field(repr=False)
 
     def __str__(self) -> str:
         i = self.iteration
-        shown = " ".join("(" + ",".join(map(_text, s)) + ")" for s in self.found)
+        shown = " ".join("(" + ",".join(map(_text, s)) + ")" for s in self.new_states)
         more = (
             f" … {i.frontier} in all"
-            if i.frontier is not None and i.frontier > len(self.found)
+            if i.frontier is not None and i.frontier > len(self.new_states)
             else ""
         )
         return f"{i.number}: {i.states} states in {i.nodes} nodes; new: {shown or 'nothing'}{more}"
@@ -82,11 +82,16 @@ def _frontiers(
     symbolic: SymbolicModel, schedule: str, limit: int, frames: int | None
 ) -> Iterator[SearchFrame]:
     encoding = symbolic.encoding
-    for found in islice(search(symbolic, schedule), frames):
-        states = enumerate_states(found.symbolic.manager, encoding, found.frontier)
+    for iteration in islice(search(symbolic, schedule), frames):
+        states = enumerate_states(iteration.symbolic.manager, encoding, iteration.frontier)
         values = tuple(islice(states, limit))
         yield SearchFrame(
-            found.iteration, found.states, found.frontier, values, encoding, symbolic.manager
+            iteration.iteration,
+            iteration.states,
+            iteration.frontier,
+            values,
+            encoding,
+            symbolic.manager,
         )
 
 
@@ -94,27 +99,27 @@ def search_show(frames: Sequence[SearchFrame], board: Board) -> Show:
     """The search on the state graph, and on one diagram of the reached sets of all frames."""
     diagram = board.diagram([f.states for f in shown(frames)], frames[0].encoding)
     reached: list[str] = []
-    found_frames = []
+    entries = []
     for number, frame in enumerate(shown(frames)):
-        found = board.nodes(frame.frontier, frame.manager, frame.encoding)
-        found_frames.append(
+        nodes = board.nodes(frame.frontier, frame.manager, frame.encoding)
+        entries.append(
             {
                 "title": f"Iteration {frame.iteration.number}",
                 "note": str(frame).split(": ", 1)[1],
                 "marks": [
                     *board.marks("in", reached),
-                    *board.marks("new", found),
+                    *board.marks("new", nodes),
                     *diagram.marks(number),
                 ],
             }
         )
-        reached = [*reached, *found]
+        reached = [*reached, *nodes]
     return {
         "name": "Reachability, frontier by frontier",
         "note": "Each iteration adds the successors of the states that the one before it found."
         + left_out(frames),
         "panes": [*board.panes, *diagram.panes],
-        "frames": found_frames,
+        "frames": entries,
         "keys": [["in", "reached before"], ["new", "new, or changed in the diagram"]],
     }
 

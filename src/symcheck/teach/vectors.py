@@ -198,15 +198,15 @@ def reward_trace(
         >>> teach.reward_trace(die, "s=7", "tosses").infinite  # doctest: +SKIP
     """
     engine, direction = engine_of(model), direction and Direction(direction)
-    wanted = _structure(engine, reward) if isinstance(reward, str) else reward
+    requested = _structure(engine, reward) if isinstance(reward, str) else reward
     target = set_of(engine, target)
-    infinite = ~engine.finite_reward(wanted, target, direction)
+    infinite = ~engine.finite_reward(requested, target, direction)
     unknown = ~(infinite | target)
     decided = (
         Decided(target - infinite, 0.0, "reward 0, the target", "one"),
         Decided(infinite, np.inf, "infinite reward", "zero"),
     )
-    equations = engine.system(unknown, direction).expected_reward(wanted, infinite=infinite)
+    equations = engine.system(unknown, direction).expected_reward(requested, infinite=infinite)
     return RewardTrace(
         decided,
         unknown,
@@ -255,9 +255,9 @@ def _expanded(step: Progress, quotient: MecQuotient | None) -> Progress:
         policy = None if step.policy is None else np.array(step.policy)
         return replace(step, lower=lower, upper=upper, policy=policy)
     upper = step.lower if step.upper is None else step.upper
-    found = quotient.expand(Solution(step.lower, upper, step.method, strategy=step.policy))
-    high = None if step.upper is None else found.upper
-    return replace(step, lower=found.lower, upper=high, policy=found.strategy)
+    solution = quotient.expand(Solution(step.lower, upper, step.method, strategy=step.policy))
+    high = None if step.upper is None else solution.upper
+    return replace(step, lower=solution.lower, upper=high, policy=solution.strategy)
 
 
 def equations_show(name: str, trace: EquationsTrace, board: Board) -> Show:

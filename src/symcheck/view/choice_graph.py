@@ -199,12 +199,12 @@ class ChoiceGraph:
     def actions_to(self, state: int) -> Mapping[int, str]:
         """The actions of a chain's transitions from a state, joined by commas, by target."""
         if self._steps is not None:
-            found: dict[int, set[str]] = {}
+            result: dict[int, set[str]] = {}
             for choice in self._steps.choices(self.valuations[state]):
                 for branch in choice.branches:
                     to = self._numbers.get(branch.state, -1)
-                    found.setdefault(to, set()).add(choice.action or "")
-            return {t: ", ".join(sorted(filter(None, names))) for t, names in found.items()}
+                    result.setdefault(to, set()).add(choice.action or "")
+            return {t: ", ".join(sorted(filter(None, names))) for t, names in result.items()}
         part = range(*self.matrix.indptr[state : state + 2].tolist())
         return {int(self.matrix.indices[i]): self._read_actions[i] for i in part}
 
@@ -218,13 +218,13 @@ class ChoiceGraph:
 
     def choices(self, state: int) -> list[Choice]:
         """The choices of a state."""
-        m, found = self.matrix, []
+        m, result = self.matrix, []
         for row in range(int(self._starts[state]), int(self._starts[state + 1])):
             part = slice(int(m.indptr[row]), int(m.indptr[row + 1]))
             successors = zip(m.indices[part].tolist(), m.data[part].tolist(), strict=True)
             action = "" if self._actions is None else self._actions[row]
-            found.append(Choice(row, action, tuple(successors)))
-        return found
+            result.append(Choice(row, action, tuple(successors)))
+        return result
 
     def number(self, state: PathStep | State | Mapping[str, bool | int] | int) -> int:
         """The number of a state. Raises UsageError if it is not reachable."""
@@ -262,25 +262,25 @@ class ChoiceGraph:
             UsageError: there are none, or they belong to other states.
         """
         if not isinstance(values, Result):
-            found: list[float | Fraction | bool] = list(values)
-            if len(found) == self.engine.states:
-                return found
-            raise UsageError(f"{self.engine.states:,} values are expected, not {len(found):,}")
+            result: list[float | Fraction | bool] = list(values)
+            if len(result) == self.engine.states:
+                return result
+            raise UsageError(f"{self.engine.states:,} values are expected, not {len(result):,}")
         on = values.engine or self.engine
         if values.values is not None:
-            found = values.values.array.tolist()
+            result = values.values.array.tolist()
         elif values.satisfying is not None:
-            found = values.satisfying.mask.tolist()
+            result = values.satisfying.mask.tolist()
         else:
             raise UsageError("this result has no values of states")
         if on is self.engine:
-            return found
+            return result
         if on.states != self.engine.states:
             raise UsageError(
                 "the values belong to the states of another model\n"
                 "  hint: check without the options bisim and reduce"
             )
-        known = dict(zip(on.valuations(on.all), found, strict=True))
+        known = dict(zip(on.valuations(on.all), result, strict=True))
         return [known[state] for state in self.valuations]
 
     def distances(self, start: Bools, radius: int | None, limit: int, *, back: bool) -> Int64s:
@@ -297,11 +297,11 @@ class ChoiceGraph:
         step, frontier = 0, start
         while frontier.any() and (radius is None or step < radius):
             step += 1
-            found = np.zeros_like(start)
-            found[target[frontier[source]]] = True
+            result = np.zeros_like(start)
+            result[target[frontier[source]]] = True
             if back:
-                found[source[frontier[target]]] = True
-            frontier = found & (distance < 0)
+                result[source[frontier[target]]] = True
+            frontier = result & (distance < 0)
             if radius is None and int((distance >= 0).sum() + frontier.sum()) > limit:
                 break
             distance[frontier] = step
@@ -324,16 +324,16 @@ class ChoiceGraph:
         return "\n".join(lines) or "state"
 
 
-def strategy_of(found: Strategy | Result) -> Strategy:
+def strategy_of(chosen: Strategy | Result) -> Strategy:
     """A strategy, or that of a result. Raises UsageError if it has none."""
-    if not isinstance(found, Result):
-        return found
-    if found.strategy is None:
+    if not isinstance(chosen, Result):
+        return chosen
+    if chosen.strategy is None:
         raise UsageError(
             "this result has no strategy\n"
             "  hint: check Pmin, Pmax, Rmin or Rmax of an MDP with the option strategy=True"
         )
-    strategy: Strategy = found.strategy
+    strategy: Strategy = chosen.strategy
     return strategy
 
 

@@ -211,16 +211,17 @@ def _blocks(graph: _Graph, encoding: Encoding) -> list[_Block] | None:
     blocks: list[_Block] = []
     covered: set[int] = set()
     for v in encoding.variables:
-        places = [
+        positions = [
             (at[b], v.width - 1 - i, column)
             for column, part in ((False, v.rows), (True, v.columns))
             for i, b in enumerate(part)
         ]
-        levels = {level: (exponent, column) for level, exponent, column in places}
+        levels = {level: (exponent, column) for level, exponent, column in positions}
         if not used & set(levels):
             continue
         rows, columns = (
-            any(level in used for level, _, c in places if c is column) for column in (False, True)
+            any(level in used for level, _, c in positions if c is column)
+            for column in (False, True)
         )
         size = v.high - v.low + 1
         if (

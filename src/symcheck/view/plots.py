@@ -140,22 +140,22 @@ def plot_orders(frames: Sequence[Ordered], axes: Axes | None = None, title: str 
     _require_frames(frames, "plot_orders takes the frames of teach.compare_orders(model)")
     best = sorted(frames, key=lambda f: f.matrix_nodes, reverse=True)
     axes = axes_of(axes, (6.4, 1.0 + 0.32 * len(best)))
-    place = range(len(best))
+    positions = range(len(best))
     axes.barh(
-        [p + 0.2 for p in place],
+        [p + 0.2 for p in positions],
         [f.matrix_nodes for f in best],
         height=0.38,
         color=_BLUE,
         label="matrix",
     )
     axes.barh(
-        [p - 0.2 for p in place],
+        [p - 0.2 for p in positions],
         [f.states_nodes for f in best],
         height=0.38,
         color=_GREEN,
         label="states",
     )
-    axes.set_yticks(list(place), [" < ".join(f.order) for f in best], fontsize="small")
+    axes.set_yticks(list(positions), [" < ".join(f.order) for f in best], fontsize="small")
     axes.set(xlabel="nodes", title=title)
     axes.legend(fontsize="small", frameon=False)
     return axes
@@ -176,18 +176,18 @@ def plot_blocks(matrix: Blocked, axes: Axes | None = None, title: str = "") -> A
     Raises:
         UnsupportedError: there are more than 20 000 occurrences.
     """
-    places = matrix.occurrences
-    if len(places) > _MOST_OCCURRENCES:
+    occurrences = matrix.occurrences
+    if len(occurrences) > _MOST_OCCURRENCES:
         raise UnsupportedError(
-            f"the matrix has {len(places):,} block occurrences, and at most "
+            f"the matrix has {len(occurrences):,} block occurrences, and at most "
             f"{_MOST_OCCURRENCES:,} are drawn\n  hint: draw a smaller model"
         )
     axes = axes_of(axes, (5.2, 5.0))
     from matplotlib.patches import Rectangle
 
     colours = _pyplot().get_cmap("tab20")
-    number = {int(b): i for i, b in enumerate(dict.fromkeys(places[:, 1].tolist()))}
-    for _, block, row, column in places.tolist():
+    number = {int(b): i for i, b in enumerate(dict.fromkeys(occurrences[:, 1].tolist()))}
+    for _, block, row, column in occurrences.tolist():
         height, width, _ = matrix.blocks[block].tolist()
         colour = colours(number[block] % 20)
         axes.add_patch(
@@ -202,7 +202,7 @@ def plot_blocks(matrix: Blocked, axes: Axes | None = None, title: str = "") -> A
             )
         )
     rows, columns = (
-        (places[:, 2 + i] + matrix.blocks[places[:, 1], i]).max(initial=1) for i in (0, 1)
+        (occurrences[:, 2 + i] + matrix.blocks[occurrences[:, 1], i]).max(initial=1) for i in (0, 1)
     )
     axes.set(xlim=(0, columns), ylim=(rows, 0), xlabel="to state", ylabel="from state", title=title)
     axes.set_aspect("equal")

@@ -130,10 +130,10 @@ def _part(
 
 def _emphases(graph: ChoiceGraph, strategy: Strategy) -> Sequence[Emphasis]:
     """Which rows a strategy takes; "" where its choice does not matter."""
-    found = np.where(strategy.matters[graph.matrix.state_of_row], "other", "").astype(object)
+    colours = np.where(strategy.matters[graph.matrix.state_of_row], "other", "").astype(object)
     taken = strategy.taken
-    found[taken[found[taken] == "other"]] = "chosen"
-    return cast(Sequence[Emphasis], found)
+    colours[taken[colours[taken] == "other"]] = "chosen"
+    return cast(Sequence[Emphasis], colours)
 
 
 def _steps(graph: ChoiceGraph, path: StatesOnPath | Counterexample) -> tuple[tuple[int, int], ...]:

@@ -16,13 +16,13 @@ from symcheck.syntax.ast import ModelType
 __all__ = ["command_set"]
 
 
-def command_set(asked: Question) -> tuple[CommandSet | None, str]:
+def command_set(question: Question) -> tuple[CommandSet | None, str]:
     """A small set of commands, or why there is none."""
-    engine, problem, model = asked.engine, asked.problem, asked.engine.model
-    matrix, rows, steps = problem.matrix, asked.rows, None
+    engine, problem, model = question.engine, question.problem, question.engine.model
+    matrix, rows, steps = problem.matrix, question.rows, None
     if model.builder is not None:
         return None, "no commands: the model has none"
-    if asked.reward is not None or asked.origin is not None:
+    if question.reward is not None or question.origin is not None:
         return None, "no commands: they are found for probabilities of one of X, F, G, U, W and R"
     if model.type is ModelType.CTMC:
         return None, "no commands: without a command, the others of a CTMC are more likely"
@@ -32,22 +32,22 @@ def command_set(asked: Question) -> tuple[CommandSet | None, str]:
             return None, "no commands: with a bound on steps, they are found for F and U"
     if engine.states > tuning.COMMAND_STATES:
         return None, f"no commands: they are found for at most {tuning.COMMAND_STATES:,} states"
-    if problem.target[asked.initial] or not problem.through[asked.initial]:
+    if problem.target[question.initial] or not problem.through[question.initial]:
         return None, "no commands: the initial state decides"
-    if asked.satisfies:  # any strategy may show it, and another one may need fewer commands
+    if question.satisfies:  # any strategy may show it, and another one may need fewer commands
         matrix, rows = engine.matrix, None
     labelled = labelled_transitions(
-        engine, matrix, rows, problem.through, problem.target, asked.initial
+        engine, matrix, rows, problem.through, problem.target, question.initial
     )
-    found = (
+    answer = (
         None
         if labelled is None
-        else fewest_commands(labelled, asked.need, strict=asked.strict, steps=steps)
+        else fewest_commands(labelled, question.need, strict=question.strict, steps=steps)
     )
-    if labelled is None or found is None:
+    if labelled is None or answer is None:
         return None, "no commands: the threshold is too close to the value (-exact decides)"
-    chosen, smallest = found
+    chosen, smallest = answer
     texts = [command_text(model, labelled.commands[i]) for i in np.flatnonzero(chosen)]
-    another = engine.model.type is ModelType.MDP and asked.satisfies
+    another = engine.model.type is ModelType.MDP and question.satisfies
     count = len(labelled.commands)
     return CommandSet(tuple(sorted(texts)), count, smallest, any_strategy=another), ""

@@ -55,8 +55,8 @@ class _Checker:
         self.checks += 1
         low, high = self._bounds(self.transitions.restricted(chosen))
         reached = low > self.threshold if self.strict else low >= self.threshold
-        missed = high <= self.threshold if self.strict else high < self.threshold
-        self.undecided |= not reached and not missed
+        refuted = high <= self.threshold if self.strict else high < self.threshold
+        self.undecided |= not reached and not refuted
         return bool(reached)
 
     def _bounds(self, matrix: SparseMatrix) -> tuple[float | Fraction, float | Fraction]:
@@ -74,8 +74,8 @@ class _Checker:
         if self.steps is None:
             direction = None if inside.groups is None else Direction.MAX
             problem = LinearProblem(constant, inside, direction=direction)
-            found = solve_linear(problem, _SETTINGS)
-            return found.lower[first], found.upper[first]
+            solution = solve_linear(problem, _SETTINGS)
+            return solution.lower[first], solution.upper[first]
         value = full(inside.states, 0, exact=matrix.exact)
         for _ in range(self.steps):
             value = inside.multiply(value) + constant
@@ -119,15 +119,15 @@ def _hitting_set(cuts: list[Bools], count: int) -> Bools:
 
     if not cuts:
         return np.zeros(count, np.bool_)
-    found = milp(
+    answer = milp(
         np.ones(count),
         constraints=LinearConstraint(np.array(cuts, np.float64), lb=1.0),
         integrality=np.ones(count),
         bounds=Bounds(0, 1),
     )
-    if found.x is None:
-        raise NumericalError(f"the smallest set of commands was not found: {found.message}")
-    return np.asarray(found.x > 0.5)
+    if answer.x is None:
+        raise NumericalError(f"the smallest set of commands was not found: {answer.message}")
+    return np.asarray(answer.x > 0.5)
 
 
 def _enlarged(chosen: Bools, critical: Callable[[Bools], bool]) -> Bools:

@@ -47,62 +47,62 @@ def find_counterexample(
     """
     check_rows_fit(context.engine, "a counterexample needs")
     context = to_explicit(replace(context, relevant_states=None))
-    asked = question_of(context, formula)
+    question = question_of(context, formula)
     limit = tuning.COUNTEREXAMPLE_PATHS if paths is None else paths
-    found: list[FoundPath] = []
-    total: Number = Fraction(0) if asked.engine.exact else 0.0
-    complete = _reached(total, found, asked)
-    for path in islice(likeliest_paths(asked.problem, asked.initial), limit):
+    chosen: list[FoundPath] = []
+    total: Number = Fraction(0) if question.engine.exact else 0.0
+    complete = _reached(total, chosen, question)
+    for path in islice(likeliest_paths(question.problem, question.initial), limit):
         if complete:
             break
         counted = path
-        if asked.share is not None:
-            counted = replace(path, probability=float(path.probability) * asked.share(path))
-        found.append(counted)
-        total += _worth(counted, asked)
-        complete = _reached(total, found, asked)
-    found.sort(key=lambda path: -path.probability)
-    notes = [asked.note] if asked.note else []
+        if question.share is not None:
+            counted = replace(path, probability=float(path.probability) * question.share(path))
+        chosen.append(counted)
+        total += _weight(counted, question)
+        complete = _reached(total, chosen, question)
+    chosen.sort(key=lambda path: -path.probability)
+    notes = [question.note] if question.note else []
     if not complete:
         notes.append(
             f"the limit of {limit} paths was reached before the threshold"
-            if len(found) == limit
+            if len(chosen) == limit
             else "these are all paths: the threshold is within their rounding errors"
         )
     sums = (
-        [sum((p.probability for p in found), Fraction(0)), total]
-        if asked.engine.exact
-        else [fsum(p.probability for p in found), fsum(_worth(p, asked) for p in found)]
+        [sum((p.probability for p in chosen), Fraction(0)), total]
+        if question.engine.exact
+        else [fsum(p.probability for p in chosen), fsum(_weight(p, question) for p in chosen)]
     )
     result = Counterexample(
         " ".join((formula.span.text or pretty(formula)).split()),
-        asked.refutes,
-        asked.satisfies,
-        asked.need,
-        asked.strict,
-        named_paths(asked, found),
+        question.refutes,
+        question.satisfies,
+        question.need,
+        question.strict,
+        named_paths(question, chosen),
         sums[0],
         complete,
-        reward=None if asked.reward is None else sums[1],
+        reward=None if question.reward is None else sums[1],
         note="; ".join(notes),
     )
-    return result.with_commands(*command_set(asked)) if commands else result
+    return result.with_commands(*command_set(question)) if commands else result
 
 
-def _worth(path: FoundPath, asked: Question) -> Number:
+def _weight(path: FoundPath, question: Question) -> Number:
     """What a path adds to the sum: its probability, times what it earns."""
-    return path.probability if asked.reward is None else path.probability * asked.reward(path)
+    return path.probability if question.reward is None else path.probability * question.reward(path)
 
 
-def _reached(total: Number, found: list[FoundPath], asked: Question) -> bool:
+def _reached(total: Number, chosen: list[FoundPath], question: Question) -> bool:
     """Whether the sum is proved to reach what is needed.
 
     total: the sum; of doubles, a rough one, which is computed again near the threshold.
     """
-    if not asked.engine.exact and total > asked.need * _NEARLY:
+    if not question.engine.exact and total > question.need * _NEARLY:
         slack = _ROUNDINGS * UNIT_ROUNDOFF
-        total = fsum(_worth(p, asked) * (1 - slack * len(p.states)) for p in found)
+        total = fsum(_weight(p, question) * (1 - slack * len(p.states)) for p in chosen)
         total *= 1 - 2 * UNIT_ROUNDOFF
-    elif not asked.engine.exact:
-        return asked.need <= 0 and not asked.strict
-    return total > asked.need if asked.strict else total >= asked.need
+    elif not question.engine.exact:
+        return question.need <= 0 and not question.strict
+    return total > question.need if question.strict else total >= question.need

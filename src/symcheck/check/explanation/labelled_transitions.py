@@ -58,8 +58,8 @@ class LabelledTransitions:
         row, target, weight = self.row[kept], self.target[kept], self.weight[kept]
         rows = np.unique(row) if self.several else np.arange(len(self.owner))
         indptr = np.append(np.searchsorted(row, rows), len(row)).astype(np.int64)
-        places = np.arange(len(row), dtype=np.int32)
-        whole = SparseMatrix(indptr, places, weight, len(row))
+        indices = np.arange(len(row), dtype=np.int32)
+        whole = SparseMatrix(indptr, indices, weight, len(row))
         merged = whole.merge(target.astype(np.int32), self.states + 1)
         if not self.several:
             return merged
@@ -95,14 +95,14 @@ def labelled_transitions(
     start[initial] = True
     relevant = inner & graph.forward_reachable(edges, start, inner)
     relevant &= graph.backward_reachable(edges, target, inner)
-    place = np.full(matrix.states, -1)
-    place[relevant] = np.arange(np.count_nonzero(relevant))
-    place[target] = n = int(np.count_nonzero(relevant))
+    index = np.full(matrix.states, -1)
+    index[relevant] = np.arange(np.count_nonzero(relevant))
+    index[target] = n = int(np.count_nonzero(relevant))
     states = cast("list[State]", list(engine.explored.states))
-    numbers = {state: int(place[i]) for i, state in enumerate(states)}
+    numbers = {state: int(index[i]) for i, state in enumerate(states)}
     one: float | Fraction = Fraction(1) if engine.exact else 1.0
     parts: list[tuple[int, int, float | Fraction, int]] = []
-    found: dict[int, BoundCommand] = {}
+    commands: dict[int, BoundCommand] = {}
     labels: dict[frozenset[int], int] = {}
     owner: list[int] = []
     several = engine.model.type is ModelType.MDP
@@ -119,7 +119,7 @@ def labelled_transitions(
         for i, choice in enumerate(enabled):
             if several or i == 0:
                 owner.append(numbers[states[s]])
-            found |= {id(c): c for c in choice.commands}
+            commands |= {id(c): c for c in choice.commands}
             label = labels.setdefault(frozenset(map(id, choice.commands)), len(labels))
             parts += [
                 (len(owner) - 1, numbers[t], share * cast("float | Fraction", p), label)
@@ -130,11 +130,11 @@ def labelled_transitions(
         return None
     row, goal, weight, label_of = zip(*parts, strict=True)
     order = np.lexsort((goal, row))
-    needed = np.array([[command in label for command in found] for label in labels], np.bool_)
+    needed = np.array([[command in label for command in commands] for label in labels], np.bool_)
     weights = rationals(weight) if engine.exact else np.array(weight, np.float64)
     return LabelledTransitions(
         n,
-        int(place[initial]),
+        int(index[initial]),
         np.array([*owner, n], np.int64),
         several,
         np.array(row, np.int64)[order],
@@ -142,7 +142,7 @@ def labelled_transitions(
         weights[order],
         np.array(label_of, np.int64)[order],
         needed,
-        tuple(found.values()),
+        tuple(commands.values()),
     )
 
 

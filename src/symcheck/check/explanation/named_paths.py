@@ -21,12 +21,14 @@ from symcheck.syntax.ast import ModelType
 __all__ = ["named_paths"]
 
 
-def named_paths(asked: Question, found: Sequence[FoundPath]) -> tuple[LikelyPath, ...]:
+def named_paths(question: Question, paths: Sequence[FoundPath]) -> tuple[LikelyPath, ...]:
     """The paths with the valuations of their states and the actions of their steps."""
-    engine, strategy = asked.engine, asked.rows
+    engine, strategy = question.engine, question.rows
     of_model = [
-        path.states if asked.origin is None else tuple(asked.origin[list(path.states)].tolist())
-        for path in found
+        path.states
+        if question.origin is None
+        else tuple(question.origin[list(path.states)].tolist())
+        for path in paths
     ]
     numbers = sorted({s for path in of_model for s in path})
     members = ArraySet.of(engine.states, np.array(numbers, np.int64))
@@ -45,9 +47,9 @@ def named_paths(asked: Question, found: Sequence[FoundPath]) -> tuple[LikelyPath
                 )
             ),
             path.probability,
-            None if asked.reward is None else asked.reward(path),
+            None if question.reward is None else question.reward(path),
         )
-        for path, of_path in zip(found, of_model, strict=True)
+        for path, of_path in zip(paths, of_model, strict=True)
     )
 
 
@@ -66,8 +68,8 @@ class _Actions:
             action = int(self.engine.explored.choice_actions[row])
             return model.actions[action] if action >= 0 else ""
         if (source, target) not in self.known:
-            wanted = self.states[target].valuation
+            valuation = self.states[target].valuation
             enabled = choices(model, self.states[source].valuation, check_sums=False)
-            names = [c.action or "" for c in enabled if any(s == wanted for _, s in c.branches)]
+            names = [c.action or "" for c in enabled if any(s == valuation for _, s in c.branches)]
             self.known[source, target] = ",".join(dict.fromkeys(filter(None, names)))
         return self.known[source, target]

@@ -134,12 +134,12 @@ def question_of(context: Context, formula: Expression) -> Question:
     if isinstance(formula, ProbabilityOperator):
         # P(path) > p breaks <= p; P(not path) > 1 - p breaks >= p; and so on.
         need = need if satisfies else 1 - need
-        asked = _probability(context, engine, formula, first, satisfies=satisfies)
+        question = _probability(context, engine, formula, first, satisfies=satisfies)
     else:
-        asked = _reward(context, engine, formula, first, satisfies=satisfies)
-        if not asked.satisfies:
+        question = _reward(context, engine, formula, first, satisfies=satisfies)
+        if not question.satisfies:
             need, strict = Fraction(0), True
-    return replace(asked, refutes=refutes, need=need, strict=strict)
+    return replace(question, refutes=refutes, need=need, strict=strict)
 
 
 def _threshold(context: Context, formula: BoundedOperator) -> Fraction:
@@ -270,9 +270,9 @@ def _on_product(
         of_path, pairs = linear_product(context, path)
         assert isinstance(of_path, ExplicitProduct)
         inner = replace(context, engine=of_path.engine)
-        found = of_path.engine.capability(ExplicitEngine)
-        assert found is not None
-        product, entry, rows = found, of_path.entry, None
+        explicit = of_path.engine.capability(ExplicitEngine)
+        assert explicit is not None
+        product, entry, rows = explicit, of_path.entry, None
         matrix = _probabilities(product)
         good = inner.engine.to_bools(accepted_states(inner, context, of_path, pairs))
     assert entry is not None
@@ -281,9 +281,9 @@ def _on_product(
     explored = product.explored
     assert isinstance(explored, ProductModel)
     problem = WalkProblem(matrix, everything, sure)
-    asked = _plain(engine, problem, int(entry[first]), not path.negative)
+    question = _plain(engine, problem, int(entry[first]), not path.negative)
     rows = explored.rows if rows is None else explored.rows[rows]
-    return replace(asked, origin=explored.state.astype(np.int64), rows=rows)
+    return replace(question, origin=explored.state.astype(np.int64), rows=rows)
 
 
 # ------------------------------------------------------------------------------------- rewards
@@ -323,14 +323,14 @@ def _reward(
     reached = graph.forward_reachable(matrix, start, ~target)
     missed = graph.prob0(matrix, everything, target) & reached
     if missed.any():
-        asked = _plain(engine, WalkProblem(matrix, ~target & ~missed, missed), first, False)
+        question = _plain(engine, WalkProblem(matrix, ~target & ~missed, missed), first, False)
         note = "the expected reward is infinite, because the target is missed"
-        return replace(asked, rows=rows, note=note)
+        return replace(question, rows=rows, note=note)
     earned = context.engine.system(context.engine.all).step_rewards(reward)
     earned = earned if rows is None else earned[rows]
     if (earned[reached & ~target] < 0).any():
         raise UnsupportedError("counterexamples are not supported for negative rewards")
-    asked = _plain(engine, WalkProblem(matrix, ~target, target), first, satisfies=True)
+    question = _plain(engine, WalkProblem(matrix, ~target, target), first, satisfies=True)
     return replace(
-        asked, rows=rows, reward=lambda path: sum(earned[list(path.states[:-1])].tolist())
+        question, rows=rows, reward=lambda path: sum(earned[list(path.states[:-1])].tolist())
     )

@@ -54,11 +54,11 @@ def conditional_reachability(
     unknown = ~(target | condition | undefined)
     # After the condition, nothing but the target matters. Met first, the target settles it.
     after = until(context, engine.all, target, direction)
-    settled = after.choose(condition, engine.constant(1))
-    settled = settled.choose(~undefined, engine.constant(np.nan))
+    decided = after.choose(condition, engine.constant(1))
+    decided = decided.choose(~undefined, engine.constant(np.nan))
     relevant = unknown if context.relevant_states is None else unknown & context.relevant_states
     if not relevant:
-        return settled
+        return decided
     if relevant.count > tuning.CONDITIONAL_STATES:
         raise UnsupportedError(
             "conditional probabilities of an MDP are computed for one state at a time, and "
@@ -67,21 +67,21 @@ def conditional_reachability(
     system = engine.system(unknown, Direction.MAX)
     reset = _Reset.of(context, system, after, target, condition, undefined, direction)
     lower, upper = system.full(0), system.full(1)
-    places = np.flatnonzero(engine.to_bools(relevant)[engine.to_bools(unknown)])
-    for place in places.tolist():
-        low, high = reset.solve(context, place)
+    indices = np.flatnonzero(engine.to_bools(relevant)[engine.to_bools(unknown)])
+    for index in indices.tolist():
+        low, high = reset.solve(context, index)
         if direction is Direction.MIN:
             low, high = 1 - high, 1 - low
-        lower[place], upper[place] = low, high
+        lower[index], upper[index] = low, high
     context.log.runs.append(
-        SolverRun("linear", "reset", system.n, len(places), f"{len(places)} states with resets")
+        SolverRun("linear", "reset", system.n, len(indices), f"{len(indices)} states with resets")
     )
     if engine.exact:
         # Rationals have no bounds: what is not asked for is not a number.
-        absent = np.setdiff1d(np.arange(system.n), places)
+        absent = np.setdiff1d(np.arange(system.n), indices)
         lower[absent] = np.nan
-        return system.lift(lower, None).choose(unknown, settled)
-    return system.lift(lower, upper).choose(unknown, settled)
+        return system.lift(lower, None).choose(unknown, decided)
+    return system.lift(lower, upper).choose(unknown, decided)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,16 +143,16 @@ class _Reset:
         same = all(low is high or np.array_equal(low, high) for low, high in bounds.values())
         return _Reset(system.n, lower, lower if same else matrix(1))
 
-    def solve(self, context: Context, place: int) -> tuple[Numbers, Numbers]:
+    def solve(self, context: Context, index: int) -> tuple[Numbers, Numbers]:
         """Bounds on the greatest conditional probability of the state with this number."""
         merged = np.arange(self.n + 3, dtype=np.int32)
-        merged[self.n + 2] = place
+        merged[self.n + 2] = index
         goal = np.zeros(self.n + 2, np.bool_)
         goal[self.n] = True
-        found = []
+        bounds = []
         for matrix in (self.lower,) if self.upper is self.lower else (self.lower, self.upper):
             closed = matrix.merge(merged, self.n + 2)
-            found.append(
+            bounds.append(
                 until_bounds(
                     closed,
                     np.ones(self.n + 2, np.bool_),
@@ -162,7 +162,7 @@ class _Reset:
                     observer=context.observer,
                 )
             )
-        return found[0][0][place], found[-1][1][place]
+        return bounds[0][0][index], bounds[-1][1][index]
 
 
 def _with_ends(

@@ -73,32 +73,32 @@ def _average(
         ((shifted.upper - shifted.lower) / np.maximum(shifted.upper, 1e-300)).max(initial=0.0)
     )
     accuracy = replace(finer, epsilon=max(finer.epsilon, 4.0 * gain_error))
-    found = solve_linear(problem, accuracy, observer)
-    lower, upper = found.lower[state], found.upper[state]
-    exact = found.exact and shift == 0 and bool(np.array_equal(gains.lower, gains.upper))
+    solution = solve_linear(problem, accuracy, observer)
+    lower, upper = solution.lower[state], solution.upper[state]
+    exact = solution.exact and shift == 0 and bool(np.array_equal(gains.lower, gains.upper))
     if not exact:
         # The shift is rounded, and so are values that are exact up to rounding.
-        rounding_error = (ROUNDING if found.exact else 2.0**-51) * upper
+        rounding_error = (ROUNDING if solution.exact else 2.0**-51) * upper
         lower, upper = lower - rounding_error - shift, upper + rounding_error - shift
     if share:
         lower, upper = np.clip(lower, 0, 1), np.clip(upper, 0, 1)
     count = gains.parts.count
     explanation = (
         f"{count} end component{'s' * (count != 1)}, "
-        f"the largest of {max(1, gains.largest)} states; {found.explanation}"
+        f"the largest of {max(1, gains.largest)} states; {solution.explanation}"
     )
     run = SolverRun(
         "steady",
         "mean payoff",
         system.n,
-        gains.iterations + found.iterations,
+        gains.iterations + solution.iterations,
         explanation,
-        found.certified,
+        solution.certified,
     )
     context.log.runs.append(run)
     context.warn_if_wide(largest_width(lower, upper, options.relative), explanation)
     values = system.lift(
-        found.middle[state] if exact else lower, None if exact else upper, exact=exact
+        solution.middle[state] if exact else lower, None if exact else upper, exact=exact
     )
     return _with_qualitative(context, gains, values, direction) if share else values
 
@@ -114,11 +114,11 @@ def _with_qualitative(
     graph = context.engine.graph
     sure = {v: (gains.lower == v) & (gains.upper == v) for v in (0.0, 1.0)}
     best, worst = (1.0, 0.0) if direction is Direction.MAX else (0.0, 1.0)
-    found = {
+    decided = {
         best: graph.prob1(context.engine.all, _members(context, gains, sure[best]), Direction.MAX),
         worst: ~graph.exists_until(context.engine.all, _members(context, gains, ~sure[worst])),
     }
-    return values.choose(~(found[0.0] | found[1.0]), context.engine.indicator(found[1.0]))
+    return values.choose(~(decided[0.0] | decided[1.0]), context.engine.indicator(decided[1.0]))
 
 
 def _members(context: Context, gains: Gains, chosen: Bools) -> StateSet:

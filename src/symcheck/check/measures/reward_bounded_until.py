@@ -94,10 +94,10 @@ def reward_bounded_until(
     for i, bound in enumerate(bounds[1:], 1):
         problem, rows = unfold_reward_dimension(problem, bound.rewards, bound.lower, bound.upper)
         bounds[i + 1 :] = [replace(later, rewards=later.rewards[rows]) for later in bounds[i + 1 :]]
-    found = solve_epochs(problem, context.options, context.observer)
+    epochs = solve_epochs(problem, context.options, context.observer)
     first = slice(None, None, problem.matrix.states // n)
-    _note(context, found, problem)
-    return _lift(context, system, found.lower[first], found.upper[first])
+    _note(context, epochs, problem)
+    return _lift(context, system, epochs.lower[first], epochs.upper[first])
 
 
 def reward_bounded_next(
@@ -213,7 +213,7 @@ def _uneven(context: Context, items: Sequence[BoundReward]) -> StateSet:
         guards = [reduce(_or, [c.guard for c in part]) for part in event.participants]
         groups.setdefault(terms, []).append(reduce(lambda a, b: Binary(Operator.AND, a, b), guards))
     known: list[tuple[StateSet, Values]] = []
-    found = engine.none
+    result = engine.none
     for terms, guards in groups.items():
         where = engine.where(reduce(_or, guards))
         values = engine.values(
@@ -222,9 +222,9 @@ def _uneven(context: Context, items: Sequence[BoundReward]) -> StateSet:
         for other, rewards in known:
             if where & other:
                 equal, _ = values.map("-", rewards).compare("=", 0)
-                found = found | ((where & other) - equal)
+                result = result | ((where & other) - equal)
         known.append((where, values))
-    return found
+    return result
 
 
 def _or(a: Expression, b: Expression) -> Expression:
@@ -262,15 +262,15 @@ def _problem(
     )
 
 
-def _note(context: Context, found: EpochValues, problem: RewardBoundedReachability) -> None:
-    cycles = f", cycles without reward of up to {found.cycle} states" if found.cycle > 1 else ""
-    about = f"{found.levels} levels of the budget{cycles}"
+def _note(context: Context, epochs: EpochValues, problem: RewardBoundedReachability) -> None:
+    cycles = f", cycles without reward of up to {epochs.cycle} states" if epochs.cycle > 1 else ""
+    about = f"{epochs.levels} levels of the budget{cycles}"
     context.log.runs.append(
         SolverRun(
             "epochs",
             "budget by budget",
             problem.matrix.states,
-            found.levels + found.sweeps,
+            epochs.levels + epochs.sweeps,
             about,
         )
     )

@@ -85,14 +85,14 @@ class Objective:
 
 
 @dataclass(frozen=True)
-class _Table:
+class _TableAutomaton:
     """An automaton, by its table."""
 
     table: Int32s
     initial: int = 0
 
 
-_SEEN = _Table(np.array([[0, 1], [1, 1]], dtype=np.int32))
+_SEEN = _TableAutomaton(np.array([[0, 1], [1, 1]], dtype=np.int32))
 """Whether a state with the only letter has been left."""
 
 
@@ -134,42 +134,42 @@ def flow_of(context: Context, objectives: Sequence[Objective], states_of: States
 
     That is a step counter for C<=k, whether F has been reached, and the automaton of P.
     """
-    chain = _Chain(context)
+    products = _Products(context)
     limits = [_limit(o) for o in objectives]
     counted = max((k for k in limits if k is not None), default=None)
     counter: Product | None = None
     if counted is not None:
-        counter = chain.engine.product((), _counter(counted))
-        chain = chain.extended(counter)
+        counter = products.engine.product((), _counter(counted))
+        products = products.extended(counter)
     terms: list[_Terms] = []
     for o, limit in zip(objectives, limits, strict=True):
-        product, own = _terms(chain, o, states_of)
+        product, parts = _terms(products, o, states_of)
         if limit is not None and counter is not None:
             within = counter.automaton_states(frozenset(range(limit)))
-            own = replace(own, earning=chain.lift(within, since=1))
+            parts = replace(parts, earning=products.lift(within, since=1))
         if product is not None:
             terms = [t.lifted(product) for t in terms]
-            chain = chain.extended(product)
-        terms.append(own)
-    return _equations(chain, objectives, terms)
+            products = products.extended(product)
+        terms.append(parts)
+    return _equations(products, objectives, terms)
 
 
 def _terms(
-    chain: _Chain, objective: Objective, states_of: StatesOf
+    products: _Products, objective: Objective, states_of: StatesOf
 ) -> tuple[Product | None, _Terms]:
     """What an objective is about, and the product that it needs."""
-    context, formula, engine = chain.context, objective.formula, chain.engine
+    context, formula, engine = products.context, objective.formula, products.engine
     match formula:
         case ProbabilityOperator(path=path):
             read = temporal(path, states_of, context.engine.model)
-            lifted = tuple((e, chain.lift(s)) for e, s in read.sets)
+            lifted = tuple((e, products.lift(s)) for e, s in read.sets)
             read = TemporalPath(read.form, lifted, negative=objective.sign < 0)
             product, pairs = linear_product(replace(context, engine=engine), read)
             return product, _Terms(accepted=[[avoid, *visits] for avoid, visits in pairs])
         case SteadyState(formula=inner):
-            return None, _Terms(Steps(), chain.lift(states_of(inner)))
+            return None, _Terms(Steps(), products.lift(states_of(inner)))
         case ExpectedTime(path=path):
-            return _until(chain, Time(), path, states_of)
+            return _until(products, Time(), path, states_of)
         case RewardOperator(query=query):
             reward = reward_of(context, formula)
             match query:
@@ -178,7 +178,7 @@ def _terms(
                 case InstantaneousReward() | DiscountedReward() | CostBoundedReward():
                     raise _unsupported()
                 case ExpressionNode() | UnaryTemporal() | BinaryTemporal():
-                    return _until(chain, reward, query, states_of)
+                    return _until(products, reward, query, states_of)
                 case _:
                     assert_never(query)
         case _:
@@ -193,14 +193,14 @@ def _unsupported() -> UnsupportedError:
 
 
 def _until(
-    chain: _Chain, reward: Reward, path: PathFormula, states_of: StatesOf
+    products: _Products, reward: Reward, path: PathFormula, states_of: StatesOf
 ) -> tuple[Product | None, _Terms]:
     """The reward that is earned until states are reached, or for ever if they are not."""
-    context, engine = chain.context, chain.engine
+    context, engine = products.context, products.engine
     read = resolve(path, states_of, context.engine) if isinstance(path, Eventually) else None
     if not isinstance(read, UntilPath) or not read.window.trivial:
         raise _unsupported()
-    target = chain.lift(read.right)
+    target = products.lift(read.right)
     if target <= engine.graph.all_successors_in(target):
         return None, _Terms(reward, ~target)
     product: Product = engine.product((target,), _SEEN)
@@ -209,27 +209,27 @@ def _until(
 
 
 def _equations(
-    chain: _Chain, objectives: Sequence[Objective], terms: Sequence[_Terms]
+    products: _Products, objectives: Sequence[Objective], terms: Sequence[_Terms]
 ) -> ProductFlow:
-    engine = chain.engine
+    engine = products.engine
     matrix = engine.system(engine.all).matrix
     assert matrix.groups is not None
     rewards: list[Numbers] = []
     costless = np.ones(matrix.rows, dtype=np.bool_)
     for o, t in zip(objectives, terms, strict=True):
-        own = full(matrix.rows, 0, exact=engine.exact)
+        earned = full(matrix.rows, 0, exact=engine.exact)
         if t.reward is not None and t.earning is not None:
             earning = matrix.rows_of(engine.to_bools(t.earning))
-            own = np.where(earning, engine.system(engine.all).step_rewards(t.reward), own)
-            if is_infinite(own).any():
+            earned = np.where(earning, engine.system(engine.all).step_rewards(t.reward), earned)
+            if is_infinite(earned).any():
                 raise UnsupportedError("infinite rewards in multi(...) are not supported")
-            if not o.long_run and (own < 0).any():
+            if not o.long_run and (earned < 0).any():
                 raise UnsupportedError(
                     "negative rewards in multi(...) are supported for long-run averages only"
                 )
             if o.sign < 0 and not o.long_run:
-                costless &= np.asarray(own == 0, dtype=np.bool_)
-        rewards.append(o.sign * own)
+                costless &= np.asarray(earned == 0, dtype=np.bool_)
+        rewards.append(o.sign * earned)
 
     def bools(pairs: list[list[StateSet]]) -> list[tuple[Bools, list[Bools]]]:
         return [
@@ -246,13 +246,13 @@ def _equations(
     )
     initial = int(np.flatnonzero(engine.to_bools(engine.initial))[0])
     kind = object if engine.exact else np.float64
-    own = np.array(rewards, dtype=kind).reshape(-1, matrix.rows)
-    none = np.zeros_like(own) if not engine.exact else 0 * own
+    earned = np.array(rewards, dtype=kind).reshape(-1, matrix.rows)
+    none = np.zeros_like(earned) if not engine.exact else 0 * earned
     flow = numerics.Flow(
         matrix,
         initial,
-        np.where(long_run[:, None], none, own),
-        np.where(long_run[:, None], own, none),
+        np.where(long_run[:, None], none, earned),
+        np.where(long_run[:, None], earned, none),
         stays,
         costless,
     )
@@ -270,12 +270,12 @@ def _limit(objective: Objective) -> int | None:
     return steps.upper
 
 
-def _counter(limit: int) -> _Table:
-    return _Table(np.minimum(np.arange(1, limit + 2), limit).astype(np.int32)[:, None])
+def _counter(limit: int) -> _TableAutomaton:
+    return _TableAutomaton(np.minimum(np.arange(1, limit + 2), limit).astype(np.int32)[:, None])
 
 
 @dataclass(frozen=True)
-class _Chain:
+class _Products:
     """A sequence of products, each of the previous one."""
 
     context: Context
@@ -285,8 +285,8 @@ class _Chain:
     def engine(self) -> Engine:
         return self.products[-1].engine if self.products else self.context.engine
 
-    def extended(self, product: Product) -> _Chain:
-        return _Chain(self.context, (*self.products, product))
+    def extended(self, product: Product) -> _Products:
+        return _Products(self.context, (*self.products, product))
 
     def lift(self, states: StateSet, since: int = 0) -> StateSet:
         """A set of the engine after `since` products, lifted to the last product."""

@@ -45,7 +45,7 @@ class LinearQuery:
 
     Attributes:
         objectives: the objectives.
-        asked: the numbers of those without a bound.
+        optimised: the numbers of those without a bound.
         engine: the product through which the flow goes.
         flow: its equations.
         least: the bounds, for maximisation; -inf for none.
@@ -57,7 +57,7 @@ class LinearQuery:
     """
 
     objectives: Sequence[Objective]
-    asked: Sequence[int]
+    optimised: Sequence[int]
     engine: Engine
     flow: numerics.Flow
     least: Numbers
@@ -79,14 +79,14 @@ class LinearQuery:
             if room.value < -flow.tolerance:
                 about = f"{_NONE}: they are missed by {float(-room.value):.3g}"
                 return self._none(), about
-        if not self.asked:
+        if not self.optimised:
             self.solution = None if room is None else room.x
             excess = 0.0 if room is None else float(max(0, room.value))
             about = f"all bounds can be exceeded by {excess:.3g} together"
             return True, "" if room is None else about
         # Bounds that are satisfied with equality are relaxed by the rounding error.
         least = self.least if room is None else np.minimum(self.least, self.least + room.value)
-        return self._best(flow, least) if len(self.asked) == 1 else self._curve(flow, least)
+        return self._best(flow, least) if len(self.optimised) == 1 else self._curve(flow, least)
 
     def solutions(self) -> Iterator[Numbers]:
         """The solutions that attain the result: one, or one for each vertex of a front."""
@@ -101,7 +101,7 @@ class LinearQuery:
 
     def _corner(self, flow: numerics.Flow, corners: Front, vertex: Numbers) -> Numbers:
         """The solution at a vertex: optimal for weights between those of the facets around it."""
-        chosen, slack = list(self.asked), 10 * flow.tolerance * max(1, *np.abs(vertex))
+        chosen, slack = list(self.optimised), 10 * flow.tolerance * max(1, *np.abs(vertex))
         tight = [
             numbers(np.array(f.weights, dtype=object), exact=flow.exact)
             for f in corners.facets
@@ -109,38 +109,38 @@ class LinearQuery:
         ]
         weights = full(len(self.objectives), 0, exact=flow.exact)
         weights[chosen] = sum(tight)
-        found = flow.best(weights, self.least)
-        if found is None or found.x is None or (found.gains[chosen] < vertex - slack).any():
+        optimum = flow.best(weights, self.least)
+        if optimum is None or optimum.x is None or (optimum.gains[chosen] < vertex - slack).any():
             least = self.least.copy()
             least[chosen] = vertex - slack
-            found = flow.best(weights, least)
-        if found is None or found.x is None:
+            optimum = flow.best(weights, least)
+        if optimum is None or optimum.x is None:
             raise UnsupportedError("a linear program fails by rounding: use -exact")
-        return found.x
+        return optimum.x
 
     def _none(self) -> Answer:
         """The value of an achievability, a numerical or a Pareto query without any strategy."""
-        return (False, nan)[len(self.asked)] if len(self.asked) < 2 else []
+        return (False, nan)[len(self.optimised)] if len(self.optimised) < 2 else []
 
     def _best(self, flow: numerics.Flow, least: Numbers) -> tuple[Answer, str]:
-        (index,) = self.asked
+        (index,) = self.optimised
         weights = full(len(self.objectives), 0, exact=flow.exact)
         weights[index] = full(1, 1, exact=flow.exact)[0]
-        found = flow.best(weights, least)
-        if found is None:
+        optimum = flow.best(weights, least)
+        if optimum is None:
             return nan, _NONE
-        if found.x is None:
+        if optimum.x is None:
             return inf, "rewards can be accumulated without bound"
-        self.solution = found.x
+        self.solution = optimum.x
         optimal = "optimal vertex of the achievable set"
-        about = optimal if flow.exact else f"the dual bound differs by {found.gap:.1E}"
-        return _plain(self.objectives[index].shown(found.value)), about
+        about = optimal if flow.exact else f"the dual bound differs by {optimum.gap:.1E}"
+        return _plain(self.objectives[index].shown(optimum.value)), about
 
     def _curve(self, flow: numerics.Flow, least: Numbers) -> tuple[Answer, str]:
-        front = pareto_front(flow, self.asked, least)
+        front = pareto_front(flow, self.optimised, least)
         if front is None:
             return self._none(), _NO_CURVE
-        asked = [self.objectives[i] for i in self.asked]
-        self.front = front_of(asked, front, exact=flow.exact)
+        optimised = [self.objectives[i] for i in self.optimised]
+        self.front = front_of(optimised, front, exact=flow.exact)
         self.corners = front
-        return list(self.front.vertices), "Pareto curve" if len(asked) == 2 else "Pareto front"
+        return list(self.front.vertices), "Pareto curve" if len(optimised) == 2 else "Pareto front"

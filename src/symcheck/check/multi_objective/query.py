@@ -82,21 +82,23 @@ def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> R
     check_supported(context, formula)
     if context.engine.exact:
         return _result(context, solve_query(context, formula, states_of(context)))
-    own = to_explicit(context)
-    found = solve_query(own, formula, states_of(own))
+    explored = to_explicit(context)
+    result = solve_query(explored, formula, states_of(explored))
     if (
-        found.equations <= (ROWS if found.close else tuning.PROVED_EQUATIONS)
-        and own.engine.states <= tuning.RATIONAL_STATES
+        result.equations <= (ROWS if result.close else tuning.PROVED_EQUATIONS)
+        and explored.engine.states <= tuning.RATIONAL_STATES
     ):
         try:
-            found = _by_rationals(own, formula, states_of)
+            result = _by_rationals(explored, formula, states_of)
         except (NumericalError, UnsupportedError) as error:
-            if found.close:
+            if result.close:
                 raise _undecided(error) from error
-    elif found.close:
+    elif result.close:
         raise _undecided(None)
-    remark = "" if own is context else "; explored explicitly, because a linear program needs rows"
-    return _result(context, replace(found, about=found.about + remark))
+    remark = (
+        "" if explored is context else "; explored explicitly, because a linear program needs rows"
+    )
+    return _result(context, replace(result, about=result.about + remark))
 
 
 def _by_rationals(context: Context, formula: MultiObjective, states_of: Pick) -> QueryResult:
@@ -105,9 +107,9 @@ def _by_rationals(context: Context, formula: MultiObjective, states_of: Pick) ->
 
     exact, twin = exact_twin(context, formula)
     assert isinstance(twin, MultiObjective)
-    found = solve_query(exact, twin, states_of(exact))
-    front = None if found.front is None else found.front.rounded()
-    return replace(found, value=_doubles(found.value), front=front)
+    result = solve_query(exact, twin, states_of(exact))
+    front = None if result.front is None else result.front.rounded()
+    return replace(result, value=_doubles(result.value), front=front)
 
 
 def _doubles(value: Answer) -> Answer:
@@ -126,26 +128,26 @@ def _undecided(error: Exception | None) -> NumericalError:
     )
 
 
-def _result(context: Context, found: QueryResult) -> Result:
-    proof = ", proved in rational arithmetic" if found.proved else ""
-    note = f"linear program of {found.variables} variables{proof}: {found.about}"
+def _result(context: Context, result: QueryResult) -> Result:
+    proof = ", proved in rational arithmetic" if result.proved else ""
+    note = f"linear program of {result.variables} variables{proof}: {result.about}"
     context.log.runs.append(
         SolverRun(
             "linear",
             "linear program",
-            found.variables,
+            result.variables,
             0,
             note,
-            certified=found.proved,
+            certified=result.proved,
         )
     )
-    if not found.proved:
-        return Result(found.value, Estimate(), found.about, front=found.front)
-    whole = isinstance(found.value, bool) or (
-        isinstance(found.value, float) and not isfinite(found.value)
+    if not result.proved:
+        return Result(result.value, Estimate(), result.about, front=result.front)
+    whole = isinstance(result.value, bool) or (
+        isinstance(result.value, float) and not isfinite(result.value)
     )
     accuracy = Exact(rounding=not whole and not context.engine.exact)
-    return Result(found.value, accuracy, found.about, front=found.front)
+    return Result(result.value, accuracy, result.about, front=result.front)
 
 
 def solve_query(context: Context, formula: MultiObjective, states_of: StatesOf) -> QueryResult:
@@ -153,11 +155,11 @@ def solve_query(context: Context, formula: MultiObjective, states_of: StatesOf) 
     objectives = [_objective(o) for o in formula.objectives]
     if formula.lexicographic:
         return _lexicographic(context, objectives, states_of)
-    asked = [i for i, o in enumerate(objectives) if o.bound is None]
-    query = _query(context, objectives, asked, states_of)
+    optimised = [i for i, o in enumerate(objectives) if o.bound is None]
+    query = _query(context, objectives, optimised, states_of)
     value, about = query.answer()
     close = query.close
-    if value is nan and len(asked) == 1 and is_cost(objectives[asked[0]]):
+    if value is nan and len(optimised) == 1 and is_cost(objectives[optimised[0]]):
         # Either no strategy satisfies the bounds, or each that does has infinite cost.
         others = _query(context, [o for o in objectives if o.bound is not None], (), states_of)
         met, _ = others.answer()
@@ -183,13 +185,13 @@ def _lexicographic(
     lexicographic objectives', for the notion; the linear programs are those of `multi(...)`.
     """
     fixed = [o for o in objectives if o.bound is not None]
-    asked = [o for o in objectives if o.bound is None]
-    if not asked:
+    optimised = [o for o in objectives if o.bound is None]
+    if not optimised:
         raise UnsupportedError("multilex(...) needs objectives with =?; multi(...) checks bounds")
     query = _query(context, fixed, (), states_of)
     met, about = query.answer()
     close, values, last = query.close, list[Number](), query
-    for objective in asked if met else ():
+    for objective in optimised if met else ():
         query = _query(context, [*fixed, objective], (len(fixed),), states_of)
         value, _ = query.answer()
         assert isinstance(value, float | Fraction)
@@ -202,7 +204,7 @@ def _lexicographic(
         # Otherwise each strategy that is optimal so far has infinite cost, and all are equal.
         values.append(inf if value is nan else value)
         last = last if value is nan else query
-        if value == inf and objective is not asked[-1]:
+        if value == inf and objective is not optimised[-1]:
             raise UnsupportedError(
                 "an objective of multilex(...) whose reward some strategy collects for ever is "
                 "supported in the last place only"
@@ -210,18 +212,18 @@ def _lexicographic(
         if isfinite(value):
             fixed.append(replace(objective, bound=Fraction(value)))
     flow = query.flow
-    found = [tuple(values)] if met else []
+    point = [tuple(values)] if met else []
     about = "lexicographic optimum" if met else about
     equations = flow.equations + len(fixed)
-    return QueryResult(found, about, flow.gains.shape[1], equations, flow.exact, close, query=last)
+    return QueryResult(point, about, flow.gains.shape[1], equations, flow.exact, close, query=last)
 
 
 def _query(
-    context: Context, objectives: Sequence[Objective], asked: Sequence[int], states_of: StatesOf
+    context: Context, objectives: Sequence[Objective], optimised: Sequence[int], states_of: StatesOf
 ) -> LinearQuery:
     product = flow_of(context, objectives, states_of)
     least = numbers(np.array([o.least for o in objectives], dtype=object), exact=product.flow.exact)
-    return LinearQuery(objectives, asked, product.engine, product.flow, least)
+    return LinearQuery(objectives, optimised, product.engine, product.flow, least)
 
 
 def check_supported(context: Context, formula: MultiObjective) -> None:

@@ -74,26 +74,26 @@ class _Pairs:
         shape = len(automata), self.matrix.states
         self.automata = np.array(automata, np.int64).reshape(shape).T
 
-    def strategy(self, base: ExplicitEngine, found: ModeDecisions, initial: int) -> Strategy:
+    def strategy(self, base: ExplicitEngine, modes: ModeDecisions, initial: int) -> Strategy:
         """The strategy on the model, with a memory for automata and mode."""
-        after = self.matrix.indices[self.matrix.indptr[found.row]]
+        after = self.matrix.indices[self.matrix.indptr[modes.row]]
         keys = np.concatenate(
             (
                 np.column_stack((self.automata[[initial]], [0])),
-                np.column_stack((self.automata[found.state], found.mode)),
-                np.column_stack((self.automata[after], found.following)),
+                np.column_stack((self.automata[modes.state], modes.mode)),
+                np.column_stack((self.automata[after], modes.following)),
             )
         )
         _, memory = np.unique(keys, axis=0, return_inverse=True)
         memory = memory.ravel()
         # The memory begins with 0.
         memory = np.where(memory == memory[0], 0, np.where(memory == 0, memory[0], memory))
-        count = len(found.state)
+        count = len(modes.state)
         decisions = Decisions(
-            self.state[found.state],
+            self.state[modes.state],
             memory[1 : 1 + count],
-            self.rows[found.row],
-            found.share,
+            self.rows[modes.row],
+            modes.share,
             memory[1 + count :],
         )
         return without_idle_memory(finite_memory_strategy(base, decisions, 0))

@@ -144,16 +144,16 @@ class _Search:
 
     def first_crossing(self, relevant: StateSet) -> dict[float, StateSet]:
         """States by the first bound at which the property changes; infinite if it never does."""
-        found: dict[float, StateSet] = {}
+        satisfying: dict[float, StateSet] = {}
         at_zero = self._crossed(0, relevant)
         if at_zero:
-            found[0] = at_zero
+            satisfying[0] = at_zero
         waiting = sure = relevant - at_zero
         if waiting and self.upper:
             sure, possible = self._crosses_at_last(waiting)
             never = waiting - sure - possible
             if never:
-                found[inf] = never
+                satisfying[inf] = never
             waiting = sure | possible
         low, high = 0, 1
         while waiting:
@@ -163,22 +163,24 @@ class _Search:
                     f"{self.context.example(waiting)}, and larger bounds are not tried"
                 )
             crossed = self._crossed(high, waiting)
-            self._bisect(low, high, crossed, found)
+            self._bisect(low, high, crossed, satisfying)
             waiting = waiting - crossed
             low, high = high, 2 * high
-        return found
+        return satisfying
 
-    def _bisect(self, low: int, high: int, states: StateSet, found: dict[float, StateSet]) -> None:
+    def _bisect(
+        self, low: int, high: int, states: StateSet, satisfying: dict[float, StateSet]
+    ) -> None:
         """Enter the states that cross after `low` and up to `high`."""
         if not states:
             return
         if high - low == 1:
-            found[high] = states
+            satisfying[high] = states
             return
         middle = (low + high) // 2
         crossed = self._crossed(middle, states)
-        self._bisect(low, middle, crossed, found)
-        self._bisect(middle, high, states - crossed, found)
+        self._bisect(low, middle, crossed, satisfying)
+        self._bisect(middle, high, states - crossed, satisfying)
 
     def _crosses_at_last(self, states: StateSet) -> tuple[StateSet, StateSet]:
         """The states where some bound crosses, and those where one may, by the limit of the

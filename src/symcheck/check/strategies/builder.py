@@ -158,9 +158,9 @@ class StrategyBuilder:
         shift = 2 * np.abs(gains.lower).max() if gains.lower.min() < 0 else 0
         shifted = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
         problem, state, origin = mec_quotient(matrix, shifted, self.direction)
-        found = solve_linear(problem, replace(options, method="auto")).strategy
-        assert found is not None
-        chosen = np.where(found >= 0, origin[found], -1)
+        optimal = solve_linear(problem, replace(options, method="auto")).strategy
+        assert optimal is not None
+        chosen = np.where(optimal >= 0, origin[optimal], -1)
         leaving = np.zeros(self.engine.states, np.bool_)
         leaving[self.edges.owner[chosen[chosen >= 0]]] = True
         # Within a component that a run leaves, it goes to the state of the row that leaves.
@@ -198,9 +198,9 @@ class StrategyBuilder:
     def _avoid(self, target: StateSet) -> None:
         """In states that can avoid the target, choose rows that do so with positive probability."""
         to = self.engine.to_bools
-        missed = to(self.engine.graph.prob0(self.engine.all, target, Direction.MIN))
-        self._stay(missed, missed)
-        self._approach(missed, to(target))
+        avoiding = to(self.engine.graph.prob0(self.engine.all, target, Direction.MIN))
+        self._stay(avoiding, avoiding)
+        self._approach(avoiding, to(target))
 
     def _approach(self, goal: Bools, without: Bools) -> None:
         """Outside of two sets, choose rows that reach `goal` with positive probability."""
@@ -229,13 +229,13 @@ class StrategyBuilder:
         members = self.engine.to_bools(states)
         if not members.any():
             return
-        found = solve_linear(problem, replace(self.context.options, method="auto"))
-        if found.strategy is None:
+        solution = solve_linear(problem, replace(self.context.options, method="auto"))
+        if solution.strategy is None:
             raise UnsupportedError("this numerical method computes no strategy")
         mine = np.flatnonzero(np.repeat(members, np.diff(self.edges.groups)))
         chosen = (
-            found.strategy
+            solution.strategy
             if origin is None
-            else np.where(found.strategy >= 0, origin[found.strategy], -1)
+            else np.where(solution.strategy >= 0, origin[solution.strategy], -1)
         )
         self.rows[members] = np.where(chosen >= 0, mine[chosen], -1)

@@ -87,12 +87,12 @@ def strategy_of(
             "strategies are supported for P, R, T and S formulas, without conditions (||)"
         )
     context = to_explicit(context)
-    asked: str | None = formula.direction
-    if asked is None and formula.bound is not None:
-        asked = "min" if formula.bound.operator in (">", ">=") else "max"
-    if asked not in ("min", "max"):
+    optimum: str | None = formula.direction
+    if optimum is None and formula.bound is not None:
+        optimum = "min" if formula.bound.operator in (">", ">=") else "max"
+    if optimum not in ("min", "max"):
         raise UnsupportedError("a strategy needs a minimum or a maximum: Pmin, Pmax, Rmin or Rmax")
-    direction, sets = Direction(asked), states_of(context)
+    direction, sets = Direction(optimum), states_of(context)
     match formula:
         case ProbabilityOperator():
             return _probability(context, formula, sets, direction)
@@ -129,8 +129,8 @@ def _probability(
                 "strategies are not supported for X with a bound on a reward and for state formulas"
             )
         case UntilPath() | NextPath() | TemporalPath():
-            found = temporal(formula.path, states_of, context.engine.model)
-            return temporal_strategy(context, found, direction)[0]
+            temporal_path = temporal(formula.path, states_of, context.engine.model)
+            return temporal_strategy(context, temporal_path, direction)[0]
         case _:
             assert_never(path)
     return builder.strategy(direction)
@@ -157,8 +157,8 @@ def temporal_strategy(
     builder = StrategyBuilder(inner, Direction.MAX)
     accepted = builder.accept(pairs)
     builder.until(product.engine.all, accepted)
-    found = builder.strategy(direction)
-    return replace(found, memory=product.pairs.automaton, entry=product.entry), accepted
+    strategy = builder.strategy(direction)
+    return replace(strategy, memory=product.pairs.automaton, entry=product.entry), accepted
 
 
 def _reward(
@@ -216,5 +216,5 @@ def _until_shown(
     assert isinstance(product, ExplicitProduct)
     builder = StrategyBuilder(replace(context, engine=product.engine), direction)
     builder.reward(reward, accepting)
-    found = builder.strategy(direction)
-    return replace(found, memory=product.pairs.automaton, entry=product.entry)
+    strategy = builder.strategy(direction)
+    return replace(strategy, memory=product.pairs.automaton, entry=product.entry)

@@ -59,9 +59,9 @@ class _Unequal(Exception):
 def expected_value(comments: Sequence[str], constants: Mapping[str, Value]) -> str | None:
     """The text of the first RESULT line whose constants match; None if there is none."""
     for comment in comments:
-        found = _LINE.search(comment)
-        if found is not None and _fits(found["constants"], constants):
-            return found["value"]
+        line = _LINE.search(comment)
+        if line is not None and _fits(line["constants"], constants):
+            return line["value"]
     return None
 
 
@@ -193,15 +193,15 @@ def _compare_number(expected: Number, value: Number, tolerance: float) -> None:
 def _compare_points(
     text: str, points: list[tuple[Number, ...]], constants: Mapping[str, Value]
 ) -> None:
-    wanted = [
+    expected = [
         [_number(x, constants) for x in point.split(",")]
         for point in re.findall(r"\(([^()]+)\)", text)
     ]
     message = f"{text} was expected, and the result is {show_value(points)}"
-    if sorted(map(len, wanted)) != sorted(map(len, points)):
+    if sorted(map(len, expected)) != sorted(map(len, points)):
         raise _Unequal(message)
     left = list(points)
-    for numbers in wanted:
+    for numbers in expected:
         near = [
             p
             for p in left

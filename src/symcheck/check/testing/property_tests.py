@@ -206,8 +206,8 @@ def _write_json(tests: PropertyTests, path: Path) -> None:
     import json
 
     columns = tests.columns()
-    places = {"file": [t.file for t in tests], "line": [t.line for t in tests]}
-    table = {**columns, **places}
+    origins = {"file": [t.file for t in tests], "line": [t.line for t in tests]}
+    table = {**columns, **origins}
     rows = [dict(zip(table, row, strict=True)) for row in zip(*table.values(), strict=True)]
     content = {
         "name": tests.name,
@@ -237,8 +237,8 @@ def _write_junit(tests: PropertyTests, path: Path) -> None:
     }
     suite = _element(None, "testsuite", name=tests.name, **counts)
     for t in tests:
-        place = {"classname": t.file, "file": t.file, "line": t.line}
-        case = _element(suite, "testcase", name=t.title, time=f"{t.seconds:.3f}", **place)
+        origin = {"classname": t.file, "file": t.file, "line": t.line}
+        case = _element(suite, "testcase", name=t.title, time=f"{t.seconds:.3f}", **origin)
         match t.verdict.kind:
             case VerdictKind.FAIL:
                 _element(case, "failure", message=t.verdict.message)

@@ -36,13 +36,13 @@ class UnparsedProperty:
     Attributes:
         text: on one line; of a JANI file its name.
         fault: why there is no property.
-        place: where it stands.
+        span: where it stands.
         comments: the comment lines directly above.
     """
 
     text: str
     fault: SymcheckError
-    place: Span
+    span: Span
     comments: Sequence[str] = ()
 
 
@@ -82,12 +82,12 @@ def read_properties(path: str | None, texts: Sequence[str]) -> PropertiesInput:
 def _file(path: str) -> PropertiesInput:
     if not is_jani(path):
         return _parsed(partial(parse_properties_file, Path(path)))
-    found = parse_jani_file(path)
+    parsed = parse_jani_file(path)
     unparsed = {}
-    for i, fault in found.faults.items():
-        given = found.properties.properties[i]
+    for i, fault in parsed.faults.items():
+        given = parsed.properties.properties[i]
         unparsed[i] = UnparsedProperty(given.name or f"{i + 1}", fault, given.span)
-    return PropertiesInput(found.properties, unparsed)
+    return PropertiesInput(parsed.properties, unparsed)
 
 
 def _joined(files: Sequence[PropertiesFile]) -> PropertiesFile:
@@ -119,19 +119,19 @@ def _without_faults(fault: SyntaxFault) -> PropertiesInput:
     declarations: list[SyntaxFault] = []
     for _ in parts:
         for start, end in parts:
-            own = [_moved(d, source) for d in current.diagnostics if start <= d.span.start < end]
-            if own:
+            moved = [_moved(d, source) for d in current.diagnostics if start <= d.span.start < end]
+            if moved:
                 whole = source.text[start:end]
-                blank, place = _blank(whole)
+                blank, offset = _blank(whole)
                 text = text[:start] + blank + text[end:]
-                if place is None:
-                    declarations.append(SyntaxFault(*own))
+                if offset is None:
+                    declarations.append(SyntaxFault(*moved))
                 else:
-                    removed[start + place] = UnparsedProperty(
+                    removed[start + offset] = UnparsedProperty(
                         " ".join(_bare(whole).split()),
-                        SyntaxFault(*own),
-                        own[0].span,
-                        comments_above(source.text, start + place),
+                        SyntaxFault(*moved),
+                        moved[0].span,
+                        comments_above(source.text, start + offset),
                     )
         try:
             file = parse_properties(text, source.name, shown=source.text)

@@ -148,8 +148,8 @@ class Arguments(argparse.Namespace):
     @property
     def asks_information(self) -> bool:
         """Whether a text is asked for, and no run."""
-        asked = self.help is not None or self.completion is not None
-        return asked or self.version or self.javaversion
+        requested = self.help is not None or self.completion is not None
+        return requested or self.version or self.javaversion
 
     @property
     def needs_model(self) -> bool:

@@ -87,15 +87,15 @@ class SwitchParser(argparse.ArgumentParser):
         """The switches, in the order of the help."""
         from symcheck.cli.switches.switch_help import SwitchDescription
 
-        found = []
+        result = []
         for action in self._actions:
             names = [n for n in action.option_strings if not n.startswith("--")]
             values = action.metavar if isinstance(action.metavar, tuple) else (action.metavar,)
             if names:
                 given = () if action.nargs == 0 else tuple(v for v in values if v)
                 option = action.dest if isinstance(action, SetOption) else ""
-                found.append(SwitchDescription(tuple(names), given, action.help or "", option))
-        return found
+                result.append(SwitchDescription(tuple(names), given, action.help or "", option))
+        return result
 
     def counts(self) -> dict[str, int]:
         """For each switch, how many words follow it; -1 for one that may be missing."""
@@ -116,16 +116,16 @@ class SwitchParser(argparse.ArgumentParser):
         a value it is an error: only one file would be written.
         """
         actions = {name: a for a in self._actions for name in a.option_strings}
-        found: dict[str, Given] = {}
+        result: dict[str, Given] = {}
         for word in words:
             written = word.partition("=")[0]
             if (action := actions.get(written)) is None:
                 continue  # a file, or the value of a switch
             name = action.option_strings[0]
-            if name in found and type(action) is _STORE and action.nargs != 0:
+            if name in result and type(action) is _STORE and action.nargs != 0:
                 raise UsageError(f"{written} is given twice\n  hint: leave out one of them")
-            found[name] = Given(written, self.needs[name])
-        return found
+            result[name] = Given(written, self.needs[name])
+        return result
 
 
 def typed(read: Callable[[str], T]) -> Callable[[str], T]:

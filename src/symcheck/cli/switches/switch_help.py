@@ -39,8 +39,8 @@ class SwitchDescription(NamedTuple):
     @property
     def choices(self) -> tuple[str, ...]:
         """The names that may follow."""
-        found = [o for o in OPTIONS if o.name == self.option and self.values]
-        expected = found[0].values.expected if found else ""
+        options = [o for o in OPTIONS if o.name == self.option and self.values]
+        expected = options[0].values.expected if options else ""
         return tuple(expected[7:].split(", ")) if expected.startswith("one of ") else ()
 
     @property

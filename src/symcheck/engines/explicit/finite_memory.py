@@ -96,9 +96,9 @@ def finite_memory_strategy(base: ExplicitEngine, decisions: Decisions, first: in
         groups,
     )
     model = ProductModel(base, state.astype(np.int32), memory.astype(np.int32), pairs, rows, first)
-    place = np.searchsorted(reached, np.arange(base.states) * size + first)
-    place = np.minimum(place, len(reached) - 1)
-    entry = np.where(reached[place] == np.arange(base.states) * size + first, place, -1)
+    index = np.searchsorted(reached, np.arange(base.states) * size + first)
+    index = np.minimum(index, len(reached) - 1)
+    entry = np.where(reached[index] == np.arange(base.states) * size + first, index, -1)
     return Strategy(
         ExplicitEngine(model, f"{base.name} product"),
         first_best(weights, groups),

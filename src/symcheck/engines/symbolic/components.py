@@ -151,12 +151,12 @@ class Components:
 
     def _nearing(self, target: Bdd, within: Sequence[Bdd]) -> Bdd:
         """The states with a path into a target by the choices of the states per slot."""
-        found = fresh = target
+        reached = fresh = target
         while fresh:
             before = self.steps.slots_before(fresh)
-            fresh = self._d.union([w & b for w, b in zip(within, before, strict=True)]) - found
-            found = found | fresh
-        return found
+            fresh = self._d.union([w & b for w, b in zip(within, before, strict=True)]) - reached
+            reached = reached | fresh
+        return reached
 
     def _end_components(
         self, within: Bdd

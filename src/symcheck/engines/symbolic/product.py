@@ -99,9 +99,11 @@ class SymbolicProduct:
             if piece.odd is None:
                 pieces.append(Piece(states, piece.values, None))
             else:  # the top bits are equal in all pairs, so the base states keep their order
-                places = Odd(base.manager, pairs, self.engine.diagrams.rows).indices_in(piece.odd)
+                indices = Odd(base.manager, pairs, self.engine.diagrams.rows).indices_in(piece.odd)
                 pieces.append(
-                    Piece(states, piece.values.gather(places), Odd(base.manager, states, base.rows))
+                    Piece(
+                        states, piece.values.gather(indices), Odd(base.manager, states, base.rows)
+                    )
                 )
         return SymbolicValues(base, merged(base, pieces))
 

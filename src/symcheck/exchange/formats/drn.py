@@ -83,13 +83,13 @@ def _actions(model: ExplicitExport, first: int, last: int, begin: int, end: int)
         return ["0"] * (last - first)
     parts = model.parts
     some = slice(*np.searchsorted(parts.entry, (begin, end)).tolist())
-    found: list[set[str]] = [set() for _ in range(last - first)]
+    labels: list[set[str]] = [set() for _ in range(last - first)]
     for row, a in zip(
         model.row_of_entry[parts.entry[some]].tolist(), parts.action[some].tolist(), strict=True
     ):
         if a >= 0:
-            found[row - first].add(model.actions[a])
-    return ["_".join(sorted(own)) or "__NOLABEL__" for own in found]
+            labels[row - first].add(model.actions[a])
+    return ["_".join(sorted(own)) or "__NOLABEL__" for own in labels]
 
 
 def _rewards(

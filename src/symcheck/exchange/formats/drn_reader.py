@@ -81,11 +81,11 @@ class _Reader:
         start = sum(len(text) + 1 for text in self.lines[:line])
         text = self.lines[line] if line < len(self.lines) else ""
         lead = len(text) - len(text.lstrip())
-        place = Span(self.source, start + lead, start + max(len(text), 1))
-        return SyntaxFault(Diagnostic(message, place, "drn", hint))
+        span = Span(self.source, start + lead, start + max(len(text), 1))
+        return SyntaxFault(Diagnostic(message, span, "drn", hint))
 
     def model(self, kind: ModelType | None, check_sums: bool) -> ExplicitData:
-        told, names, n = self._header(kind)
+        model_type, names, n = self._header(kind)
         parts = self._parts(n)
         rows = len(parts.first_entries)
         lengths = np.diff([*parts.first_entries, len(parts.targets)])
@@ -93,38 +93,38 @@ class _Reader:
         counts = np.diff(groups)
         values = np.array(parts.values, np.float64)
         targets = np.array(parts.targets, np.int32)
-        if told is not ModelType.MDP:
+        if model_type is not ModelType.MDP:
             for i in np.flatnonzero(counts > 1)[:1].tolist():
                 row = int(groups[i]) + 1
-                raise self.fault(parts.lines[row], f"a state of a {told.name} has one action")
+                raise self.fault(parts.lines[row], f"a state of a {model_type.name} has one action")
             row_lengths = np.zeros(n, np.int64)
             row_lengths[np.flatnonzero(counts)] = lengths
         else:
             row_lengths = lengths
         indptr = starts_of(row_lengths)
         row_of = np.repeat(np.arange(rows), lengths)
-        if told is not ModelType.CTMC and check_sums:
+        if model_type is not ModelType.CTMC and check_sums:
             sums = np.bincount(row_of, values, rows)
             for i in np.flatnonzero(np.abs(sums - 1) > SUM_TOLERANCE)[:1].tolist():
                 message = f"the probabilities of this action sum to {sums[i]:.12g}, not to 1"
                 raise self.fault(parts.lines[i], message)
-        matrix = self._matrix(indptr, targets, values, n, groups, told, parts)
+        matrix = self._matrix(indptr, targets, values, n, groups, model_type, parts)
         actions, codes = self._actions(parts, groups)
         contributions = None
-        row_actions = codes if told is ModelType.MDP else np.full(n, -1, np.int32)
-        if told is not ModelType.MDP and actions:
+        row_actions = codes if model_type is ModelType.MDP else np.full(n, -1, np.int32)
+        if model_type is not ModelType.MDP and actions:
             state_of_row = np.flatnonzero(counts)
             contributions = Contributions(
                 state_of_row[row_of], targets.astype(np.int64), codes[row_of], values
             )
         return ExplicitData(
-            told,
+            model_type,
             [("x", Type.INT, np.arange(n))],
             matrix,
             actions,
             row_actions,
             {name: _members(states, n) for name, states in parts.labels.items()},
-            self._rewards(names, parts, told, matrix, counts),
+            self._rewards(names, parts, model_type, matrix, counts),
             contributions,
         )
 
@@ -132,7 +132,7 @@ class _Reader:
 
     def _header(self, kind: ModelType | None) -> tuple[ModelType, list[str], int]:
         """The model type, the names of the rewards, and the number of states."""
-        told: ModelType | None = None
+        model_type: ModelType | None = None
         names: list[str] = []
         n = 0
         for line, text in self._significant():
@@ -142,8 +142,8 @@ class _Reader:
                 case "@type":
                     if rest not in _TYPES:
                         raise self.fault(line, f"a model of type {rest} is not supported", _hint())
-                    told = _TYPES[rest]
-                    if kind is not None and kind is not told:
+                    model_type = _TYPES[rest]
+                    if kind is not None and kind is not model_type:
                         raise self.fault(
                             line, f"the file holds a {rest}, and a {kind.name} is asked for"
                         )
@@ -157,9 +157,9 @@ class _Reader:
                 case "@nr_choices":
                     self._count("the number of choices")
                 case "@model":
-                    if told is None or not n:
+                    if model_type is None or not n:
                         raise self.fault(line, "@type and @nr_states stand before @model")
-                    return told, names, n
+                    return model_type, names, n
                 case other if other.startswith("@value_type"):
                     if "interval" in other or "parametric" in other:
                         raise self.fault(line, "values that are no numbers are not supported")
@@ -194,56 +194,56 @@ class _Reader:
     # ------------------------------------------------------------------------------------- states
 
     def _parts(self, n: int) -> _Parts:
-        found = _Parts()
+        parts = _Parts()
         for line, text in self._significant():
             if text.startswith("state"):
-                self._state(found, line, text, n)
+                self._state(parts, line, text, n)
             elif text.startswith("action"):
-                self._action(found, line, text)
+                self._action(parts, line, text)
             else:
-                self._transition(found, line, text, n)
-        if len(found.first_rows) != n:
+                self._transition(parts, line, text, n)
+        if len(parts.first_rows) != n:
             raise self.fault(
                 len(self.lines) - 1,
-                f"the header announces {n} states, but {len(found.first_rows)} follow",
+                f"the header announces {n} states, but {len(parts.first_rows)} follow",
             )
-        return found
+        return parts
 
-    def _state(self, found: _Parts, line: int, text: str, n: int) -> None:
+    def _state(self, parts: _Parts, line: int, text: str, n: int) -> None:
         match = _STATE.fullmatch(text)
         if match is None:
             raise self.fault(line, "a state is written as: state NUMBER [rewards] labels")
         if match["observation"] is not None or match["player"] is not None:
             raise self.fault(line, "observations and players are not supported", _hint())
-        number = len(found.first_rows)
+        number = len(parts.first_rows)
         if int(match["number"]) != number or number >= n:
             raise self.fault(
                 line, f"state {number} is expected here" if number < n else "one state more"
             )
-        found.first_rows.append(len(found.first_entries))
-        found.rates.append(np.nan if match["rate"] is None else self._number(line, match["rate"]))
-        found.state_rewards.append(self._numbers(line, match["rewards"]))
+        parts.first_rows.append(len(parts.first_entries))
+        parts.rates.append(np.nan if match["rate"] is None else self._number(line, match["rate"]))
+        parts.state_rewards.append(self._numbers(line, match["rewards"]))
         for quoted, plain in _LABEL.findall(match["labels"]):
             label = re.sub(r"\W", "_", quoted or plain)  # a name that properties can refer to
-            found.labels.setdefault(label, []).append(number)
+            parts.labels.setdefault(label, []).append(number)
 
-    def _action(self, found: _Parts, line: int, text: str) -> None:
+    def _action(self, parts: _Parts, line: int, text: str) -> None:
         match = _ACTION.fullmatch(text)
-        if match is None or not found.first_rows:
+        if match is None or not parts.first_rows:
             raise self.fault(
                 line, "an action is written as: action NAME [rewards], after its state"
             )
-        found.first_entries.append(len(found.targets))
-        found.in_action.clear()
-        found.lines.append(line)
-        found.actions.append(match["name"])
-        found.row_rewards.append(self._numbers(line, match["rewards"]))
+        parts.first_entries.append(len(parts.targets))
+        parts.in_action.clear()
+        parts.lines.append(line)
+        parts.actions.append(match["name"])
+        parts.row_rewards.append(self._numbers(line, match["rewards"]))
 
-    def _transition(self, found: _Parts, line: int, text: str, n: int) -> None:
+    def _transition(self, parts: _Parts, line: int, text: str, n: int) -> None:
         match = _TRANSITION.fullmatch(text)
         if match is None:
             raise self.fault(line, "a transition is written as: STATE : PROBABILITY")
-        if not found.first_entries or found.first_rows[-1] == len(found.first_entries):
+        if not parts.first_entries or parts.first_rows[-1] == len(parts.first_entries):
             raise self.fault(line, "an action is expected before this transition")
         target, value = int(match[1]), self._number(line, match[2])
         if target >= n:
@@ -251,11 +251,11 @@ class _Reader:
         if not 0 <= value < inf:
             raise self.fault(line, "a probability or rate must be finite and not negative")
         if value > 0:
-            if target in found.in_action:
+            if target in parts.in_action:
                 raise self.fault(line, "this transition is in the action already")
-            found.in_action.add(target)
-            found.targets.append(target)
-            found.values.append(value)
+            parts.in_action.add(target)
+            parts.targets.append(target)
+            parts.values.append(value)
 
     def _numbers(self, line: int, text: str | None) -> list[float]:
         return [self._number(line, part.strip()) for part in text.split(",")] if text else []
@@ -275,7 +275,7 @@ class _Reader:
         values: Floats,
         n: int,
         groups: np.ndarray[tuple[int], np.dtype[np.int64]],
-        told: ModelType,
+        type: ModelType,
         parts: _Parts,
     ) -> SparseMatrix:
         row = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
@@ -285,9 +285,9 @@ class _Reader:
             targets[order],
             values[order],
             n,
-            groups if told is ModelType.MDP else None,
+            groups if type is ModelType.MDP else None,
         )
-        if told is ModelType.CTMC:
+        if type is ModelType.CTMC:
             rates, sums = np.array(parts.rates), np.bincount(row, values, n)
             differ = np.abs(rates - sums) > 1e-6 * np.maximum(rates, sums)
             for i in np.flatnonzero(differ)[:1].tolist():
@@ -301,20 +301,20 @@ class _Reader:
         self, parts: _Parts, groups: np.ndarray[tuple[int], np.dtype[np.int64]]
     ) -> tuple[tuple[str, ...], np.ndarray[tuple[int], np.dtype[np.int32]]]:
         """The names of the actions, and the index of that of each row. A number is no name."""
-        place = np.arange(len(parts.actions)) - np.repeat(groups[:-1], np.diff(groups))
-        own = [
+        index_in_state = np.arange(len(parts.actions)) - np.repeat(groups[:-1], np.diff(groups))
+        actions = [
             "" if name in (_NONE, str(i)) else name
-            for name, i in zip(parts.actions, place.tolist(), strict=True)
+            for name, i in zip(parts.actions, index_in_state.tolist(), strict=True)
         ]
-        names = tuple(dict.fromkeys(name for name in own if name))
+        names = tuple(dict.fromkeys(name for name in actions if name))
         index = {"": -1} | {name: i for i, name in enumerate(names)}
-        return names, np.array([index[name] for name in own], np.int32)
+        return names, np.array([index[name] for name in actions], np.int32)
 
     def _rewards(
         self,
         names: list[str],
         parts: _Parts,
-        told: ModelType,
+        type: ModelType,
         matrix: SparseMatrix,
         counts: np.ndarray[tuple[int], np.dtype[np.int64]],
     ) -> list[ExplicitRewards]:
@@ -324,12 +324,12 @@ class _Reader:
             count = len(names)
         names = [*[""] * (count - len(names)), *names]
         states, rows = np.zeros((count, matrix.states)), np.zeros((count, matrix.rows))
-        for i, own in enumerate(parts.state_rewards):
-            states[: len(own), i] = own
-        place = np.arange(matrix.rows) if told is ModelType.MDP else np.flatnonzero(counts)
-        for i, own in zip(place.tolist(), parts.row_rewards, strict=True):
-            rows[: len(own), i] = own
-        if told is ModelType.CTMC:
+        for i, rewards in enumerate(parts.state_rewards):
+            states[: len(rewards), i] = rewards
+        earning = np.arange(matrix.rows) if type is ModelType.MDP else np.flatnonzero(counts)
+        for i, rewards in zip(earning.tolist(), parts.row_rewards, strict=True):
+            rows[: len(rewards), i] = rewards
+        if type is ModelType.CTMC:
             rows *= np.bincount(
                 np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr)), matrix.data, matrix.rows
             )
@@ -340,9 +340,9 @@ class _Reader:
 
 
 def _members(states: list[int], n: int) -> Bools:
-    found = np.zeros(n, bool)
-    found[states] = True
-    return found
+    members = np.zeros(n, bool)
+    members[states] = True
+    return members
 
 
 def _hint() -> str:

@@ -424,9 +424,9 @@ class _Writer:
                 steps = [p for p in parts if p.structure is None]
                 if len(steps) > 1:
                     raise _no_jani(node)
-                found: Object = {"step-bounds": self._interval(steps[0])} if steps else {}
+                result: Object = {"step-bounds": self._interval(steps[0])} if steps else {}
                 rest: list[Value] = [self._reward_bound(p) for p in parts if p not in steps]
-                return {**found, "reward-bounds": rest}
+                return {**result, "reward-bounds": rest}
 
     def _reward_bound(self, bound: RewardBound) -> Object:
         return {
@@ -436,16 +436,16 @@ class _Writer:
         }
 
     def _interval(self, limits: Limits) -> Object:
-        found: Object = {}
+        result: Object = {}
         for side, value, strict in (
             ("lower", limits.lower, limits.lower_strict),
             ("upper", limits.upper, limits.upper_strict),
         ):
             if value is not None:
-                found[side] = self.expression(value)
+                result[side] = self.expression(value)
                 if strict:
-                    found[f"{side}-exclusive"] = True
-        return found
+                    result[f"{side}-exclusive"] = True
+        return result
 
 
 def _no_jani(node: PathFormula | RewardBound) -> UnsupportedError:

@@ -194,22 +194,22 @@ def _read_transitions(path: Path, kind: ModelType | None, check_sums: bool) -> _
         row, groups = _choices(file, order, source, choice[order], n, rows)
         actions, row_actions = _read_actions(file, order, row, rows)
     sums: Floats = np.bincount(row, values, rows).astype(np.float64)
-    told = ModelType.MDP if has_choices else kind or _told_type(file)
+    model_type = ModelType.MDP if has_choices else kind or _told_type(file)
     is_one = np.abs(sums - 1) <= SUM_TOLERANCE
-    if told is None:
-        told = ModelType.DTMC if np.all(is_one | (sums == 0)) else ModelType.CTMC
-    if told is not ModelType.CTMC and check_sums:
+    if model_type is None:
+        model_type = ModelType.DTMC if np.all(is_one | (sums == 0)) else ModelType.CTMC
+    if model_type is not ModelType.CTMC and check_sums:
         for i in np.flatnonzero(~is_one & (has_choices | (sums != 0)))[:1].tolist():
             at = int(np.searchsorted(row, i))
             what = f"probabilities {'of a choice' if has_choices else 'out'} of state {source[at]}"
             message = f"the {what} sum to {sums[i]:.12g}, not to 1"
             file.fault(int(order[at]) + 1, message, "update-sum")
     keep = values > 0
-    entries, place = np.unique(row[keep] * n + target[keep], return_inverse=True)
+    entries, index = np.unique(row[keep] * n + target[keep], return_inverse=True)
     indptr = starts_of(np.bincount(entries // n, minlength=rows))
-    total: Floats = np.bincount(place, values[keep], len(entries)).astype(np.float64)
+    total: Floats = np.bincount(index, values[keep], len(entries)).astype(np.float64)
     matrix = SparseMatrix(indptr, (entries % n).astype(np.int32), total, n, groups)
-    return _Transitions(told, matrix, actions, row_actions, contributions)
+    return _Transitions(model_type, matrix, actions, row_actions, contributions)
 
 
 def _choices(
@@ -305,15 +305,15 @@ def _read_states(path: Path, n: int) -> list[tuple[str, Type, Int64s]]:
     values: list[list[str]] = [[""] * len(names) for _ in range(n)]
     for i, words in enumerate(file.rows[1:], 1):
         result = re.fullmatch(r"(\d+):\(([^()]*)\)", "".join(words))
-        own = [x for x in result[2].split(",") if x] if result else []
-        if result is None or len(own) != len(names):
+        cells = [x for x in result[2].split(",") if x] if result else []
+        if result is None or len(cells) != len(names):
             file.fault(i, f"a state is written as number:({','.join(names)})", "fields")
         number = int(result[1])
         if number >= n:
             file.fault(i, f"state {number} does not exist: there are {n}, numbered from 0", "index")
         if names and values[number][0]:
             file.fault(i, f"state {number} is in the file already", "repeated")
-        values[number] = own
+        values[number] = cells
     return [_column(file, name, [v[j] for v in values]) for j, name in enumerate(names)] or [
         ("x", Type.INT, np.arange(n))
     ]
@@ -389,8 +389,8 @@ def _reward_name(file: Columns) -> str | None:
     return None
 
 
-def _same_size(file: Columns, found: Sequence[int], wanted: Sequence[int]) -> None:
-    for i, (a, b, what) in enumerate(zip(found, wanted, ("states", "choices"), strict=False)):
+def _same_size(file: Columns, actual: Sequence[int], expected: Sequence[int]) -> None:
+    for i, (a, b, what) in enumerate(zip(actual, expected, ("states", "choices"), strict=False)):
         if a != b:
             file.fault(
                 0, f"the transitions file has {b} {what}, but this file announces {a}", "count", i
@@ -419,9 +419,9 @@ def _transition_rewards(file: Columns, model: _Transitions) -> Floats:
         for i in np.flatnonzero(choice >= np.diff(m.groups)[source])[:1].tolist():
             file.fault(i + 1, f"state {source[i]} has no choice {choice[i]}", "index", 1)
         row = m.groups[source] + choice
-    place, known = m.find(row, target)
+    entry, known = m.find(row, target)
     for i in np.flatnonzero(~known)[:1].tolist():
         file.fault(i + 1, "there is no such transition", "index")
     result = np.zeros(m.entries)
-    result[place] = rewards
+    result[entry] = rewards
     return result

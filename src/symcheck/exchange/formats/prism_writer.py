@@ -118,9 +118,9 @@ def transition_rewards_file(
     if rows:
         yield from _row_lines(model, rewards, rewards != 0, precision, actions=False)
         return
-    places = _places(model, some)
-    template = "%d " * len(places) + "%s"
-    yield from lines(template, len(some), *places, rewards[some], precision=precision)
+    digits = _places(model, some)
+    template = "%d " * len(digits) + "%s"
+    yield from lines(template, len(some), *digits, rewards[some], precision=precision)
 
 
 def _places(model: ExplicitExport, entries: Int64s) -> tuple[Int64s | Int32s, ...]:

@@ -33,11 +33,11 @@ def read_umb(path: Path, kind: ModelType | None = None, *, check_sums: bool = Tr
         UnsupportedError: the model is of another type, has intervals, or other variables.
     """
     raw = _raw(path)
-    found = _type(raw)
-    if kind is not None and kind is not found:
-        raise UsageError(f"'{path}' holds a {found.name}, but -{kind.value} was given")
+    model_type = _type(raw)
+    if kind is not None and kind is not model_type:
+        raise UsageError(f"'{path}' holds a {model_type.name}, but -{kind.value} was given")
     try:
-        return _given(raw, found, path, check_sums)
+        return _given(raw, model_type, path, check_sums)
     except (IndexError, KeyError, TypeError, ValueError) as error:
         raise UsageError(f"'{path}' contradicts itself: {type(error).__name__}: {error}") from None
 
@@ -190,17 +190,18 @@ def _named(numbers: Sequence[int], texts: Sequence[str] | None) -> tuple[tuple[s
 def _annotations(raw: ExplicitUmb, group: str) -> Mapping[str, Mapping[str, Any]]:
     """The annotations of a group, by alias where they have one and by name otherwise."""
     result = (raw.annotations or {}).get(group, {})
-    told = (raw.index.annotations or {}).get(group, {})
+    descriptions = (raw.index.annotations or {}).get(group, {})
     return {
-        getattr(told.get(name), "alias", None) or name: values for name, values in result.items()
+        getattr(descriptions.get(name), "alias", None) or name: values
+        for name, values in result.items()
     }
 
 
 def _bools(values: Any, n: int, what: str, path: Path) -> Bools:
-    found = np.asarray(values, np.bool_)
-    if found.shape != (n,):
-        raise UsageError(f"'{path}' contradicts itself: {what} for {found.size} states of {n}")
-    return found
+    array = np.asarray(values, np.bool_)
+    if array.shape != (n,):
+        raise UsageError(f"'{path}' contradicts itself: {what} for {array.size} states of {n}")
+    return array
 
 
 def _rewards(

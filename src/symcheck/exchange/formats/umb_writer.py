@@ -38,7 +38,7 @@ def write_umb(model: ExplicitExport, target: str) -> None:
     import umbi.umb
 
     # umbi looks at the ending of the name.
-    write_whole(target, lambda path: umbi.umb.write(made, path), ending=".umb")
+    write_whole(target, lambda path: umbi.umb.write(made, path), suffix=".umb")
 
 
 def umb_model(model: ExplicitExport) -> ExplicitUmb:
@@ -110,12 +110,12 @@ def _annotate(model: ExplicitExport, made: ExplicitUmb) -> None:
             result["aps"][name] = {"states": members.tolist()}
     for i, structure in enumerate(model.rewards):
         name = structure.name or f"reward{i + 1}"
-        place, transitions = _transition_rewards(model, i)
+        applies_to, transitions = _transition_rewards(model, i)
         kind, numbers = _numbers(np.concatenate([structure.states, transitions]))
         described["rewards"][name] = AnnotationDescription(
-            alias=name, applies_to=["states", place], type=kind
+            alias=name, applies_to=["states", applies_to], type=kind
         )
-        result["rewards"][name] = {"states": numbers[: model.n], place: numbers[model.n :]}
+        result["rewards"][name] = {"states": numbers[: model.n], applies_to: numbers[model.n :]}
     made.index.annotations = {group: names for group, names in described.items() if names}
     made.annotations = {group: names for group, names in result.items() if names}
 

@@ -86,50 +86,50 @@ def from_function(
         0.25
     """
     settings = make_options(options)
-    asked = model_type(type)
+    model_kind = model_type(type)
     start = initial if isinstance(initial, list) else [initial]
-    weighted = asked is ModelType.CTMC or not settings.check_sums
-    found, choices, has_actions = _explore(start, step, max_states, weighted)
-    kind = asked or (ModelType.MDP if has_actions else ModelType.DTMC)
+    weighted = model_kind is ModelType.CTMC or not settings.check_sums
+    explored, choices, has_actions = _explore(start, step, max_states, weighted)
+    kind = model_kind or (ModelType.MDP if has_actions else ModelType.DTMC)
     if has_actions and kind is not ModelType.MDP:
         raise UsageError(f"step gives actions, which only an MDP has, not a {kind.name}")
-    columns = _columns(found)
+    columns = _columns(explored)
     order = np.lexsort([values for _, _, values in reversed(columns)])
-    place = np.argsort(order).tolist()
-    choices.sort(key=lambda choice: place[choice[0]])
-    sources = [place[number] for number, _, _ in choices]
+    position = np.argsort(order).tolist()
+    choices.sort(key=lambda choice: position[choice[0]])
+    sources = [position[number] for number, _, _ in choices]
     lengths = np.array([len(successors) for _, _, successors in choices], np.int64)
     groups, actions = None, None
     if kind is ModelType.MDP:
-        groups = starts_of(np.bincount(sources, minlength=len(found)))
+        groups = starts_of(np.bincount(sources, minlength=len(explored)))
         actions = [action for _, action, _ in choices]
     else:
-        lengths = np.bincount(sources, lengths, len(found)).astype(np.int64)
+        lengths = np.bincount(sources, lengths, len(explored)).astype(np.int64)
     moves = [
-        (found[number], action, place[target], weight)
+        (explored[number], action, position[target], weight)
         for number, action, successors in choices
-        for target, weight in sorted(successors.items(), key=lambda move: place[move[0]])
+        for target, weight in sorted(successors.items(), key=lambda move: position[move[0]])
     ]
     matrix = SparseMatrix(
         starts_of(lengths),
         np.array([target for _, _, target, _ in moves], np.int32),
         number_array([weight for *_, weight in moves], "the probabilities"),
-        len(found),
+        len(explored),
         groups,
     )
-    states = [found[i] for i in order.tolist()]
+    states = [explored[i] for i in order.tolist()]
     structures = []
     for name, given in (rewards or {}).items():
         what = f"rewards[{name!r}]"
         of_states, of_moves = given if isinstance(given, tuple) else (given, None)
-        own = [_call(what, of_states, s) if of_states else 0 for s in states]
+        state_rewards = [_call(what, of_states, s) if of_states else 0 for s in states]
         earned = of_moves and [_call(what, of_moves, s, a, states[t]) for s, a, t, _ in moves]
         structures.append(
             reward_structure(
                 identifier("a reward structure", name),
                 kind,
                 matrix,
-                number_array(own, what),
+                number_array(state_rewards, what),
                 None if earned is None else number_array(earned, what),
             )
         )
@@ -169,8 +169,8 @@ def _explore(
         _number(numbers, state, "initial")
     if not initial:
         raise UsageError("initial: the list of initial states is empty")
-    found, choices, has_actions = list(numbers), [], False
-    for number, state in enumerate(found):  # which grows meanwhile
+    states, choices, has_actions = list(numbers), [], False
+    for number, state in enumerate(states):  # which grows meanwhile
         if number >= max_states:
             raise ResourceError(
                 f"there are more than {max_states:,} states"
@@ -179,11 +179,15 @@ def _explore(
         who = f"step({state!r})"
         given = _call("step", step, state)
         pairs = _pairs(who, given)
-        own: list[tuple[str | None, list[tuple[Any, Any]]]] = [(None, pairs)] if pairs else []
+        distributions: list[tuple[str | None, list[tuple[Any, Any]]]] = (
+            [(None, pairs)] if pairs else []
+        )
         if not isinstance(given, Mapping) and not all(isinstance(p, Real) for p, _ in pairs):
             has_actions = True
-            own = [(a and identifier("an action", a), _pairs(who, chosen)) for a, chosen in pairs]
-        for action, distribution in own:
+            distributions = [
+                (a and identifier("an action", a), _pairs(who, chosen)) for a, chosen in pairs
+            ]
+        for action, distribution in distributions:
             successors: dict[int, Weight] = {}
             for weight, target in distribution:
                 valid = isinstance(weight, Real) and 0 <= float(weight) < inf
@@ -195,14 +199,14 @@ def _explore(
                 if weight:
                     at = _number(numbers, target, who)
                     successors[at] = successors.get(at, 0) + weight
-                    if at == len(found):
-                        found.append(target)
+                    if at == len(states):
+                        states.append(target)
             total = sum(successors.values())
             if not weighted and not sums_to_one(total):
                 of = f" for {action!r}" if action else ""
                 raise _fault(f"the probabilities of {who}{of} sum to {total}, not to 1")
             choices.append((number, action, successors))
-    return found, choices, has_actions
+    return states, choices, has_actions
 
 
 def _pairs(who: str, given: Any) -> list[tuple[Any, Any]]:

@@ -87,23 +87,23 @@ def from_matrix(
             + ("" if groups is None else f"; the groups are {starts.tolist()}")
         )
     lengths = np.bincount(rows, minlength=shape[0])
-    found = SparseMatrix(
+    sparse = SparseMatrix(
         starts_of(lengths),
         columns.astype(np.int32),
         data,
         n,
         starts if kind is ModelType.MDP else None,
     )
-    _check_rows(kind, found, rows, settings.check_sums)
+    _check_rows(kind, sparse, rows, settings.check_sums)
     return explicit_model(
         ExplicitData(
             kind,
             [("s", Type.INT, np.arange(n))],
-            found,
-            *numbered_actions(actions, found),
+            sparse,
+            *numbered_actions(actions, sparse),
             {label(name): _members(name, given, n) for name, given in (labels or {}).items()}
             | {"init": _members("init", np.atleast_1d(initial), n)},
-            [_rewards(name, given, kind, found, rows) for name, given in (rewards or {}).items()],
+            [_rewards(name, given, kind, sparse, rows) for name, given in (rewards or {}).items()],
         ),
         settings,
     )
@@ -190,13 +190,15 @@ def _rewards(
 ) -> ExplicitRewards:
     states, transitions = given if isinstance(given, tuple) else (given, None)
     what = f"rewards[{identifier('a reward structure', name)!r}]"
-    own = np.zeros(matrix.states) if states is None else number_array(states, what)
+    state_rewards = np.zeros(matrix.states) if states is None else number_array(states, what)
     entries: Any = transitions
     if transitions is not None:
         sparse = hasattr(transitions, "tocsr")
         entries = transitions.tocsr() if sparse else number_array(transitions, what)
     shapes: tuple[tuple[int, ...], ...] = ((matrix.rows,), (matrix.rows, matrix.columns))
-    if own.shape != (matrix.states,) or (entries is not None and entries.shape not in shapes):
+    if state_rewards.shape != (matrix.states,) or (
+        entries is not None and entries.shape not in shapes
+    ):
         raise UsageError(
             f"{what}: expected {matrix.states} rewards of states, or a pair of these or None and "
             f"rewards of transitions, {matrix.rows} x {matrix.columns} or one for each row"
@@ -204,7 +206,7 @@ def _rewards(
     if entries is not None:
         chosen = entries[rows] if entries.ndim == 1 else entries[rows, matrix.indices]
         entries = number_array(chosen, what).ravel()
-    return reward_structure(name, kind, matrix, own, entries)
+    return reward_structure(name, kind, matrix, state_rewards, entries)
 
 
 # ---------------------------------------------------------------------------------------- names

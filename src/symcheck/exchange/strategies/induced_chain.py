@@ -46,18 +46,18 @@ def induced_chain(model: Model, strategy: Strategy | Result, *, reach: bool = Tr
         >>> symcheck.induced_chain(model, best).check("P=? [ F x=2 ]").value
         0.5
     """
-    found = strategy.strategy if isinstance(strategy, Result) else strategy
-    if found is None and isinstance(strategy, Result) and strategy.strategies:
+    chosen = strategy.strategy if isinstance(strategy, Result) else strategy
+    if chosen is None and isinstance(strategy, Result) and strategy.strategies:
         raise UsageError(
             "the result has a strategy for each point of a Pareto front\n"
             "  hint: symcheck.induced_chain(model, result.strategies[0])"
         )
-    if found is None:
+    if chosen is None:
         raise UsageError(
             "the result has no strategy\n"
             "  hint: check Pmin, Pmax, Rmin or Rmax of an MDP with the option strategy=True"
         )
-    data = replace(induced_data(found, reach=reach), names=model.instantiated())
+    data = replace(induced_data(chosen, reach=reach), names=model.instantiated())
     chain = explicit_model(data, replace(model.options, strategy=False, fairness=False))
     return replace(chain, given_constants=model.given_constants)
 
@@ -76,10 +76,10 @@ def induced_data(
     explored, model = engine.explored, engine.model
     kept = np.flatnonzero(strategy.reachable) if reach else np.arange(engine.states)
     origin, n = strategy.origin[kept], len(kept)
-    place = np.full(engine.states, -1, np.int32)
-    place[kept] = np.arange(n, dtype=np.int32)
+    number = np.full(engine.states, -1, np.int32)
+    number[kept] = np.arange(n, dtype=np.int32)
     groups = np.arange(n + 1) if restrict else None
-    matrix = strategy.induced.select(kept, place, n, groups)
+    matrix = strategy.induced.select(kept, number, n, groups)
     counts = np.diff(strategy.starts)[kept]
     taken = spans(strategy.starts[:-1][kept], strategy.starts[1:][kept])
     rows, shares = strategy.taken[taken], strategy.shares[taken]
@@ -104,7 +104,7 @@ def induced_data(
     actions = explored.choice_actions[rows].astype(np.int32)
     source = np.repeat(np.repeat(np.arange(n), counts), parts.lengths)
     weights = parts.data * np.repeat(shares, parts.lengths)
-    target = place[parts.indices].astype(np.int64)
+    target = number[parts.indices].astype(np.int64)
     of_actions = Contributions(source, target, np.repeat(actions, parts.lengths), weights)
     first = starts_of(counts)[:-1]
     common = np.minimum.reduceat(actions, first) == np.maximum.reduceat(actions, first)

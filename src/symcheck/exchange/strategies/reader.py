@@ -125,7 +125,7 @@ class _File:
 
     def _decisions(self) -> tuple[dict[Pair, _Decision], bool]:
         """The decision of each pair of a state and a memory value, and whether there is memory."""
-        found: dict[Pair, _Decision] = {}
+        decisions: dict[Pair, _Decision] = {}
         lines = ["".join(words) for words in self.file.rows]
         indices = all(_INDICES.fullmatch(line) for line in lines)
         kinds = set()
@@ -139,10 +139,10 @@ class _File:
             if len(kinds) > 1:
                 self.file.fault(i, "some lines have a memory value, and others have none", "fields")
             pair = self._number(i, state), int(memory or 0)
-            if pair in found:
+            if pair in decisions:
                 self.file.fault(i, f"state {state} is in the file already", "repeated")
-            found[pair] = self._decision(i, pair, choice, index=indices)
-        return found, True in kinds
+            decisions[pair] = self._decision(i, pair, choice, index=indices)
+        return decisions, True in kinds
 
     def _decision(self, line: int, pair: Pair, text: str, *, index: bool) -> _Decision:
         if not _MIXED.fullmatch(text):
@@ -200,17 +200,17 @@ class _File:
                 return int(start + int(choice))
             message = f"the state has no choice {choice}: it has {stop - start}, numbered from 0"
             self.file.fault(line, message, "index")
-        own = self.actions[start:stop]
-        if choice not in own:
-            known = ", ".join(f"'{a}'" for a in dict.fromkeys(own))
+        actions = self.actions[start:stop]
+        if choice not in actions:
+            known = ", ".join(f"'{a}'" for a in dict.fromkeys(actions))
             message = f"the state has no choice with action '{choice}': it has {known}"
             self.file.fault(line, message, "action")
-        if own.count(choice) > 1:
+        if actions.count(choice) > 1:
             self.file.fault(
                 line,
-                f"the state has {own.count(choice)} choices with action '{choice}'",
+                f"the state has {actions.count(choice)} choices with action '{choice}'",
                 "action",
                 None,
                 "-exportstrat FILE:type=indices tells them apart",
             )
-        return int(start + own.index(choice))
+        return int(start + actions.index(choice))

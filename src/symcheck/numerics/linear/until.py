@@ -50,12 +50,12 @@ def until_bounds(
     if unknown.any():
         enter, leave = (matrix.sums(unknown, target) for target in (yes, ~unknown))
         part = matrix.among(unknown)
-        found = solve_linear(
+        solution = solve_linear(
             LinearProblem(enter, part, None, leave, direction, True), settings, observer
         )
-        rounding_error = ROUNDING if found.exact and not exact else 0
+        rounding_error = ROUNDING if solution.exact and not exact else 0
         low[unknown], high[unknown] = (
-            found.lower * (1 - rounding_error),
-            np.minimum(found.upper * (1 + rounding_error), 1),
+            solution.lower * (1 - rounding_error),
+            np.minimum(solution.upper * (1 + rounding_error), 1),
         )
     return low, high

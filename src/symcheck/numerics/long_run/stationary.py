@@ -141,12 +141,15 @@ def long_run_average(
     if known is not None:
         return _weighted(known, rewards)
     leave = gauss_seidel.exit_rates(*rates.arrays)
-    found = _poisson_equation(rates, leave, rewards, settings, observer)
-    if not _close_enough((found.lower, found.upper), settings) and n <= tuning.ELIMINATION_STATES:
+    solution = _poisson_equation(rates, leave, rewards, settings, observer)
+    if (
+        not _close_enough((solution.lower, solution.upper), settings)
+        and n <= tuning.ELIMINATION_STATES
+    ):
         known = _eliminated(rates, tuning.STATIONARY_OPERATIONS)
         if known is not None:
             return _weighted(known, rewards)
-    return found
+    return solution
 
 
 def _weighted(known: Stationary, rewards: Floats) -> Average:

@@ -198,7 +198,7 @@ class Flow:
         return np.flatnonzero(usable)
 
     @cached_property
-    def places(self) -> list[Int64s]:
+    def settling_states(self) -> list[Int64s]:
         """Per stay: the states where it may be taken."""
         return [np.flatnonzero(s.states & self.live) for s in self.stays]
 
@@ -228,7 +228,9 @@ class Flow:
         entries = spans(m.indptr[:-1][rows], m.indptr[1:][rows])
         source = np.repeat(np.arange(len(rows)), m.lengths[rows])
         inside = self.live[m.indices[entries]]
-        settled = np.concatenate([number[:0], *(number[places] for places in self.places)])
+        settled = np.concatenate(
+            [number[:0], *(number[settling_states] for settling_states in self.settling_states)]
+        )
         equations = (
             number[self.edges.owner_of_rows[rows]],
             number[m.indices[entries[inside]]],
@@ -256,36 +258,38 @@ class Flow:
         equations, variables = [self.usable[:0]], [self.usable[:0]]
         values = [self._full(0, 0)]
         settled = len(self.usable)
-        frequency = settled + sum(map(len, self.places))
+        frequency = settled + sum(map(len, self.settling_states))
         count = 0
-        for stay, places, rows in zip(self.stays, self.places, self.lasting, strict=True):
+        for stay, settling_states, rows in zip(
+            self.stays, self.settling_states, self.lasting, strict=True
+        ):
             if stay.parts is not None:
                 of, owner = stay.parts.of, self.edges.owner_of_rows[rows]
-                components = np.unique(of[places])
+                components = np.unique(of[settling_states])
                 states = count + len(components)
                 entries = spans(m.indptr[:-1][rows], m.indptr[1:][rows])
                 columns = frequency + np.arange(len(rows))
                 equations += [
-                    count + np.searchsorted(components, of[places]),
+                    count + np.searchsorted(components, of[settling_states]),
                     count + np.searchsorted(components, of[owner]),
-                    states + np.searchsorted(places, owner),
-                    states + np.searchsorted(places, m.indices[entries]),
+                    states + np.searchsorted(settling_states, owner),
+                    states + np.searchsorted(settling_states, m.indices[entries]),
                 ]
                 variables += [
-                    settled + np.arange(len(places)),
+                    settled + np.arange(len(settling_states)),
                     columns,
                     columns,
                     np.repeat(columns, m.lengths[rows]),
                 ]
                 values += [
-                    self._full(len(places), 1),
+                    self._full(len(settling_states), 1),
                     self._full(len(rows), -1),
                     self._full(len(rows), 1),
                     -m.data[entries],
                 ]
-                count = states + len(places)
+                count = states + len(settling_states)
                 frequency += len(rows)
-            settled += len(places)
+            settled += len(settling_states)
         return (
             np.concatenate(equations),
             np.concatenate(variables),
@@ -311,8 +315,8 @@ class Flow:
         """What each variable of the program gives each objective: [objectives, variables]."""
         parts = [self.rewards[:, self.usable]]
         parts += [
-            np.tile(numbers(stay.gains, exact=self.exact)[:, None], len(places))
-            for stay, places in zip(self.stays, self.places, strict=True)
+            np.tile(numbers(stay.gains, exact=self.exact)[:, None], len(settling_states))
+            for stay, settling_states in zip(self.stays, self.settling_states, strict=True)
         ]
         parts += [self.averages[:, rows] for rows in self.lasting]
         return np.concatenate(parts, axis=1)
@@ -348,12 +352,12 @@ class Flow:
         rows, columns, values = self._balance
         more, variables, entries, _ = self._recurrence
         n, k, size = self.equations, len(limit), len(objective)
-        places = np.nonzero(above != 0)
+        settling_states = np.nonzero(above != 0)
         slack = np.arange(k)
         program = Program(
-            np.concatenate((rows, int(self.live.sum()) + more, n + places[0], n + slack)),
-            np.concatenate((columns, variables, places[1], size + slack)),
-            np.concatenate((values, entries, above[places], self._full(k, 1))),
+            np.concatenate((rows, int(self.live.sum()) + more, n + settling_states[0], n + slack)),
+            np.concatenate((columns, variables, settling_states[1], size + slack)),
+            np.concatenate((values, entries, above[settling_states], self._full(k, 1))),
             np.concatenate((self._right, limit)),
             np.concatenate((objective, self._full(k, 0))),
         )

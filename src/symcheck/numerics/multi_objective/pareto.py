@@ -52,12 +52,12 @@ class Front:
     facets: tuple[Facet, ...]
 
 
-def pareto_front(flow: Flow, asked: Sequence[int], least: Numbers) -> Front | None:
+def pareto_front(flow: Flow, optimised: Sequence[int], least: Numbers) -> Front | None:
     """The Pareto front of some objectives.
 
     Args:
         flow: the flow of the MDP.
-        asked: the numbers of the objectives, at least one.
+        optimised: the numbers of the objectives, at least one.
         least: lower bounds of all objectives.
 
     Returns:
@@ -66,7 +66,7 @@ def pareto_front(flow: Flow, asked: Sequence[int], least: Numbers) -> Front | No
     Raises:
         NumericalError: an objective is unbounded, or the front has too many vertices.
     """
-    chosen = list(asked)
+    chosen = list(optimised)
 
     def best(weights: Sequence[Fraction]) -> Numbers | None:
         w = full(flow.objectives, 0, exact=flow.exact)
@@ -133,9 +133,9 @@ def _excess(point: Numbers, others: Sequence[Numbers]) -> Any:
     cost = np.array([zero] * k + [-one, one] + [zero] * d)
     rows, columns = np.nonzero(matrix != 0)
     right = np.append(point, one)
-    found = solve_program(Program(rows, columns, matrix[rows, columns], right, cost))
-    assert found is not None
-    return -found.value
+    optimum = solve_program(Program(rows, columns, matrix[rows, columns], right, cost))
+    assert optimum is not None
+    return -optimum.value
 
 
 @dataclass

@@ -57,12 +57,12 @@ class _Mode:
     """How a strategy goes on after settling.
 
     rows, shares: the rows that it takes, ascending by state, and the probability of each in its
-    state. places, amounts: where it settles in this mode, and with which probability.
+    state. settling_states, amounts: where it settles in this mode, and with which probability.
     """
 
     rows: Int64s
     shares: Numbers
-    places: Int64s
+    settling_states: Int64s
     amounts: Numbers
 
 
@@ -99,7 +99,7 @@ class _Solution:
         total = full(n, 0, exact=flow.exact)
         np.add.at(total, self.owner[rows], weights)
         for settled in modes:
-            np.add.at(total, settled.places, settled.amounts)
+            np.add.at(total, settled.settling_states, settled.amounts)
         lost, detour = self._stuck(rows, modes, np.asarray(total > 0))
         kept = ~lost[self.owner[rows]]
         rows, weights = rows[kept], weights[kept] / total[self.owner[rows[kept]]]
@@ -108,27 +108,29 @@ class _Solution:
         rows = np.concatenate((rows, detour))
         parts = [(self.owner[rows], zeros, rows, np.concatenate((weights, one)), zeros)]
         for number, settled in enumerate(modes, 1):
-            states, places = self.owner[settled.rows], settled.places
+            states, settling_states = self.owner[settled.rows], settled.settling_states
             there = np.full(len(states), number)
             parts.append((states, there, settled.rows, settled.shares, there))
             # Settling takes the first row of the mode at once.
-            begin, end = (np.searchsorted(states, places, side) for side in ("left", "right"))
+            begin, end = (
+                np.searchsorted(states, settling_states, side) for side in ("left", "right")
+            )
             taken = spans(begin, end)
-            settling = np.repeat(settled.amounts / total[places], end - begin)
+            settling = np.repeat(settled.amounts / total[settling_states], end - begin)
             share, after = settling * settled.shares[taken], np.full(len(taken), number)
             parts.append((states[taken], 0 * after, settled.rows[taken], share, after))
         state, mode, row, share, following = map(np.concatenate, zip(*parts, strict=True))
         sums = full(n * (len(modes) + 1), 0, exact=flow.exact)
         np.add.at(sums, state + mode * n, share)
-        found = ModeDecisions(state, mode, row, share / sums[state + mode * n], following)
-        self._check_reached(found, total)
-        return found
+        result = ModeDecisions(state, mode, row, share / sums[state + mode * n], following)
+        self._check_reached(result, total)
+        return result
 
-    def _check_reached(self, found: ModeDecisions, total: Numbers) -> None:
+    def _check_reached(self, decisions: ModeDecisions, total: Numbers) -> None:
         """Check that the strategy reaches what flows. Raises UnsupportedError."""
         flow = self.flow
-        before = np.flatnonzero(found.following == 0)
-        chain = _graph(flow.matrix, self.owner, found.row[before])
+        before = np.flatnonzero(decisions.following == 0)
+        chain = _graph(flow.matrix, self.owner, decisions.row[before])
         start = np.zeros(flow.matrix.states, np.bool_)
         start[flow.initial] = True
         missed = total[~graph.forward_reachable(chain, start)]
@@ -145,7 +147,7 @@ class _Solution:
         flow = self.flow
         settled = np.zeros(flow.matrix.states, np.bool_)
         for mode in modes:
-            settled[mode.places] = True
+            settled[mode.settling_states] = True
         chain = _graph(flow.matrix, self.owner, rows)
         stuck = ~graph.backward_reachable(chain, settled, flowing) & flow.live
         _, ahead = graph.prob1e_strategy(flow.edges, flow.live, settled)
@@ -157,19 +159,23 @@ class _Solution:
         """The modes in which the solution settles."""
         flow = self.flow
         begin = len(flow.usable)
-        frequency = begin + sum(map(len, flow.places))
-        for stay, places, lasting in zip(flow.stays, flow.places, flow.lasting, strict=True):
-            amounts = self.x[begin : begin + len(places)]
+        frequency = begin + sum(map(len, flow.settling_states))
+        for stay, settling_states, lasting in zip(
+            flow.stays, flow.settling_states, flow.lasting, strict=True
+        ):
+            amounts = self.x[begin : begin + len(settling_states)]
             often = self.x[frequency : frequency + len(lasting)]
-            begin, frequency = begin + len(places), frequency + len(lasting)
+            begin, frequency = begin + len(settling_states), frequency + len(lasting)
             some = np.asarray(amounts > 0)
             if not some.any():
                 continue
             if stay.parts is None:
                 rows = self._staying(stay)
-                yield _Mode(rows, self._uniform(rows), places[some], amounts[some])
+                yield _Mode(rows, self._uniform(rows), settling_states[some], amounts[some])
             else:
-                yield from self._averaging(stay, places[some], amounts[some], lasting, often)
+                yield from self._averaging(
+                    stay, settling_states[some], amounts[some], lasting, often
+                )
 
     def _uniform(self, rows: Int64s) -> Numbers:
         counts = np.bincount(self.owner[rows], minlength=self.flow.matrix.states)
@@ -188,7 +194,7 @@ class _Solution:
         return np.flatnonzero(chosen)
 
     def _averaging(
-        self, stay: Stay, places: Int64s, amounts: Numbers, lasting: Int64s, often: Numbers
+        self, stay: Stay, settling_states: Int64s, amounts: Numbers, lasting: Int64s, often: Numbers
     ) -> Iterator[_Mode]:
         """A mode for each class of rows that are taken again and again."""
         assert stay.parts is not None
@@ -213,7 +219,7 @@ class _Solution:
                     "one visits the states of another objective ever more rarely"
                 )
             taken = inside[self.owner[rows]]
-            own = self.owner[rows[taken]]
+            owners = self.owner[rows[taken]]
             inner = stay.parts.rows & (stay.parts.of == number)[self.owner]
             _, ahead = graph.prob1e_strategy(
                 _graph(matrix, self.owner, np.flatnonzero(inner)), stay.parts.of == number, inside
@@ -221,10 +227,10 @@ class _Solution:
             towards = np.flatnonzero(inner)[ahead[ahead >= 0]]
             all_rows = np.concatenate((rows[taken], towards))
             one = full(len(towards), 1, exact=self.flow.exact)
-            shares = np.concatenate((often[taken] / frequency[own], one))
+            shares = np.concatenate((often[taken] / frequency[owners], one))
             order = np.argsort(all_rows)
-            here = stay.parts.of[places] == number
-            yield _Mode(all_rows[order], shares[order], places[here], amounts[here] * part)
+            here = stay.parts.of[settling_states] == number
+            yield _Mode(all_rows[order], shares[order], settling_states[here], amounts[here] * part)
 
 
 def _graph(matrix: SparseMatrix, owner: Int64s, rows: Int64s) -> SparseMatrix:

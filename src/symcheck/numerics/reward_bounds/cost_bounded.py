@@ -100,12 +100,12 @@ def solve_cost_bounded(
                 constant[rows] = problem.rewards[rows] + part.multiply(low)
                 upper[rows] = problem.rewards[rows] + part.multiply(high)
         if free is None:
-            found = problem.best(constant), problem.best(upper)
+            bounds = problem.best(constant), problem.best(upper)
         else:
-            found = free.solve(constant, upper, finer)
-        unchanged = bool(ring) and all(map(np.array_equal, ring[-1], found))
+            bounds = free.solve(constant, upper, finer)
+        unchanged = bool(ring) and all(map(np.array_equal, ring[-1], bounds))
         same = same + 1 if unchanged else 0
-        ring = [*ring[-slots + 1 :], found] if slots > 1 else [found]
+        ring = [*ring[-slots + 1 :], bounds] if slots > 1 else [bounds]
         if observer is not None:
             observer(Progress("budget by budget", level + 1, 0.0, n))
         if same > slots:
@@ -218,9 +218,9 @@ class _FreeSteps:
             # Staying where nothing is earned is never better than leaving.
             quotient = collapse(replace(problem, direction=Direction.MIN))
         if quotient is None:
-            found = solve_linear(problem, settings)
+            solution = solve_linear(problem, settings)
         else:
             inner = replace(quotient.problem, direction=direction)
-            found = quotient.expand(solve_linear(inner, settings))
-        rounding = ROUNDING if found.exact and not exact else 0
-        return found.lower * (1 - rounding), found.upper * (1 + rounding)
+            solution = quotient.expand(solve_linear(inner, settings))
+        rounding = ROUNDING if solution.exact and not exact else 0
+        return solution.lower * (1 - rounding), solution.upper * (1 + rounding)

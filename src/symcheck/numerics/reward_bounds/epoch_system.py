@@ -150,12 +150,12 @@ def _ordered(
     order = np.argsort(rank[lead.of_row], kind="stable")
     position = np.empty(len(order), np.int64)
     position[order] = np.arange(len(order))
-    own = entries.edge & (blocks.of[np.maximum(target, 0)] == blocks.of[lead.of_row[row]])
-    column = np.where(own, lead.state[np.maximum(target, 0)], m.indices[entries.index])
+    inner = entries.edge & (blocks.of[np.maximum(target, 0)] == blocks.of[lead.of_row[row]])
+    column = np.where(inner, lead.state[np.maximum(target, 0)], m.indices[entries.index])
     keep = np.flatnonzero(~entries.loop)
-    keep = keep[np.lexsort((own[keep], position[row[keep]]))]
+    keep = keep[np.lexsort((inner[keep], position[row[keep]]))]
     count = np.bincount(position[row[keep]], minlength=len(order))
-    outside = count - np.bincount(position[row[keep[own[keep]]]], minlength=len(order))
+    outside = count - np.bincount(position[row[keep[inner[keep]]]], minlength=len(order))
     ptr = starts_of(count)
     rows = lead.rows[order]
     lengths, full = m.lengths[rows], problem.exit[rows] <= 0.0
@@ -182,10 +182,10 @@ def _ordered(
 
 def _with_inverses(system: EpochSystem) -> EpochSystem:
     """Add the inverses of blocks without choices on which sweeps would converge slowly."""
-    found: list[Floats] = []
+    result: list[Floats] = []
     at, total = system.inverse_at.copy(), 0
-    place = np.full(int(system.state.max()) + 1, -1, np.int64)
-    place[system.state] = np.arange(len(system.state))
+    index = np.full(int(system.state.max()) + 1, -1, np.int64)
+    index[system.state] = np.arange(len(system.state))
     for b in np.flatnonzero(np.diff(system.block) > 1).tolist():
         begin, end = int(system.block[b]), int(system.block[b + 1])
         n = end - begin
@@ -201,10 +201,10 @@ def _with_inverses(system: EpochSystem) -> EpochSystem:
         for i in range(n):
             r = int(system.row_ptr[begin + i])
             inside = slice(int(system.mid[r]), int(system.ptr[r + 1]))
-            np.subtract.at(a[i], place[system.idx[inside]] - begin, system.val[inside])
-        found.append(np.maximum(np.linalg.inv(a), 0.0).ravel())
+            np.subtract.at(a[i], index[system.idx[inside]] - begin, system.val[inside])
+        result.append(np.maximum(np.linalg.inv(a), 0.0).ravel())
         at[b], total = total, total + n * n
-    return replace(system, inverse=np.concatenate(found), inverse_at=at) if found else system
+    return replace(system, inverse=np.concatenate(result), inverse_at=at) if result else system
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,20 +234,20 @@ class _Representatives:
         free = (problem.rewards == 0) & (problem.exit <= 0.0)
         parts = graph.maximal_end_components(source, unknown, free)
         inside = parts.of >= 0
-        place = np.arange(problem.matrix.states)
+        representative = np.arange(problem.matrix.states)
         if problem.direction == Direction.MAX:
-            place = parts.representatives()
+            representative = parts.representatives()
             rows = np.flatnonzero(unknown[owner] & ~parts.rows)
-            leaving = np.zeros(len(place), np.bool_)
-            leaving[place[owner[rows]]] = True
-            active = unknown & leaving[place]
+            leaving = np.zeros(len(representative), np.bool_)
+            leaving[representative[owner[rows]]] = True
+            active = unknown & leaving[representative]
         else:
             active = unknown & ~inside
             rows = np.flatnonzero(active[owner])
         members = np.flatnonzero(active)
-        members = members[np.argsort(place[members], kind="stable")]
-        state, sizes = np.unique(place[members], return_counts=True)
-        number = np.full(len(place), -1, np.int64)
+        members = members[np.argsort(representative[members], kind="stable")]
+        state, sizes = np.unique(representative[members], return_counts=True)
+        number = np.full(len(representative), -1, np.int64)
         number[members] = np.repeat(np.arange(len(state)), sizes)
         rows = rows[np.argsort(number[owner[rows]], kind="stable")]
         pointers = starts_of(sizes)
@@ -273,8 +273,8 @@ def _expected_steps(system: EpochSystem) -> Floats:
     from symcheck.numerics.settings import Accuracy
 
     n = len(system.state)
-    place = np.full(int(system.state.max()) + 1, -1, np.int64)
-    place[system.state] = np.arange(n)
+    index = np.full(int(system.state.max()) + 1, -1, np.int64)
+    index[system.state] = np.arange(n)
     count, others = system.ptr[1:] - system.mid, system.mid - system.ptr[:-1]
     entries, outside = spans(system.mid, system.ptr[1:]), spans(system.ptr[:-1], system.mid)
     indptr = starts_of(count)
@@ -284,18 +284,22 @@ def _expected_steps(system: EpochSystem) -> Floats:
     elsewhere = np.bincount(np.repeat(numbers, others), system.val[outside], len(count))
     leave = np.where(system.full, elsewhere, np.maximum(1.0 - sums, elsewhere))
     matrix = SparseMatrix(
-        indptr, place[system.idx[entries]].astype(np.int32), data, n, system.row_ptr
+        indptr, index[system.idx[entries]].astype(np.int32), data, n, system.row_ptr
     )
-    found = solve_linear(
+    solution = solve_linear(
         LinearProblem(np.ones(len(count)), matrix, None, leave, Direction.MAX, False),
         Accuracy(epsilon=1e-6),
     )
-    h = found.upper
-    own = np.repeat(h, np.diff(system.row_ptr))
-    rest = own - np.bincount(np.repeat(numbers, count), data * h[matrix.indices], len(count))
+    h = solution.upper
+    state_of_row = np.repeat(h, np.diff(system.row_ptr))
+    rest = state_of_row - np.bincount(
+        np.repeat(numbers, count), data * h[matrix.indices], len(count)
+    )
     # h - A h is 1 up to rounding, which matters if h is large. It is made at least 1, with room for
     # the rounding of the kernel.
-    least = float((rest - (2.0 * count + 6.0) * tuning.UNIT_ROUNDOFF * own).min()) * (1.0 - 1e-9)
+    least = float((rest - (2.0 * count + 6.0) * tuning.UNIT_ROUNDOFF * state_of_row).min()) * (
+        1.0 - 1e-9
+    )
     if not least > 1e-3:
         raise NumericalError(
             "cycles without reward are left too slowly for proved bounds\n  hint: use -exact"

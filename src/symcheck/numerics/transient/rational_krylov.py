@@ -140,9 +140,9 @@ def importance(
             leaves * scale,
             tuning.WEIGHT_ELIMINATION_OPERATIONS * rates.entries,
         )
-        found = factors.solve(reward_rate * scale) if factors.complete else None
-        if found is not None:
-            return found if bool(np.all(found > 0.0)) else None
+        solution = factors.solve(reward_rate * scale) if factors.complete else None
+        if solution is not None:
+            return solution if bool(np.all(solution > 0.0)) else None
     scale = 1.0 / (exit_rates + rest - ssor_eisenstat.diagonal(*rates.arrays))
     return relative_solution(rates, scale, reward_rate, guess, tuning.IMPORTANCE_RESIDUAL)
 
@@ -249,18 +249,18 @@ class _Space:
         """Extend the basis to `size` vectors; False if BiCGStab or the orthogonalisation fails."""
         while self.made < size:
             j = self.made
-            found = self._inverse(self.basis[j], self.system.pole(j))
-            if found is None:
+            vector = self._inverse(self.basis[j], self.system.pole(j))
+            if vector is None:
                 return False
             for _ in range(2):  # twice is enough, once is not
-                part = np.einsum("ij,j->i", self.basis[: j + 1], found)
+                part = np.einsum("ij,j->i", self.basis[: j + 1], vector)
                 self.inverse[: j + 1, j] += part
-                found = found - np.einsum("i,ij->j", part, self.basis[: j + 1])
-            length = float(np.sqrt(np.einsum("i,i->", found, found)))
+                vector = vector - np.einsum("i,ij->j", part, self.basis[: j + 1])
+            length = float(np.sqrt(np.einsum("i,i->", vector, vector)))
             if not length > 0.0:
                 return False
             self.inverse[j + 1, j] = length
-            np.divide(found, length, out=self.basis[j + 1])
+            np.divide(vector, length, out=self.basis[j + 1])
             self.made += 1
         return True
 

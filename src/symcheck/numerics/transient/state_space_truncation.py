@@ -108,8 +108,8 @@ def _resolvent(
         *arrays[:2], data, None, right * scale, right * scale, np.ones(rates.states), 0
     )
     # Values spread furthest in the order of distance, but may settle sooner in that of components.
-    found, parent = components.breadth_first(back[0], back[1], (right > 0.0).view(np.uint8))
-    nearest = np.append(found, np.flatnonzero(parent == -2).astype(np.int32))
+    reached, parent = components.breadth_first(back[0], back[1], (right > 0.0).view(np.uint8))
+    nearest = np.append(reached, np.flatnonzero(parent == -2).astype(np.int32))
     del back
     trials = [(nearest, tuning.TRUNCATION_SWEEPS)]
     if not transposed:

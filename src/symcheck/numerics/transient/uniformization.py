@@ -100,7 +100,7 @@ def transient_values(
         NumericalError: an array is negative (positive and negative parts must be given separately).
     """
     n = len(exit_rates)
-    found: Transient | None = None
+    total: Transient | None = None
     horizon = _Horizon(rates, exit_rates, time, settings, interest, observer)
     for start, source in ((terminal, False), (reward_rate, True)):
         if start is None or not np.any(start):
@@ -108,10 +108,10 @@ def transient_values(
         if start.min() < 0.0:
             raise NumericalError("transient values require non-negative rewards")
         part = horizon.part(start, source)
-        found = part if found is None else found.plus(part)
+        total = part if total is None else total.plus(part)
     return (
-        found.widened(tuning.UNDERFLOW_BOUND)
-        if found
+        total.widened(tuning.UNDERFLOW_BOUND)
+        if total
         else Transient(np.zeros(n), np.zeros(n), 0, "no reward is earned: 0")
     )
 
@@ -137,12 +137,12 @@ class _Horizon:
         rates, interest = self.rates, self.interest
         if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
             entries = self.chain.q * self.time * self.chain.entries
-            found = None
+            result = None
             if source and entries > tuning.TRUNCATION_ENTRIES:
-                found = self.on_truncated_space(rates, interest, start)
-            found = found or self.by_rational_krylov(rates, interest, start, source)
-            if found is not None:
-                return found
+                result = self.on_truncated_space(rates, interest, start)
+            result = result or self.by_rational_krylov(rates, interest, start, source)
+            if result is not None:
+                return result
         return self.by_series(start, source)
 
     def by_series(self, start: Floats, source: bool) -> Transient:
@@ -197,7 +197,7 @@ class _Horizon:
         )
         smoothing_error = later_growth * (1.0 + 1e-6) * float(np.max(first.upper - first.lower))
         reward_rate = start if source else None
-        found = krylov_values(
+        result = krylov_values(
             rates,
             exit_rates,
             first.middle,
@@ -208,18 +208,18 @@ class _Horizon:
             observer,
             poles,
         )
-        if found is None:
+        if result is None:
             return None
-        error = (found.error + smoothing_error) * scale
-        values = found.values * scale
+        error = (result.error + smoothing_error) * scale
+        values = result.values * scale
         lower, upper = np.maximum(values - error, 0.0), values + error
         if not _close_enough(lower[interest], upper[interest], settings):
             return None
         note = (
             f"uniformisation, {first.iterations} steps, then a rational Krylov subspace of "
-            f"{found.vectors} vectors, {found.steps} steps of BiCGStab"
+            f"{result.vectors} vectors, {result.steps} steps of BiCGStab"
         )
-        return Transient(lower, upper, first.iterations + found.steps, note)
+        return Transient(lower, upper, first.iterations + result.steps, note)
 
     def on_truncated_space(
         self, rates: SparseMatrix, interest: Int64s, reward_rate: Floats
@@ -252,18 +252,18 @@ class _Horizon:
         assert cut is not None
         smaller = _Horizon(matrix, exit_rates[kept], time, self.settings, at, self.observer)
         weights = importance(matrix, exit_rates[kept], reward_rate[kept], time, cut.values)
-        found = None
+        result = None
         if weights is not None:
-            found = smaller.by_rational_krylov(matrix, at, reward_rate[kept], True, weights)
-        found = found or smaller.by_series(reward_rate[kept], True)
+            result = smaller.by_rational_krylov(matrix, at, reward_rate[kept], True, weights)
+        result = result or smaller.by_series(reward_rate[kept], True)
         lower, upper = (
             np.zeros(rates.states),
             np.full(rates.states, time * float(reward_rate.max()) * (1.0 + 1e-9)),
         )
-        lower[interest] = found.lower[at]
-        upper[interest] = found.upper[at] + loss
-        note = f"{len(kept)} of {rates.states} states kept: {found.explanation}"
-        return Transient(lower, upper, found.iterations, note)
+        lower[interest] = result.lower[at]
+        upper[interest] = result.upper[at] + loss
+        note = f"{len(kept)} of {rates.states} states kept: {result.explanation}"
+        return Transient(lower, upper, result.iterations, note)
 
 
 def transient_distribution(
@@ -282,9 +282,9 @@ def transient_distribution(
         settings: accuracy and limits.
     """
     chain = uniformize(rates, exit_rates, transposed=True)
-    found = _sum_series(chain, initial, time, False, settings, None, None, mass=True)
-    found.upper[:] = np.minimum(found.upper, 1.0)
-    return found
+    series = _sum_series(chain, initial, time, False, settings, None, None, mass=True)
+    series.upper[:] = np.minimum(series.upper, 1.0)
+    return series
 
 
 def _sum_series(

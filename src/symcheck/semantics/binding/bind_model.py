@@ -208,8 +208,8 @@ class _Builder:
             (self.index[scope.renamed(a.variable)], scope.expand(a.expression))
             for a in update.assignments
         )
-        place = update.span if update.span.source.text else span
-        return BoundUpdate(probability, tuple(assignments), span=place)
+        position = update.span if update.span.source.text else span
+        return BoundUpdate(probability, tuple(assignments), span=position)
 
     def _rewards(self, structure: RewardStructure) -> BoundRewards:
         scope = self.checked.root

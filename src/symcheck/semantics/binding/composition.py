@@ -96,13 +96,13 @@ def _join(left: _Process, right: _Process, shared: frozenset[str]) -> _Process:
     partners: dict[str | None, list[Event]] = {}
     for event in right.events:
         partners.setdefault(event.action, []).append(event)
-    together = [
+    synchronised = [
         Event(a.action, (*a.participants, *b.participants))
         for a in left.events
         if a.action in shared
         for b in partners.get(a.action, ())
     ]
-    return _Process(alphabet, (*apart, *together))
+    return _Process(alphabet, (*apart, *synchronised))
 
 
 def _relabel(part: _Process, new: Mapping[str, str | None]) -> _Process:

@@ -33,19 +33,19 @@ def type_of_value(value: Value) -> Type:
     )
 
 
-def convert(value: Value, wanted: Type, exact: bool) -> Value:
+def convert(value: Value, expected: Type, exact: bool) -> Value:
     """Convert a value to type `wanted`.
 
     An int may become a double. A double is a Fraction in exact arithmetic, except infinities and
     NaN, and a float otherwise. Raises TypeError for any other conversion.
     """
-    found = type_of_value(value)
-    if wanted is Type.DOUBLE and found is not Type.BOOL:
+    actual = type_of_value(value)
+    if expected is Type.DOUBLE and actual is not Type.BOOL:
         if not exact:
             return to_float(value)
         return value if isinstance(value, float) and not math.isfinite(value) else Fraction(value)
-    if wanted is not found:
-        raise TypeError(f"{format_value(value)} is of type {found.value}, not {wanted.value}")
+    if expected is not actual:
+        raise TypeError(f"{format_value(value)} is of type {actual.value}, not {expected.value}")
     return value
 
 

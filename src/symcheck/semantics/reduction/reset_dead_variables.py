@@ -192,27 +192,27 @@ def _reduced(model: BoundModel, observed: Observations) -> BoundModel:
 
 
 class _Resets:
-    def __init__(self, model: BoundModel, found: Liveness) -> None:
+    def __init__(self, model: BoundModel, liveness: Liveness) -> None:
         self.model = model
-        self.found = found
+        self.liveness = liveness
         self.count: dict[str, int] = {}
         # The possible target locations of each update of each event, by source location.
         self.targets_of: dict[tuple[int, int, int], dict[Location, frozenset[Location]]] = {}
-        for location, move, participant, effect in found.locations.steps():
+        for location, move, participant, effect in liveness.locations.steps():
             targets = self.targets_of.setdefault((move.event, participant, id(effect.update)), {})
             targets[location] = move.targets[participant][effect.control]
 
     def run(self) -> Reduction:
         events = tuple(self._event(n, e) for n, e in enumerate(self.model.events))
         order = {v.name: self.count[v.name] for v in self.model.variables if v.name in self.count}
-        return Reduction(replace(self.model, events=events), self.found, order)
+        return Reduction(replace(self.model, events=events), self.liveness, order)
 
     def _event(self, number: int, event: Event) -> Event:
         """Reset a variable in the participants that write it.
 
         A variable that no participant writes is reset by the one writing most control variables.
         """
-        control = self.found.locations.control
+        control = self.liveness.locations.control
         written = [
             {i for c in p for u in c.updates for i, _ in u.assignments} for p in event.participants
         ]
@@ -264,16 +264,16 @@ class _Resets:
         dead = [
             x
             for x, targets in targets_of.items()
-            if all(self.found.is_dead(t, variable) for t in targets)
+            if all(self.liveness.is_dead(t, variable) for t in targets)
         ]
         # A variable that is dead before the update too has its reset value already, because the
         # reset value is its initial value.
         begins_reset = self.model.initial is None and written is None
-        if not dead or (begins_reset and all(self.found.is_dead(x, variable) for x in dead)):
+        if not dead or (begins_reset and all(self.liveness.is_dead(x, variable) for x in dead)):
             return None
         v = self.model.variables[variable]
         condition, reset = (
-            _condition(dead, list(targets_of), self.found.locations.names),
+            _condition(dead, list(targets_of), self.liveness.locations.names),
             _reset_value(v),
         )
         if condition is None or written == reset:

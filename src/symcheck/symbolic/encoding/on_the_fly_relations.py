@@ -55,8 +55,8 @@ class OnTheFly:
     def __post_init__(self) -> None:
         self.variables = self.encoding.sorted(self.names)
         self.bits = tuple(bit for v in self.variables for bit in v.rows)
-        own = set(self.bits)
-        self.others = self.manager.cube([bit for bit in self.encoding.rows if bit not in own])
+        bits = set(self.bits)
+        self.others = self.manager.cube([bit for bit in self.encoding.rows if bit not in bits])
         self.known: Bdd = self.manager.false
         self.faults: Bdd = self.manager.false
 

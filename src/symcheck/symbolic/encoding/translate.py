@@ -222,16 +222,17 @@ class Translator:
         """The value of a numeric expression (a boolean one counts as 0 or 1) in each state. Raises
         TooLarge.
         """
-        found = self._numbers.get(expression)
-        if found is None:
-            found = self._number(expression)
-            if found.node_count > self.limits.max_nodes:
+        diagram = self._numbers.get(expression)
+        if diagram is None:
+            diagram = self._number(expression)
+            if diagram.node_count > self.limits.max_nodes:
                 raise TooLarge(
-                    f"the diagram of an expression has {found.node_count} nodes ({expression.span})"
+                    f"the diagram of an expression has {diagram.node_count} nodes "
+                    f"({expression.span})"
                 )
             if not self.reads_on_the_fly(expression):
-                self._numbers[expression] = found
-        return found
+                self._numbers[expression] = diagram
+        return diagram
 
     def number_on_the_fly(self, expression: Expression) -> Mtbdd:
         """As `number`; an expression that is too large is encoded on the fly, right on its known

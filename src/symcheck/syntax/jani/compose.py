@@ -33,7 +33,7 @@ from symcheck.syntax.declarations import (
     VariableDeclaration,
 )
 from symcheck.syntax.jani.expressions import TRUE, conjunction, is_literal
-from symcheck.syntax.jani.network import Branch, Edge, Network, RawAssignment, settled
+from symcheck.syntax.jani.network import Branch, Edge, Network, RawAssignment, assigned_values
 from symcheck.syntax.jani.rewards import RewardRequest, edge_reward, state_reward
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import names
@@ -99,7 +99,7 @@ class _Composer:
         if self._must_combine(classes):
             classes = [self._combined(c) for c in classes]
             self.modules = [network.unique.take("network")]
-        classes = self._told_apart(classes)
+        classes = self._with_distinct_actions(classes)
         if len(self.modules) > 1 and self._writes_labelled(classes):
             classes = [self._combined(c) for c in classes]
             self.modules = [network.unique.take("network")]
@@ -140,7 +140,7 @@ class _Composer:
         parts = event_class.parts.values()
         if not any(all(e.rate is not None for e in edges) for edges in parts):
             edge = next(e for edges in parts for e in edges if e.rate is None)
-            raise edge.place.fault("edges of CTMCs need a rate")
+            raise edge.node.fault("edges of CTMCs need a rate")
 
     def _must_combine(self, classes: Sequence[_EventClass]) -> bool:
         """Whether a participant reads or writes what another one assigns in the same event."""
@@ -175,13 +175,13 @@ class _Composer:
 
     def _writers(self, classes: Sequence[_EventClass]) -> dict[str, set[int]]:
         """The modules that write each variable."""
-        found: dict[str, set[int]] = {}
+        writers: dict[str, set[int]] = {}
         for c in classes:
             for k, edges in c.parts.items():
                 for a in _assignments(edges):
                     if a.target not in self.network.transients:
-                        found.setdefault(a.target, set()).add(k)
-        return found
+                        writers.setdefault(a.target, set()).add(k)
+        return writers
 
     def _combined(self, event_class: _EventClass) -> _EventClass:
         """The class with each combination of edges as one edge of a single automaton."""
@@ -196,7 +196,7 @@ class _Composer:
 
     # ------------------------------------------------------------------------------------ rewards
 
-    def _told_apart(self, classes: Sequence[_EventClass]) -> list[_EventClass]:
+    def _with_distinct_actions(self, classes: Sequence[_EventClass]) -> list[_EventClass]:
         """The classes; those that earn different rewards with the same action get actions."""
         pools: dict[str | None, list[_EventClass]] = {}
         for c in classes:
@@ -225,22 +225,22 @@ class _Composer:
         for parts in signed:
             for chosen in product(*(by.items() for by in parts.values())):
                 total = tuple(map(_sum, zip(*(s for s, _ in chosen), strict=True)))
-                own = dict(zip(parts, (edges for _, edges in chosen), strict=True))
+                edges_of = dict(zip(parts, (edges for _, edges in chosen), strict=True))
                 name = action
                 if any(total):
-                    base = action or f"{self.modules[next(iter(own))]}_step"
+                    base = action or f"{self.modules[next(iter(edges_of))]}_step"
                     name = f"{base} {len(self.names)}"
                     self.names[name] = self.network.unique.take(base)
                     self._add(self.names[name], TRUE, total)
-                result.append(_EventClass(name, own))
+                result.append(_EventClass(name, edges_of))
         return result
 
     def _by_signature(self, edges: Sequence[Edge]) -> dict[Signature, list[Edge]]:
-        found: dict[Signature, list[Edge]] = {}
+        by_signature: dict[Signature, list[Edge]] = {}
         for edge in edges:
             signature = tuple(edge_reward(r, edge, self.network) for _, r in self.requests)
-            found.setdefault(signature, []).append(edge)
-        return found
+            by_signature.setdefault(signature, []).append(edge)
+        return by_signature
 
     def _add(self, action: str | None, guard: Expression, signature: Signature) -> None:
         for items, value in zip(self.items, signature, strict=True):
@@ -249,15 +249,15 @@ class _Composer:
 
     def _add_common_rewards(self, commands: Mapping[int, Sequence[Command]]) -> None:
         """The rewards of states, and those of all transitions."""
-        labelled = {c.action: None for own in commands.values() for c in own}
+        labelled = {c.action: None for of_module in commands.values() for c in of_module}
         new = dict(self.renamed)
         actions = dict.fromkeys(
             None if a in self.hidden else new.get(a, a) if a else a for a in labelled
         )
         for items, (_, request) in zip(self.items, self.requests, strict=True):
-            found = state_reward(request, self.network)
-            items[:0] = [RewardItem(False, TRUE, v) for v in found.states]
-            items += [RewardItem(a, TRUE, v) for v in found.transitions for a in actions]
+            rewards = state_reward(request, self.network)
+            items[:0] = [RewardItem(False, TRUE, v) for v in rewards.states]
+            items += [RewardItem(a, TRUE, v) for v in rewards.transitions for a in actions]
 
     # ----------------------------------------------------------------------- commands and modules
 
@@ -270,7 +270,7 @@ class _Composer:
         return self.names[action]
 
     def _commands(self, classes: Sequence[_EventClass]) -> dict[int, list[Command]]:
-        found: dict[int, list[Command]] = {k: [] for k in range(len(self.modules))}
+        commands: dict[int, list[Command]] = {k: [] for k in range(len(self.modules))}
         several = len(self.modules) > 1
         shared = [c.action for c in classes]
         for c in classes:
@@ -279,25 +279,25 @@ class _Composer:
                 action = self.network.unique.take("silent")
                 self.hidden.append(action)
             elif several and action is not None and shared.count(c.action) > 1:
-                own = self.network.unique.take(action)
-                self.renamed.append((own, action))
-                action = own
+                renamed = self.network.unique.take(action)
+                self.renamed.append((renamed, action))
+                action = renamed
             for k, edges in c.parts.items():
-                found[k] += [self._command(action, e) for e in edges]
-        return found
+                commands[k] += [self._command(action, e) for e in edges]
+        return commands
 
     def _command(self, action: str | None, edge: Edge) -> Command:
         updates = []
         for branch in edge.branches:
-            written, _ = settled(branch.assignments, self.network.transients)
-            places = {a.target: a.span for a in branch.assignments}
-            assignments = tuple(Assignment(n, v, span=places[n]) for n, v in written.items())
+            written, _ = assigned_values(branch.assignments, self.network.transients)
+            spans = {a.target: a.span for a in branch.assignments}
+            assignments = tuple(Assignment(n, v, span=spans[n]) for n, v in written.items())
             weight = _product(edge.rate, branch.probability)
             if weight is not None:
                 weight = self.network.in_states(weight)
             updates.append(Update(weight, assignments, span=branch.span))
         guard = self.network.in_states(edge.guard)
-        return Command(action, guard, tuple(updates), span=edge.place.span)
+        return Command(action, guard, tuple(updates), span=edge.node.span)
 
     def _initial(self) -> tuple[Expression | None, list[VariableDeclaration]]:
         """The condition of initial states where values do not say it all, and the variables."""
@@ -368,8 +368,8 @@ def _joint(edges: Sequence[Edge]) -> Edge:
         for a in (a for part in parts for a in part.assignments):
             other = assignments.setdefault((a.index, a.target), a)
             if other.value != a.value:
-                place = replace(edges[0].place, span=a.span)
-                raise place.unsupported(
+                location = replace(edges[0].node, span=a.span)
+                raise location.unsupported(
                     f"two automata that synchronise assign different values to '{a.target}'"
                 )
         probability: Expression | None = reduce(_product, (p.probability for p in parts), None)
@@ -379,7 +379,7 @@ def _joint(edges: Sequence[Edge]) -> Edge:
         reduce(conjunction, (e.guard for e in edges)),
         reduce(_product, (e.rate for e in edges), None),
         tuple(branches),
-        edges[0].place,
+        edges[0].node,
     )
 
 
@@ -392,16 +392,16 @@ def _are_disjoint(edges: Sequence[Edge]) -> bool:
 
 def _facts(guard: Expression) -> dict[str, object]:
     """The values of variables that a conjunction requires."""
-    found: dict[str, object] = {}
+    values: dict[str, object] = {}
     stack = [guard]
     while stack:
         match stack.pop():
             case Binary(Operator.AND, left, right):
                 stack += [left, right]
             case Binary(Operator.EQ, Name(name), Literal(value)):
-                found[name] = value
+                values[name] = value
             case Binary(Operator.EQ, Literal(value), Name(name)):
-                found[name] = value
+                values[name] = value
             case _:
                 pass
-    return found
+    return values

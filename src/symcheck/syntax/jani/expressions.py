@@ -124,10 +124,10 @@ class ExpressionReader:
                 raise node.fault("an expression is expected here")
 
     def _name(self, node: Json, name: str) -> Expression:
-        found = self.names.get(name)
-        if found is None:
+        variable = self.names.get(name)
+        if variable is None:
             raise node.fault(f"there is no variable or constant '{name}'")
-        return replace(found, span=node.span)
+        return replace(variable, span=node.span)
 
     def _compound(self, node: Json) -> Expression:
         constant = node.get("constant")

@@ -64,24 +64,24 @@ class Json:
 
     def get(self, key: str) -> Json | None:
         """A member of an object, or None if there is none, or if it is null."""
-        found = self.members.get(key)
-        return None if found is None or found.value is None else found
+        member = self.members.get(key)
+        return None if member is None or member.value is None else member
 
     def __getitem__(self, key: str) -> Json:
-        found = self.get(key)
-        if found is None:
+        member = self.get(key)
+        if member is None:
             raise self.fault(f'this object needs a member "{key}"')
-        return found
+        return member
 
     def each(self, key: str) -> Sequence[Json]:
         """The items of the list that is a member of an object; none without the member."""
-        found = self.get(key)
-        return () if found is None else found.items
+        member = self.get(key)
+        return () if member is None else member.items
 
     def flag(self, key: str) -> bool:
         """The truth of a member of an object; false without the member."""
-        found = self.get(key)
-        return found is not None and found.truth
+        member = self.get(key)
+        return member is not None and member.truth
 
 
 def parse_json(source: Source) -> Json:
@@ -93,8 +93,8 @@ def parse_json(source: Source) -> Json:
     try:
         json.loads(source.text, parse_float=_no_number, parse_int=_no_number)
     except json.JSONDecodeError as error:
-        place = Span(source, error.pos, error.pos + 1)
-        raise SyntaxFault(Diagnostic(f"this is no JSON: {error.msg}", place, "json")) from None
+        span = Span(source, error.pos, error.pos + 1)
+        raise SyntaxFault(Diagnostic(f"this is no JSON: {error.msg}", span, "json")) from None
     reader = _Reader(source)
     return reader.value(reader.skip(0))[0]
 
@@ -124,25 +124,25 @@ class _Reader:
 
     def value(self, start: int) -> tuple[Json, int]:
         """The value that starts at a position, and the position behind it."""
-        found: Value
+        content: Value
         match self.text[start]:
             case "{":
-                found, end = self._object(start)
+                content, end = self._object(start)
             case "[":
                 entries, end = [], self.skip(start + 1)
                 while self.text[end] != "]":
                     entry, end = self.value(end)
                     entries.append(entry)
                     end = self._behind_comma(end)
-                found, end = entries, end + 1
+                content, end = entries, end + 1
             case _:
                 try:
-                    found, end = self.decode(self.text, start)
+                    content, end = self.decode(self.text, start)
                 except ValueError as error:
                     end = len(self.text)
-                    place = Span(self.source, start, start + 1)
-                    raise SyntaxFault(Diagnostic(str(error), place, "number")) from None
-        return Json(found, Span(self.source, start, end)), end
+                    span = Span(self.source, start, start + 1)
+                    raise SyntaxFault(Diagnostic(str(error), span, "number")) from None
+        return Json(content, Span(self.source, start, end)), end
 
     def _object(self, start: int) -> tuple[dict[str, Json], int]:
         members: dict[str, Json] = {}
@@ -151,8 +151,8 @@ class _Reader:
             at = end
             key, end = self.decode(self.text, at)
             if key in members:
-                place = Span(self.source, at, end)
-                raise SyntaxFault(Diagnostic(f'"{key}" occurs twice in an object', place, "json"))
+                span = Span(self.source, at, end)
+                raise SyntaxFault(Diagnostic(f'"{key}" occurs twice in an object', span, "json"))
             end = self.skip(end) + 1  # behind the colon
             members[key], end = self.value(self.skip(end))
             end = self._behind_comma(end)
@@ -160,8 +160,8 @@ class _Reader:
 
     def skip(self, at: int) -> int:
         """The position behind blanks and line ends."""
-        found = _SPACE.match(self.text, at)
-        return at if found is None else found.end()
+        space = _SPACE.match(self.text, at)
+        return at if space is None else space.end()
 
     def _behind_comma(self, at: int) -> int:
         at = self.skip(at)

@@ -31,8 +31,8 @@ __all__ = [
     "RawAssignment",
     "Transient",
     "UniqueNames",
+    "assigned_values",
     "read_network",
-    "settled",
 ]
 
 _TYPES = {
@@ -65,9 +65,9 @@ class UniqueNames:
     def __init__(self) -> None:
         self._taken: set[str] = set()
 
-    def take(self, wanted: str) -> str:
+    def take(self, proposal: str) -> str:
         """The wanted name if it is free and valid, or else one that is close to it."""
-        name = re.sub(r"\W|[^\x00-\x7f]", "_", wanted)
+        name = re.sub(r"\W|[^\x00-\x7f]", "_", proposal)
         if not name or name[0].isdigit() or name in _RESERVED_WORDS.split():
             name = f"_{name}"
         free, number = name, 1
@@ -121,7 +121,7 @@ class Edge:
     guard: Expression
     rate: Expression | None
     branches: tuple[Branch, ...]
-    place: Json
+    node: Json
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,7 @@ class Network:
 
     @cached_property
     def _state_values(self) -> dict[str, Expression]:
-        found: dict[str, Expression] = {}
+        result: dict[str, Expression] = {}
         for name, transient in self.transients.items():
             value = transient.initial
             for element in self.elements:
@@ -206,11 +206,11 @@ class Network:
                     if name in values:
                         one = condition == TRUE
                         value = values[name] if one else Conditional(condition, values[name], value)
-            found[name] = value
-        return found
+            result[name] = value
+        return result
 
 
-def settled(
+def assigned_values(
     assignments: Iterable[RawAssignment], transients: Mapping[str, Transient]
 ) -> tuple[dict[str, Expression], dict[str, Expression]]:
     """The values that assignments give to variables, and to transient variables.
@@ -331,7 +331,7 @@ class _NetworkReader:
         self, owner: Json, names: dict[str, Expression], prefix: str = ""
     ) -> tuple[VariableDeclaration, ...]:
         """Declare the variables of a model or an automaton in `names`."""
-        found = []
+        result = []
         reader = ExpressionReader(dict(self.names), self.functions)
         for node in owner.each("variables"):
             identifier = node["name"].text
@@ -363,8 +363,8 @@ class _NetworkReader:
             self.open |= value is None
             first, last = (None if b is None else reader.read(b) for b in (low, high))
             span = node["name"].span
-            found.append(VariableDeclaration(name, kind, first, last, value, span=span))
-        return tuple(found)
+            result.append(VariableDeclaration(name, kind, first, last, value, span=span))
+        return tuple(result)
 
     def _functions(self, owner: Json) -> dict[str, FunctionDefinition]:
         return {
@@ -389,12 +389,12 @@ class _NetworkReader:
                     'this object needs a member "system", which composes the automata'
                 )
             return [(name, ()) for name in automata]
-        found = []
+        result = []
         for node in system["elements"].items:
             if node["automaton"].text not in automata:
                 raise node["automaton"].fault(f"there is no automaton '{node['automaton'].text}'")
-            found.append((node["automaton"].text, node.each("input-enable")))
-        return found
+            result.append((node["automaton"].text, node.each("input-enable")))
+        return result
 
     def _vectors(
         self, elements: int, actions: set[str | None]
@@ -404,7 +404,7 @@ class _NetworkReader:
             return tuple(((a,), a) for a in sorted(a for a in actions if a is not None))
         if system is not None and system.get("syncs") is None and actions - {None}:
             raise system.fault('the composition needs "syncs", which say how actions synchronise')
-        found = []
+        vectors = []
         for node in () if system is None else system.each("syncs"):
             parts = node["synchronise"].items
             if len(parts) != elements:
@@ -414,8 +414,8 @@ class _NetworkReader:
             result = node.get("result")
             taking_part = tuple(None if p.value is None else p.text for p in parts)
             if any(p is not None for p in taking_part):
-                found.append((taking_part, None if result is None else result.text))
-        return tuple(found)
+                vectors.append((taking_part, None if result is None else result.text))
+        return tuple(vectors)
 
     # ---------------------------------------------------------------------------------- automata
 
@@ -432,19 +432,21 @@ class _NetworkReader:
         starts = [self._location(x, locations) for x in node["initial-locations"].items]
         if not starts:
             raise node["initial-locations"].fault("an automaton needs an initial location")
-        place: Name | None = None
+        location_variable: Name | None = None
         if len(locations) > 1:
-            place = Name(self.unique.take(f"{module}_location"))
+            location_variable = Name(self.unique.take(f"{module}_location"))
             first = Literal(starts[0], Type.INT) if len(starts) == 1 else None
             self.open |= first is None
             last = Literal(len(locations) - 1, Type.INT)
             span = node["locations"].span
-            at = VariableDeclaration(place.name, Type.INT, ZERO, last, first, span=span)
+            at = VariableDeclaration(location_variable.name, Type.INT, ZERO, last, first, span=span)
             variables = (at, *variables)
         initial = self._restriction(node, reader)
-        if place is not None and len(starts) > 1:
-            initial = conjunction(_any(_at(place, s) for s in starts), initial)
-        edges = [self._edge(edge, place, locations, reader) for edge in node["edges"].items]
+        if location_variable is not None and len(starts) > 1:
+            initial = conjunction(_any(_at(location_variable, s) for s in starts), initial)
+        edges = [
+            self._edge(edge, location_variable, locations, reader) for edge in node["edges"].items
+        ]
         for action in input_enable:
             edges += self._input_edges(action, edges, node)
         return Element(
@@ -452,7 +454,7 @@ class _NetworkReader:
             variables,
             tuple(edges),
             tuple(
-                (_at(place, i), self._transient_values(x, reader))
+                (_at(location_variable, i), self._transient_values(x, reader))
                 for i, x in enumerate(node["locations"].items)
             ),
             initial,
@@ -468,13 +470,13 @@ class _NetworkReader:
             raise location["time-progress"].unsupported(
                 "conditions on the progress of time are not supported"
             )
-        found = {}
+        result = {}
         for node in location.each("transient-values"):
             name = self._target(node["ref"], reader)
             if name not in self.transients:
                 raise node["ref"].fault("a location gives values to transient variables only")
-            found[name] = reader.read(node["value"])
-        return found
+            result[name] = reader.read(node["value"])
+        return result
 
     def _target(self, node: Json, reader: ExpressionReader) -> str:
         if not isinstance(node.value, str):
@@ -485,12 +487,16 @@ class _NetworkReader:
         return found.name
 
     def _edge(
-        self, node: Json, place: Name | None, locations: Sequence[str], reader: ExpressionReader
+        self,
+        node: Json,
+        location_variable: Name | None,
+        locations: Sequence[str],
+        reader: ExpressionReader,
     ) -> Edge:
         action, guard, rate = node.get("action"), node.get("guard"), node.get("rate")
         if rate is not None and self.kind is not ModelType.CTMC:
             raise rate.fault(f"edges of {self.kind.name}s have no rate")
-        at = _at(place, self._location(node["location"], locations))
+        at = _at(location_variable, self._location(node["location"], locations))
         condition = TRUE if guard is None else reader.read(guard["exp"])
         shared = self._assignments(node, reader)
         branches = []
@@ -501,8 +507,8 @@ class _NetworkReader:
             assignments = [*shared, *self._assignments(destination, reader)]
             there = destination["location"]
             target = Literal(self._location(there, locations), Type.INT, span=there.span)
-            if place is not None:
-                assignments.append(RawAssignment(0, place.name, target, there.span))
+            if location_variable is not None:
+                assignments.append(RawAssignment(0, location_variable.name, target, there.span))
             branches.append(
                 Branch(
                     None if probability is None else reader.read(probability["exp"]),
@@ -520,12 +526,12 @@ class _NetworkReader:
         )
 
     def _assignments(self, owner: Json, reader: ExpressionReader) -> list[RawAssignment]:
-        found = []
+        result = []
         for node in owner.each("assignments"):
             index = node.get("index")
             if index is not None and not isinstance(index.value, int):
                 raise index.fault("the index of an assignment is an integer")
-            found.append(
+            result.append(
                 RawAssignment(
                     index.value if index is not None and isinstance(index.value, int) else 0,
                     self._target(node["ref"], reader),
@@ -533,7 +539,7 @@ class _NetworkReader:
                     node.span,
                 )
             )
-        return found
+        return result
 
     def _check_assigned_once(self, assignments: Sequence[RawAssignment], node: Json) -> None:
         seen = set()
@@ -544,16 +550,16 @@ class _NetworkReader:
 
     def _input_edges(self, action: Json, edges: Sequence[Edge], node: Json) -> list[Edge]:
         """The edge that does nothing where no edge has the action."""
-        own = [e.guard for e in edges if e.action == action.text]
-        guard = negation(_any(own)) if own else TRUE
+        guards = [e.guard for e in edges if e.action == action.text]
+        guard = negation(_any(guards)) if guards else TRUE
         rate = ONE if self.kind is ModelType.CTMC else None
         return [Edge(action.text, guard, rate, (Branch(None, (), node.span),), node)]
 
 
-def _at(place: Name | None, location: int) -> Expression:
-    if place is None:
+def _at(location_variable: Name | None, location: int) -> Expression:
+    if location_variable is None:
         return TRUE
-    return Binary(Operator.EQ, place, Literal(location, Type.INT))
+    return Binary(Operator.EQ, location_variable, Literal(location, Type.INT))
 
 
 def _any(conditions: Iterable[Expression]) -> Expression:

@@ -216,33 +216,39 @@ class PropertyReader(ExpressionReader):
 
     def _instant(self, node: Json) -> Expression | None:
         is_timed = self.network.type is ModelType.CTMC
-        own, other = ("time-instant", "step-instant")[:: 1 if is_timed else -1]
+        key, other = ("time-instant", "step-instant")[:: 1 if is_timed else -1]
         wrong = node.get(other)
         if wrong is not None:
             raise wrong.unsupported(
-                f'"{other}" is not supported for a {self.network.type.name}: "{own}" is'
+                f'"{other}" is not supported for a {self.network.type.name}: "{key}" is'
             )
-        found = node.get(own)
-        return None if found is None else self.read(found)
+        bound = node.get(key)
+        return None if bound is None else self.read(bound)
 
     def _accumulated(self, node: Json, value: Expression, kinds: Json) -> str:
         """The structure of a value that is accumulated."""
-        asked = {kind.text for kind in kinds.items}
+        kinds_of_node = {kind.text for kind in kinds.items}
         for kind in kinds.items:
             if kind.text not in ("steps", "time", "exit"):
                 raise kind.fault("rewards accumulate over steps, time or exit")
-        steps = "steps" in asked
+        steps = "steps" in kinds_of_node
         if self.network.type is ModelType.CTMC:
             return self._structure(
-                node, value, states="time" in asked, exits="exit" in asked, steps=steps
+                node,
+                value,
+                states="time" in kinds_of_node,
+                exits="exit" in kinds_of_node,
+                steps=steps,
             )
-        if asked == {"time"}:
+        if kinds_of_node == {"time"}:
             raise kinds.unsupported(
                 f"no time passes in the states of a {self.network.type.name}",
                 "steps and exit count its steps",
             )
         # No time passes in the states of a DTMC or MDP; each step leaves a state.
-        return self._structure(node, value, states="exit" in asked, exits=False, steps=steps)
+        return self._structure(
+            node, value, states="exit" in kinds_of_node, exits=False, steps=steps
+        )
 
     def _structure(
         self, node: Json, value: Expression, *, states: bool, exits: bool, steps: bool
@@ -294,15 +300,15 @@ class PropertyReader(ExpressionReader):
 
     def _bounds(self, node: Json) -> PathBound | None:
         is_timed = self.network.type is ModelType.CTMC
-        found: list[TimeBound | RewardBound] = []
+        result: list[TimeBound | RewardBound] = []
         steps, time = node.get("step-bounds"), node.get("time-bounds")
         if time is not None:
             if not is_timed:
                 raise time.unsupported(f"a {self.network.type.name} has no time: use step-bounds")
-            found.append(TimeBound(*self._interval(time), span=time.span))
+            result.append(TimeBound(*self._interval(time), span=time.span))
         if steps is not None:
             limits = self._interval(steps)
-            found.append(
+            result.append(
                 RewardBound(*limits, span=steps.span)
                 if is_timed
                 else TimeBound(*limits, span=steps.span)
@@ -315,16 +321,16 @@ class PropertyReader(ExpressionReader):
                     "a bound on rewards that depend on the destination of an edge is not supported"
                 )
             bounds = part["bounds"]
-            found.append(RewardBound(*self._interval(bounds), structure, span=bounds.span))
-        if not found:
+            result.append(RewardBound(*self._interval(bounds), structure, span=bounds.span))
+        if not result:
             return None
-        if len(found) == 1 and isinstance(found[0], TimeBound):
-            return found[0]
+        if len(result) == 1 and isinstance(result[0], TimeBound):
+            return result[0]
         parts = tuple(
             RewardBound(b.lower, b.lower_strict, b.upper, b.upper_strict, span=b.span)
             if isinstance(b, TimeBound)
             else b
-            for b in found
+            for b in result
         )
         if is_timed and time is not None:
             raise node.unsupported("a bound on time together with other bounds is not supported")
@@ -346,5 +352,5 @@ def _operator(node: Json) -> str | None:
     """The operator of an expression."""
     if not isinstance(node.value, Mapping):
         return None
-    found = node.get("op")
-    return None if found is None else found.text
+    operator = node.get("op")
+    return None if operator is None else operator.text

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from symcheck.syntax.ast import Binary, Expression, Literal, Name, Unary
 from symcheck.syntax.jani.expressions import ONE, is_literal, simplified
-from symcheck.syntax.jani.network import Edge, Network, RawAssignment, settled
+from symcheck.syntax.jani.network import Edge, Network, RawAssignment, assigned_values
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import names, substitute
 
@@ -91,7 +91,7 @@ def _value(
     request: RewardRequest, assignments: Iterable[RawAssignment], network: Network
 ) -> Expression | None:
     """What the assignments of a branch add to the value without them; None: nothing."""
-    _, assigned = settled(assignments, network.transients)
+    _, assigned = assigned_values(assignments, network.transients)
     read = names(request.expression) & assigned.keys()
     if not read:
         return None

@@ -119,10 +119,10 @@ def _first_policy(problem: LinearProblem, chooser: Chooser) -> Int64s:
         exit=_rounded_exits(problem),
     )
     try:
-        found = chooser(rounded, Accuracy(epsilon=1e-9)).strategy
+        chosen = chooser(rounded, Accuracy(epsilon=1e-9)).strategy
     except NumericalError:
-        found = None
-    policy = groups[:-1].copy() if found is None else np.where(found >= 0, found, groups[:-1])
+        chosen = None
+    policy = groups[:-1].copy() if chosen is None else np.where(chosen >= 0, chosen, groups[:-1])
     if problem.probability or problem.direction is not Direction.MIN:
         return policy
     leaving = np.asarray(problem.leaving > 0, dtype=np.bool_)
