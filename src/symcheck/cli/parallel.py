@@ -116,6 +116,7 @@ def _report(
         given = ",".join(f"{n}={v}" for n, v in constants.items())
         instances = task.model.instances(task.file, task.of_properties, task.indices)
         report_unbuilt_model(state, instances, constants, SymcheckError(f"{given}: {outcome}"))
+        state.lost += 1
         return
     _add(state, outcome)
     if outcome.error is not None:

@@ -67,7 +67,7 @@ def run(state: RunState) -> int:
         if state.testing:
             state.output.tests(state.report())
     state.output.end()
-    return 1 if state.failures else 0
+    return 3 if state.lost else 1 if state.failures else 0
 
 
 def _check_instances(

@@ -27,8 +27,9 @@ class TestFailed(Exception):
 class RunState:
     """What was asked, where it is printed, and the results so far.
 
-    varying: the constants that were given several values. build_seconds: time of building the
-    current model. workers: sample the paths of -sim; None: this process.
+    lost: number of instances whose process was killed. varying: the constants that were given
+    several values. build_seconds: time of building the current model. workers: sample the paths of
+    -sim; None: this process.
     """
 
     arguments: Arguments
@@ -36,6 +37,7 @@ class RunState:
     rows: list[Row] = field(default_factory=list)
     tests: list[PropertyTest] = field(default_factory=list)
     failures: int = 0
+    lost: int = 0
     varying: tuple[str, ...] = ()
     build_seconds: float = 0.0
     workers: Workers | None = None

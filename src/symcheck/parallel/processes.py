@@ -8,8 +8,9 @@ import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context, parent_process, spawn
 from threading import Thread
+from time import monotonic
 from types import FrameType, ModuleType
 from typing import ParamSpec, TypeVar
 
@@ -22,7 +23,9 @@ __all__ = ["ProcessPool"]
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_PATIENCE = 0.1  # seconds in which a worker removes its temporary files
+_PATIENCE = 0.1  # seconds in which workers remove their temporary files
+
+_command_line = spawn.get_command_line
 
 
 class ProcessPool(ProcessPoolExecutor):
@@ -57,9 +60,14 @@ class ProcessPool(ProcessPoolExecutor):
         workers = list((self._processes or {}).values())
         for worker in workers:
             worker.terminate()
+        end = monotonic() + _PATIENCE
         for worker in workers:  # a compiled loop does not notice
-            worker.join(_PATIENCE)
+            worker.join(max(0.0, end - monotonic()))
             worker.kill()
+        # A message that a worker was sending or receiving has no end: the threads of the pool would
+        # wait for it.
+        self._result_queue._writer.close()  # type: ignore[attr-defined]
+        self._call_queue._reader.close()  # type: ignore[attr-defined]
         self.shutdown(cancel_futures=True)
 
 
@@ -69,19 +77,30 @@ def _clean_start() -> Iterator[None]:
 
     So the script needs no `if __name__ == "__main__"`. Matrices are small for a BLAS: its threads
     would compete with the processes; numpy reads the variable when it is imported. They inherit
-    that Ctrl-C is blocked, and leave it to this process from the first moment on.
+    that Ctrl-C is blocked, and leave it to this process from the first moment on. They have no
+    standard error: if this process ends while they start, that is no fault to be shown.
     """
     main, threads = sys.modules["__main__"], os.environ.get("OPENBLAS_NUM_THREADS")
     sys.modules["__main__"] = ModuleType("__main__")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    setattr(spawn, "get_command_line", _silent_command_line)  # noqa: B010
     try:
         yield
     finally:
+        setattr(spawn, "get_command_line", _command_line)  # noqa: B010
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         sys.modules["__main__"] = main
         if threads is None:
             del os.environ["OPENBLAS_NUM_THREADS"]
+
+
+def _silent_command_line(**descriptors: object) -> list[str]:
+    """The command that starts a process of a pool, without a standard error."""
+    words = _command_line(**descriptors)
+    program = words.index("-c") + 1
+    words[program] = f"import os, sys; sys.stderr = open(os.devnull, 'w'); {words[program]}"
+    return words
 
 
 def _end_worker(_: int, __: FrameType | None) -> None:

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    wait,
-)
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from dataclasses import dataclass
 from functools import partial
+from queue import SimpleQueue
 from types import TracebackType
 from typing import TypeVar
 
 from symcheck.errors import ResourceError, UsageError
 from symcheck.parallel.dask import Cluster, do_on_cluster
+from symcheck.parallel.deferral import deferred_signals
 from symcheck.parallel.processes import ProcessPool
 
 __all__ = ["Lost", "Workers"]
@@ -87,9 +82,7 @@ class Workers:
             try:
                 yield from self._in_processes(function, tasks)
             except BaseException:
-                if self._pool is not None:
-                    self._pool.kill()
-                    self._pool = None
+                self._kill()
                 raise
 
     def _in_processes(
@@ -114,9 +107,16 @@ class Workers:
                 self._end()
 
     def _end(self) -> None:
-        if self._pool is not None:
-            self._pool.shutdown()
-            self._pool = None
+        with deferred_signals():
+            if self._pool is not None:
+                self._pool.shutdown()
+                self._pool = None
+
+    def _kill(self) -> None:
+        with deferred_signals():
+            if self._pool is not None:
+                self._pool.kill()
+                self._pool = None
 
     def __enter__(self) -> Workers:
         return self
@@ -127,7 +127,10 @@ class Workers:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._end()
+        if kind is None:
+            self._end()
+        else:
+            self._kill()
 
 
 def _submitted(
@@ -137,41 +140,55 @@ def _submitted(
     indices: Sequence[int],
     window: int,
 ) -> Generator[tuple[int, R | Lost]]:
-    """Submit tasks, at most `window` at a time, until the executor is broken."""
+    """Submit tasks, at most `window` at a time, until the executor is broken.
+
+    A signal interrupts the wait for the next result, and not the code of the executor.
+    """
     waiting = iter(indices)
     pending: dict[Future[R], int] = {}
+    finished: SimpleQueue[Future[R]] = SimpleQueue()
     broken = False
     try:
         while True:
             while not broken and len(pending) < window and (i := next(waiting, None)) is not None:
                 try:
-                    pending[executor.submit(function, tasks[i])] = i
+                    with deferred_signals():
+                        future = executor.submit(function, tasks[i])
+                        pending[future] = i
+                        future.add_done_callback(finished.put)
                 except BrokenExecutor:
                     broken = True
                     yield i, Lost()
             if not pending:
                 break
-            for future in wait(pending, return_when=FIRST_COMPLETED).done:
+            future = finished.get()
+            with deferred_signals():
                 i = pending.pop(future)
-                try:
-                    result = future.result()
-                except BrokenExecutor:
-                    broken = True
-                    yield i, Lost()
-                except _killed_worker():
-                    yield i, Lost()
-                except CancelledError:
-                    raise ResourceError("the connection to the scheduler is lost") from None
-                except ModuleNotFoundError as error:
-                    raise UsageError(
-                        f"a worker cannot do its task: {error}"
-                        "\n  hint: install the same version of symcheck on all workers"
-                    ) from None
-                else:
-                    yield i, result
+                outcome = _outcome(future)
+                broken = broken or isinstance(future.exception(), BrokenExecutor)
+            yield i, outcome
     finally:
-        for future in pending:
-            future.cancel()
+        if not isinstance(executor, ProcessPool):  # that one is ended
+            with deferred_signals():
+                for future in pending:
+                    future.cancel()
+
+
+def _outcome(future: Future[R]) -> R | Lost:
+    """The result of a finished task; see `Workers.completed`."""
+    try:
+        return future.result()
+    except BrokenExecutor:
+        return Lost()
+    except _killed_worker():
+        return Lost()
+    except CancelledError:
+        raise ResourceError("the connection to the scheduler is lost") from None
+    except ModuleNotFoundError as error:
+        raise UsageError(
+            f"a worker cannot do its task: {error}"
+            "\n  hint: install the same version of symcheck on all workers"
+        ) from None
 
 
 def _killed_worker() -> tuple[type[Exception], ...]:
