@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from symcheck.cli import main
+from symcheck.parallel.workers import Lost, Workers
 
 ROOT = Path(__file__).parents[2]
 DIE = str(ROOT / "models" / "die" / "die.pm")
@@ -158,3 +159,13 @@ def test_ctrl_c_writes_finished_rows(model: str, tmp_path: Path) -> None:
         f"  note: {rows} finished results are above",
     ]
     assert "Traceback" not in err
+
+
+def test_a_killed_process_ends_with_the_status_of_a_limit(
+    model: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(Workers, "completed", lambda *_: ((i, Lost()) for i in range(2)))
+    status, out, _ = output(
+        capsys, model, "-pf", "P=? [ F s=0 ]", "-const", "p=0.5,N=1:2", "-jobs", "2"
+    )
+    assert (status, out.count("its process was killed")) == (3, 2)

@@ -8,11 +8,14 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from multiprocessing import active_children
 from pathlib import Path
 
+import pytest
+
 import symcheck
+from symcheck.parallel.processes import ProcessPool
 from symcheck.parallel.workers import Lost, Workers
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -124,3 +127,66 @@ def test_ctrl_c_ends_the_workers_and_keeps_the_rows(tmp_path: Path) -> None:
     assert (err, complete) == ("", "False")
     assert int(finished) <= int(count) < 4 * 6 * 4
     assert len((tmp_path / "rows.jsonl").read_text().splitlines()) == int(count) + 1
+
+
+HALF_A_MESSAGE = """
+import struct, sys, time
+frame = sys._getframe()
+while "result_queue" not in frame.f_locals:
+    frame = frame.f_back
+open("half", "w")
+frame.f_locals["result_queue"]._writer._send(struct.pack("!i", 1000))
+time.sleep(60)
+"""
+
+
+def test_a_pool_ends_while_a_result_is_sent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The thread of the pool that reads the result does not wait for its second half."""
+    monkeypatch.chdir(tmp_path)
+    pool = ProcessPool(1)
+    pool.submit(exec, HALF_A_MESSAGE)
+    while not Path("half").exists():
+        time.sleep(0.01)
+    pool.kill()
+    assert active_children() == []
+
+
+class InterruptedExecutor(Executor):
+    """Ctrl-C comes while it has a lock, so to say."""
+
+    locked = False
+
+    def submit(self, fn, /, *arguments, **_):
+        self.locked = True
+        os.kill(os.getpid(), signal.SIGINT)
+        future: Future[object] = Future()
+        future.set_result(fn(*arguments))
+        self.locked = False
+        return future
+
+
+def test_ctrl_c_does_not_interrupt_an_executor() -> None:
+    executor = InterruptedExecutor()
+    with pytest.raises(KeyboardInterrupt):
+        list(Workers(1, executor).completed(str, [1, 2]))
+    assert not executor.locked
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_process_that_cannot_start_is_silent() -> None:
+    """A run that ends while its processes start gives them half of what they read."""
+    from multiprocessing import spawn
+
+    from symcheck.parallel.processes import _clean_start
+
+    reader, writer = os.pipe()
+    os.write(writer, b"half")
+    os.close(writer)
+    with _clean_start():
+        words = spawn.get_command_line(pipe_handle=reader, tracker_fd=-1)
+    ended = subprocess.run(words, pass_fds=[reader], capture_output=True)
+    os.close(reader)
+    assert ended.returncode != 0
+    assert (ended.stdout, ended.stderr) == (b"", b"")
