@@ -8,8 +8,6 @@ The names here are looked up when they are used, so that importing symcheck cost
 
 from __future__ import annotations
 
-from importlib import import_module
-
 TYPE_CHECKING = False  # for type checkers; the module `typing` takes ten milliseconds
 if TYPE_CHECKING:
     from symcheck import teach as teach
@@ -86,6 +84,8 @@ if not TYPE_CHECKING:  # a type checker reports unknown names
     def __getattr__(name):
         if name not in _HOME:
             raise AttributeError(f"module 'symcheck' has no attribute '{name}'")
+        from importlib import import_module  # takes a millisecond, before signals have handlers
+
         module = import_module(f"symcheck.{_HOME[name]}")
         return module if _HOME[name] == name else getattr(module, name)
 

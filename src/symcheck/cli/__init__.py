@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import os
 import sys
-from importlib import import_module
 from itertools import pairwise
 from time import perf_counter
 
@@ -15,7 +14,7 @@ if TYPE_CHECKING:  # the module takes ten milliseconds, in which Ctrl-C would be
 
 __all__ = ["main"]
 
-_signal = import_module("_signal")  # `signal` first imports `enum`, which takes milliseconds too
+_signal = sys.modules["_signal"]  # Python has it; `signal` takes milliseconds, and so does importlib
 
 
 def main(words: list[str] | None = None) -> int:
