@@ -14,7 +14,8 @@ if TYPE_CHECKING:  # the module takes ten milliseconds, in which Ctrl-C would be
 
 __all__ = ["main"]
 
-_signal = sys.modules["_signal"]  # Python has it; `signal` takes milliseconds, and so does importlib
+# Python has imported it; the modules `signal` and `importlib` take milliseconds.
+_signal = sys.modules["_signal"]
 
 
 def main(words: list[str] | None = None) -> int:

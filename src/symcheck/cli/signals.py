@@ -38,7 +38,8 @@ class StopSignals:
     The code that they interrupt may be unable to raise, such as a destructor, or return to Python
     late, such as a compiled loop: Python calls handlers of signals in the main thread only. A
     thread is told at once. It repeats the signal until `acknowledge` is called, and calls `end`
-    when its time is over. Signals that the caller ignores or handles are left alone.
+    when its time is over. Signals that the caller ignores or handles are left alone. In a run in
+    another thread than the main one, there is only the time limit.
 
     Args:
         end: ends the process, which is that of the command line. None: the process is another one,
@@ -54,6 +55,7 @@ class StopSignals:
         self._low_memory = 0
         self._memory_ended = False
         self._over = threading.Event()
+        self._timer: threading.Thread | None = None
         self._previous: dict[signal.Signals, Handler] = {}
 
     def __enter__(self) -> StopSignals:
@@ -77,6 +79,10 @@ class StopSignals:
         return self
 
     def __exit__(self, *_: object) -> None:
+        if self._timer is not None:
+            self._over.set()
+            self._timer.join()
+            _raise_in_thread(threading.get_ident(), None)
         if threading.current_thread() is not threading.main_thread():
             return
         self._acknowledged = True
@@ -103,8 +109,25 @@ class StopSignals:
 
     def limit_time(self, seconds: float | None) -> None:
         """Stop the run after so many seconds; None: no limit."""
-        if seconds is not None and signal.SIGALRM in self._previous:
+        if seconds is None:
+            return
+        if signal.SIGALRM in self._previous:
             signal.setitimer(signal.ITIMER_REAL, max(seconds, 1e-6))
+            return
+        arguments = max(seconds, 0.0), threading.get_ident()
+        self._timer = threading.Thread(target=self._end_thread, args=arguments, daemon=True)
+        self._timer.start()
+
+    def _end_thread(self, seconds: float, thread: int) -> None:
+        """Raise KeyboardInterrupt in a thread when the time is over, as the signal does.
+
+        Compiled loops that last long watch the time limit themselves.
+        """
+        while not self._over.wait(seconds):
+            self.signal = self.signal or signal.SIGALRM
+            if not self._acknowledged:
+                _raise_in_thread(thread, KeyboardInterrupt)
+            seconds = _PATIENCE
 
     def acknowledge(self) -> None:
         """The signal has taken effect, and is not repeated."""
@@ -186,6 +209,14 @@ class StopSignals:
                 self._end()
             elif not self._acknowledged:
                 signal.pthread_kill(_main_thread(), number)
+
+
+def _raise_in_thread(thread: int, error: type[BaseException] | None) -> None:
+    """Let a thread raise an error at its next instruction; None: not any more."""
+    import ctypes  # takes milliseconds
+
+    given = None if error is None else ctypes.py_object(error)
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), given)
 
 
 def _main_thread() -> int:

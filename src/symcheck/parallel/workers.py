@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import TypeVar
 
@@ -20,6 +21,8 @@ __all__ = ["Lost", "Workers"]
 
 T = TypeVar("T")
 R = TypeVar("R")
+
+_PATIENCE = 0.1  # seconds until an interrupted thread notices
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +164,7 @@ def _submitted(
                     yield i, Lost()
             if not pending:
                 break
-            future = finished.get()
+            future = _next(finished)
             with deferred_signals():
                 i = pending.pop(future)
                 outcome = _outcome(future)
@@ -172,6 +175,13 @@ def _submitted(
             with deferred_signals():
                 for future in pending:
                     future.cancel()
+
+
+def _next(finished: SimpleQueue[R]) -> R:
+    """The next element; only the main thread would be interrupted while it waits without end."""
+    while True:
+        with suppress(Empty):
+            return finished.get(timeout=_PATIENCE)
 
 
 def _outcome(future: Future[R]) -> R | Lost:
