@@ -22,6 +22,7 @@ from symcheck.check.property_instance import (
     property_instances,
     reduced,
     shared_quotient,
+    stopped,
 )
 from symcheck.check.result import Result
 from symcheck.constant_values import ConstantValue, GivenConstants, constant_values
@@ -198,28 +199,42 @@ class Model:
     def reduced_for(
         self, instances: Sequence[PropertyInstance], *, keep_steps: bool = False
     ) -> Model:
-        """The model on which properties are checked: smaller with the option `reduce`.
+        """The model on which properties are checked.
 
-        Under fairness it is the model itself, because which strategies are fair depends on the
-        states.
+        It is smaller with the options `reduce` and `stop_at_targets`. Under fairness it is the
+        model itself, because which strategies are fair depends on the states. Exploration stops at
+        targets only if neither strategies nor values in all states are asked for.
 
         Args:
             instances: the properties.
-            keep_steps: preserve the number of steps of each path even if no property counts steps.
+            keep_steps: more than the properties is asked for: preserve the number of steps of each
+                path, and explore all states.
         """
-        if not self.options.reduce or self.options.fairness:
+        options = self.options
+        stops = options.stop_at_targets and not (
+            keep_steps or options.everywhere or options.strategy
+        )
+        if options.fairness or not (options.reduce or stops) or self.bound.builder is not None:
             return self
         key = tuple((p.file, p.index, *p.constants.items(), keep_steps) for p in instances)
         if key not in self._reduced_models:
             self._reduced_models.clear()
-            reduction = reduced(self.bound, instances, keep_steps=keep_steps)
+            smaller = stopped(self.bound, instances) if stops else self.bound
+            partial, reduction = smaller is not self.bound, None
+            if options.reduce:
+                reduction = reduced(smaller, instances, keep_steps=keep_steps)
+                smaller = reduction.model
+            elif not partial:
+                return self
             self._reduced_models[key] = ReducedModel(
                 self.program,
                 self.given_constants,
                 self.options,
                 self.type,
                 self.observer,
+                smaller,
                 reduction,
+                partial,
             )
         return self._reduced_models[key]
 
@@ -630,15 +645,23 @@ class Model:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ReducedModel(Model):
-    """A model with fewer states: variables whose values are not read again are reset."""
+    """A model with fewer states, and the same values of some properties in its initial states.
 
+    Attributes:
+        smaller: the bound model.
+        reduction: how variables whose values are not read again are reset; None without `reduce`.
+        partial: whether exploration stops where the properties are decided.
+    """
+
+    smaller: BoundModel | None = None
     reduction: Reduction | None = None
+    partial: bool = False
 
     @cached_property
     def bound(self) -> BoundModel:
         """The reduced model."""
-        assert self.reduction is not None
-        return self.reduction.model
+        assert self.smaller is not None
+        return self.smaller
 
 
 def properties_file(properties: str | Path | PropertiesFile) -> PropertiesFile:

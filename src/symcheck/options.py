@@ -335,6 +335,14 @@ class Options:
         "states, the same answers.",
         _switch("reduce", "reset variables whose values are not read again: fewer states", True),
     )
+    stop_at_targets: bool = _option(
+        False,
+        _FLAG,
+        "model",
+        "Explore no further than the properties need: not beyond targets of F and U, for example. "
+        "The number of states is then that of a part of the model.",
+        _switch("nostates", "explore the states that the properties need, not all of them", True),
+    )
     order: tuple[str, ...] | None = _option(
         None,
         _ORDER,
@@ -386,6 +394,7 @@ class OptionValues(TypedDict, total=False):
     fix_deadlocks: bool
     check_sums: bool
     reduce: bool
+    stop_at_targets: bool
     order: tuple[str, ...] | None
     max_memory: int | None
     time_limit: float | None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 from symcheck.constant_values import ConstantValue, GivenConstants, combinations
@@ -20,8 +21,9 @@ if TYPE_CHECKING:
     from symcheck.semantics.reduction.reset_dead_variables import Reduction
 
 V = TypeVar("V", bound=ConstantValue)
+Derivation = Callable[[BoundModel], BoundModel]
 
-__all__ = ["PropertyInstance", "property_instances", "reduced", "shared_quotient"]
+__all__ = ["PropertyInstance", "property_instances", "reduced", "shared_quotient", "stopped"]
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,31 @@ def reduced(
     bound = [instance.bind(model) for instance in instances]
     labels = {n: x for _, members in bound for n, x in members.items()}
     observed = observe(model, [p.formula for p, _ in bound if p.fault is None], labels)
-    return reduce(model, replace(observed, steps=observed.steps or keep_steps))
+    reduction = reduce(model, replace(observed, steps=observed.steps or keep_steps))
+    if model.derivation is None:
+        return reduction
+    derivation = partial(_in_turn, model.derivation, reduction.model.derivation)
+    return replace(reduction, model=replace(reduction.model, derivation=derivation))
+
+
+def _in_turn(first: Derivation, second: Derivation | None, model: BoundModel) -> BoundModel:
+    return first(model) if second is None else second(first(model))
+
+
+def stopped(model: BoundModel, instances: Sequence[PropertyInstance]) -> BoundModel:
+    """The model without what the properties do not need for their values in the initial states.
+
+    It is the same model if a property may need every state, or if there is no property. Properties
+    with a fault are not considered.
+    """
+    from symcheck.semantics.reduction.stop_at_targets import deciding_states, stop_at
+
+    bound = [instance.bind(model) for instance in instances]
+    formulas = [(p.formula, labels) for p, labels in bound if p.fault is None]
+    states = deciding_states(model, formulas)
+    if states is None:
+        return model
+    return replace(stop_at(model, states), derivation=partial(stopped, instances=instances))
 
 
 def shared_quotient(

@@ -132,15 +132,20 @@ def _bound_model(state: RunState, model: Model, instances: Sequence[PropertyInst
     """
     a = state.arguments
     state.output.model(model.bound, {n: str(v) for n, v in model.given_constants.items()})
-    if not state.options.reduce or model.bound.builder is not None:
-        return model
-    if state.options.fairness:
+    if state.options.fairness and state.options.reduce:
         state.output.warn("-reduce is not used: which strategies are fair depends on the states")
     keep_steps = bool(a.transient is not None or a.steadystate or a.simpath or a.step or a.exports)
-    model = model.reduced_for(instances, keep_steps=keep_steps)
-    if isinstance(model, ReducedModel):
-        state.output.line(f"Reduction:   {model.reduction}")
-    return model
+    stops = state.options.stop_at_targets
+    whole = model.with_options(stop_at_targets=False) if stops and a.needs_model else model
+    reduced = whole.reduced_for(instances, keep_steps=keep_steps)
+    partial = isinstance(reduced, ReducedModel) and reduced.partial
+    if isinstance(reduced, ReducedModel) and reduced.reduction is not None:
+        state.output.line(f"Reduction:   {reduced.reduction}")
+    if stops and not partial:
+        state.output.line(
+            "Note: -nostates has no effect: what is asked for may need every state of the model"
+        )
+    return reduced
 
 
 def _build(state: RunState, model: Model, watch: Progress) -> None:
@@ -149,7 +154,8 @@ def _build(state: RunState, model: Model, watch: Progress) -> None:
     engine = model.engine
     watch.clear()
     state.build_seconds = perf_counter() - started
-    state.output.built(engine, watch.choice, state.build_seconds)
+    partial = isinstance(model, ReducedModel) and model.partial
+    state.output.built(engine, watch.choice, state.build_seconds, partial=partial)
 
 
 def _report_fault(

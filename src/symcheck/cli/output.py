@@ -83,15 +83,18 @@ class Output:
             self.line(f"Constants:   {_assignment(constants)}")
         self.out.flush()
 
-    def built(self, engine: Engine, choice: Choice | None, seconds: float) -> None:
-        """Counts of a built model."""
+    def built(
+        self, engine: Engine, choice: Choice | None, seconds: float, *, partial: bool
+    ) -> None:
+        """Counts of a built model, or of the part that the properties need."""
         initial = engine.initial.count
         self.line()
         self.line(
             f"Engine:      {engine.name}"
             + (f" (chosen automatically: {choice.reason})" if choice is not None else "")
         )
-        self.line(f"States:      {engine.states} ({initial} initial)")
+        part = "; only those that the properties need" if partial else ""
+        self.line(f"States:      {engine.states} ({initial} initial{part})")
         self.line(f"Transitions: {engine.transitions}")
         if engine.model.type.value == "mdp":
             self.line(f"Choices:     {engine.choices}")

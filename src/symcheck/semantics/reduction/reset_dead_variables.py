@@ -38,7 +38,7 @@ from symcheck.syntax.ast import (
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import Tree, children, nodes, transform
 
-__all__ = ["Observations", "Reduction", "observe", "reduce"]
+__all__ = ["Observations", "Reduction", "expanded", "observe", "reduce"]
 
 _KEPT_BY_BISIMULATION = {"min", "max", "range", "forall", "exists"}
 _TRUE = Literal(True, Type.BOOL)
@@ -96,7 +96,7 @@ def _seen(formula: Expression, labels: Mapping[str, Expression]) -> Iterator[Exp
                 if any(isinstance(n, LabelReference) and n.name == "init" for n in below):
                     yield None
                 elif _is_state_expression(below):
-                    yield _expanded(node, labels)  # type: ignore[arg-type]
+                    yield expanded(node, labels)  # type: ignore[arg-type]
                 else:
                     stack += children(node)
 
@@ -109,7 +109,7 @@ def _is_state_expression(below: Sequence[Tree]) -> bool:
     return all(isinstance(n, Expression) and not isinstance(n, StateOperator) for n in below)
 
 
-def _expanded(expression: Expression, labels: Mapping[str, Expression]) -> Expression | None:
+def expanded(expression: Expression, labels: Mapping[str, Expression]) -> Expression | None:
     """An expression with its labels expanded; None if a label is unknown.
 
     The label "deadlock" becomes a name in quotation marks, which no variable has.
@@ -123,12 +123,10 @@ def _expanded(expression: Expression, labels: Mapping[str, Expression]) -> Expre
         unknown = unknown or (node.name != "deadlock" and node.name not in labels)
         return labels.get(node.name, Name(f'"{node.name}"'))
 
-    expanded = transform(expression, expand_label)
-    if any(isinstance(n, LabelReference) for n in nodes(expanded)):
-        expanded = transform(expanded, expand_label)
-    return (
-        None if unknown or any(isinstance(n, LabelReference) for n in nodes(expanded)) else expanded
-    )
+    result = transform(expression, expand_label)
+    if any(isinstance(n, LabelReference) for n in nodes(result)):
+        result = transform(result, expand_label)
+    return None if unknown or any(isinstance(n, LabelReference) for n in nodes(result)) else result
 
 
 @dataclass(frozen=True, eq=False)

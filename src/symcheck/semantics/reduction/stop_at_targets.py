@@ -1,0 +1,127 @@
+"""States beyond which no property needs the model: they get a self-loop in place of their steps.
+
+A path from a state of `right` satisfies `left U right`, whatever follows, and a path from a state
+outside `left` and `right` does not. Rewards and times until a target end at the target. Values in
+the initial states are therefore the same if exploration stops there; states behind are not reached.
+Source: C. Baier, J.-P. Katoen: Principles of Model Checking (2008), 10.1.1 and 10.1.2 (absorbing
+states); Storm builds models this way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from fractions import Fraction
+
+from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Event
+from symcheck.semantics.reduction.control_locations import simplified
+from symcheck.semantics.reduction.reset_dead_variables import expanded
+from symcheck.syntax.ast import (
+    Binary,
+    Eventually,
+    ExpectedTime,
+    Expression,
+    Globally,
+    Literal,
+    Name,
+    PathBound,
+    PathFormula,
+    ProbabilityOperator,
+    RewardOperator,
+    RewardQuery,
+    StateOperator,
+    TimeBound,
+    Type,
+    Unary,
+    Until,
+)
+from symcheck.syntax.operators import Operator, UnaryOperator
+from symcheck.syntax.traversal import nodes
+
+__all__ = ["deciding_states", "stop_at"]
+
+_FALSE, _ONE = Literal(False, Type.BOOL), Literal(Fraction(1), Type.DOUBLE)
+
+
+def deciding_states(
+    model: BoundModel, formulas: Iterable[tuple[Expression, Mapping[str, Expression]]]
+) -> Expression | None:
+    """The states whose successors none of the properties needs.
+
+    Args:
+        model: the bound model.
+        formulas: properties of the initial states, each with the labels that it may use.
+
+    Returns:
+        A state expression; None if some property may need every state.
+    """
+    types = {v.name: v.type for v in model.variables}
+    stop: Expression | None = None
+    for formula, labels in formulas:
+        own = _of_formula(formula)
+        whole = None if own is None else expanded(own, {**model.labels, **labels})
+        if whole is None or any(_is_no_state_expression(node) for node in nodes(whole)):
+            return None
+        stop = whole if stop is None else Binary(Operator.AND, stop, whole)
+    if stop is None:
+        return None
+    stop = simplified(stop, model.exact, types)
+    return None if stop == _FALSE else stop
+
+
+def stop_at(model: BoundModel, states: Expression) -> BoundModel:
+    """The model with a self-loop (of rate 1 in a CTMC) in place of the steps of these states."""
+    going_on = Unary(UnaryOperator.NOT, states)
+
+    def restricted(event: Event) -> Event:
+        first, *others = event.participants
+        commands = (replace(c, guard=Binary(Operator.AND, c.guard, going_on)) for c in first)
+        return replace(event, participants=(tuple(commands), *others))
+
+    loop = BoundCommand(0, None, states, (BoundUpdate(_ONE, ()),))
+    events = (*map(restricted, model.events), Event(None, ((loop,),)))
+    return replace(model, events=events)
+
+
+def _is_no_state_expression(node: object) -> bool:
+    """Whether the node is an operator over paths, or the label "deadlock" (a name in quotes)."""
+    return isinstance(node, StateOperator) or (isinstance(node, Name) and node.name[0] == '"')
+
+
+def _of_formula(formula: Expression) -> Expression | None:
+    match formula:
+        case ProbabilityOperator(path=path):
+            return _of_path(path)
+        case ExpectedTime(path=path) | RewardOperator(query=path):
+            return _of_target(path)
+        case _:
+            return None
+
+
+def _of_target(query: RewardQuery) -> Expression | None:
+    """The target up to which rewards or time are counted."""
+    match query:
+        case Eventually(operand, None) if isinstance(operand, Expression):
+            return operand
+        case _:
+            return None
+
+
+def _of_path(path: PathFormula) -> Expression | None:
+    """The states from which all paths satisfy the formula, or none does, within each bound."""
+    match path:
+        case Eventually(right, bound) if _starts_at_zero(bound) and isinstance(right, Expression):
+            return right
+        case Globally(left, bound) if _starts_at_zero(bound) and isinstance(left, Expression):
+            return Unary(UnaryOperator.NOT, left)
+        case Until(left, right, bound) if _starts_at_zero(bound):
+            if isinstance(left, Expression) and isinstance(right, Expression):
+                return Binary(Operator.OR, right, Unary(UnaryOperator.NOT, left))
+            return None
+        case _:
+            return None
+
+
+def _starts_at_zero(bound: PathBound | None) -> bool:
+    """Whether a bound on steps or time is an upper bound only."""
+    return bound is None or (isinstance(bound, TimeBound) and bound.lower is None)
