@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import contextlib
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from random import Random
 
-__all__ = ["Generated", "random_model", "random_property"]
+from checking import engine_of
+from symcheck.errors import InputError
+
+__all__ = ["Generated", "bound_models", "random_model", "random_property"]
 
 _WEIGHTS = {
     1: ("1",),
@@ -49,6 +55,26 @@ def random_model(rng: Random, kind: str, *, largest: int = 3) -> Generated:
     text.append(f"    [{rng.choice(('', 'go'))}] true : {rng.choice(_REWARDS)};")
     text.append("endrewards\n")
     return Generated(kind, "\n".join(text), tuple(variables))
+
+
+def bound_models(name: str, kind: str, *, costs: bool = False) -> Iterator[Generated]:
+    """Random models without errors, without end: each action of a reward structure exists.
+
+    Args:
+        name: the seeds begin with it.
+        kind: as in `random_model`.
+        costs: whether there is a second reward structure, "c".
+    """
+    for seed in itertools.count():
+        rng = Random(f"{name}{seed}")
+        model = random_model(rng, kind)
+        if costs:
+            variable, high = model.variables[0]
+            lines = f"{variable}={rng.randint(0, high)} : 1; {variable}>=1 : 2;"
+            model = replace(model, text=f'{model.text}rewards "c" {lines} endrewards\n')
+        with contextlib.suppress(InputError):
+            engine_of(model.text)
+            yield model
 
 
 def _command(

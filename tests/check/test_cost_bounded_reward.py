@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
-import itertools
 from collections.abc import Iterator
+from itertools import islice
 from math import inf, isfinite
-from random import Random
 
 import numpy as np
 import pytest
 
 import symcheck
 from checking import check_text, engine_of
-from generate import random_model
-from symcheck.errors import InputError, UnsupportedError
+from generate import bound_models
+from symcheck.errors import UnsupportedError
 from symcheck.semantics.rewards import Structure
 
 ENGINES = ("explicit", "sparse", "hybrid", "mtbdd", "exact")
@@ -92,19 +90,9 @@ def test_a_model_that_counts_itself(engine, budget):
 
 
 def models(kind: str, count: int) -> Iterator[str]:
-    """Random models with a second reward structure, the costs."""
-    for seed in itertools.count():
-        rng = Random(f"cost{seed}")
-        generated = random_model(rng, kind)
-        name, high = generated.variables[0]
-        costs = f'rewards "c" {name}={rng.randint(0, high)} : 1; {name}>=1 : 2; endrewards\n'
-        with contextlib.suppress(InputError):
-            engine = engine_of(generated.text + costs)
-            if not engine.deadlocks:  # Storm drops the rewards of deadlock states
-                yield generated.text + costs
-                count -= 1
-        if count == 0:
-            return
+    """Models with costs and without deadlocks, as Storm drops the rewards of deadlock states."""
+    texts = (m.text for m in bound_models("cost", kind, costs=True))
+    return islice((t for t in texts if not engine_of(t).deadlocks), count)
 
 
 @pytest.mark.parametrize("kind", ["dtmc", "mdp"])

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
-from collections.abc import Iterator
 from fractions import Fraction
-from random import Random
+from itertools import islice
 
 import numpy as np
 import pytest
 
 import symcheck
 from checking import check_text, engine_of
-from generate import random_model
+from generate import bound_models
 from symcheck.engines.capabilities import HasMatrix
 from symcheck.errors import InputError, UnsupportedError
 from symcheck.semantics.rewards import Structure
@@ -93,16 +91,8 @@ def test_an_mdp_with_negative_rewards(engine, discount):
             assert float(check_text(model, text).value) == pytest.approx(values[state], rel=1e-6)
 
 
-def models(kind: str, count: int) -> Iterator[str]:
-    """Random models whose rewards name an action that some command has."""
-    for seed in itertools.count():
-        text = random_model(Random(f"discount{seed}"), kind).text
-        with contextlib.suppress(InputError):
-            engine_of(text)
-            yield text
-            count -= 1
-        if count == 0:
-            return
+def models(kind: str, count: int) -> list[str]:
+    return [m.text for m in islice(bound_models("discount", kind), count)]
 
 
 @pytest.mark.parametrize("text", [*models("dtmc", 8), *models("mdp", 8)])

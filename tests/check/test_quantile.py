@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 from collections.abc import Iterator
+from itertools import islice
 from math import inf
 from random import Random
 
@@ -12,8 +12,8 @@ import pytest
 
 import symcheck
 from checking import check_text, engine_of
-from generate import random_model
-from symcheck.errors import InputError, NumericalError, SyntaxFault
+from generate import bound_models
+from symcheck.errors import NumericalError, SyntaxFault
 
 ENGINES = ("explicit", "sparse", "hybrid", "mtbdd", "exact")
 
@@ -139,32 +139,24 @@ def test_a_limit_at_the_threshold_may_be_met_late(engine, model, path):
     assert check_text(engine, f"quantile(min B, {path})").value == first
 
 
-def models(kind: str, count: int) -> Iterator[tuple[str, str]]:
-    """Random models with a second reward structure, the costs, and states to be reached."""
-    for seed in itertools.count():
-        rng = Random(f"quantile{seed}")
-        generated = random_model(rng, kind)
-        name, high = generated.variables[0]
-        costs = f'rewards "c" {name}={rng.randint(0, high)} : 1; {name}>=1 : 2; endrewards\n'
-        target = f"{name}={rng.randint(0, high)}"
-        with contextlib.suppress(InputError):
-            engine = engine_of(generated.text + costs)
-            direction = "" if kind == "dtmc" else "max"
-            first, last = (
-                check_text(engine, f'P{direction}=? [ F{{"c"}}<={b} {target} ]').value
-                for b in (0, 9)
-            )
-            if first < last:
-                yield generated.text + costs, target
-                count -= 1
-        if count == 0:
-            return
+def models(kind: str) -> Iterator[tuple[str, str]]:
+    """Models with costs, and states whose probability depends on the bound on the costs."""
+    direction = "" if kind == "dtmc" else "max"
+    for model in bound_models("quantile", kind, costs=True):
+        name, high = model.variables[0]
+        target = f"{name}={Random(model.text).randint(0, high)}"
+        engine = engine_of(model.text)
+        first, last = (
+            check_text(engine, f'P{direction}=? [ F{{"c"}}<={b} {target} ]').value for b in (0, 9)
+        )
+        if first < last:
+            yield model.text, target
 
 
 @pytest.mark.parametrize("kind", ["dtmc", "mdp"])
 def test_random_models_agree_with_all_bounds(kind):
     found = 0
-    for number, (text, target) in enumerate(models(kind, 8)):
+    for number, (text, target) in enumerate(islice(models(kind), 8)):
         direction = "" if kind == "dtmc" else ("max", "min")[number // 4]
         path = f'F{{"c"}}<=%s {target}' if number % 2 else f'G{{"c"}}<=%s !({target})'
         formula = f"P{direction}{('>=', '<', '>', '<=')[number % 4]}0.3 [ {path} ]"

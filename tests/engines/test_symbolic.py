@@ -12,6 +12,7 @@ from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.symbolic.engine import SymbolicEngine
 from symcheck.engines.symbolic.forms import DiagramOperator, MtbddEngine, SparseEngine
 from symcheck.engines.symbolic.sets import SymbolicSet, SymbolicValues
+from symcheck.matrices.operators import BoundStep
 from symcheck.matrices.rows import SparseMatrix
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
@@ -213,7 +214,7 @@ def test_diagrams_multiply_and_sweep_as_blocks_do(name: str, direction: str) -> 
             )
             for operator, x in zip(operators, bounds, strict=True):
                 for _ in range(300):
-                    operator.sweep(x, constant, chosen, 1e-14, upper=upper)
+                    operator.sweep(x, BoundStep(constant, chosen, 1e-14, upper))
             np.testing.assert_allclose(bounds[0], bounds[1], rtol=1e-11)
 
 

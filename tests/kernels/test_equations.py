@@ -7,26 +7,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from numerics.oracle import Row, System, problem_of
-from symcheck.kernels.solve import component_bounds
-from symcheck.numerics.linear.problem import LinearProblem
+from numerics.oracle import Row, System, component_block, problem_of
 
 HALF, QUARTER = Fraction(1, 2), Fraction(1, 4)
-
-
-def block_of(problem: LinearProblem, states: list[int], x: float = 0.0) -> component_bounds.Block:
-    m = problem.rows
-    system = component_bounds.ComponentSolver(
-        m.indptr,
-        m.indices,
-        m.data,
-        m.groups,
-        problem.constant,
-        problem.high,
-        problem.leaving,
-        problem.mode,
-    )
-    return system.block(np.array(states, dtype=np.int32), np.full((problem.n, 2), x))
 
 
 def test_rows_that_only_loop_are_left_out_and_choices_still_name_the_rows_there_were() -> None:
@@ -35,7 +18,7 @@ def test_rows_that_only_loop_are_left_out_and_choices_still_name_the_rows_there_
         [loop, ({1: HALF}, QUARTER, HALF), loop, ({1: QUARTER}, QUARTER, 1 - QUARTER)],
         [({0: HALF}, QUARTER, HALF)],
     ]
-    block = block_of(problem_of(system, "max"), [1, 0])
+    block = component_block(problem_of(system, "max"), [1, 0])
     assert block.rows == 3
     assert block.groups.tolist() == [0, 1, 3]
     assert block.global_rows(np.array([0, 0], dtype=np.int32)).tolist() == [4, 1]
@@ -48,7 +31,7 @@ def test_what_leaves_counts_known_states_and_is_scaled_as_the_loop_is() -> None:
         [({0: HALF}, Fraction(0), HALF)],
         [({}, Fraction(0), Fraction(1))],
     ]
-    block = block_of(problem_of(system, None), [0, 1], x=1.0)
+    block = component_block(problem_of(system, None), [0, 1], x=1.0)
     assert block.exit_masses().tolist() == [0.5, 0.5]
     assert np.asarray(block.data)[: block.entries].tolist() == [0.5, 0.5]
     assert block.constant_low[0] == pytest.approx(0.25, rel=1e-14)
@@ -56,7 +39,7 @@ def test_what_leaves_counts_known_states_and_is_scaled_as_the_loop_is() -> None:
 
 def test_bounds_begin_at_the_least_and_the_greatest_value_on_leaving() -> None:
     system: System = [[({1: HALF}, Fraction(1, 8), HALF)], [({0: HALF}, Fraction(3, 8), HALF)]]
-    block = block_of(problem_of(system, None), [0, 1])
+    block = component_block(problem_of(system, None), [0, 1])
     assert block.x.tolist() == [pytest.approx([0.25, 0.75])] * 2
     assert np.all(block.x[:, 0] <= 0.25)
     assert np.all(block.x[:, 1] >= 0.75)

@@ -11,6 +11,7 @@ from symcheck.dd.manager import DiagramManager, Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.kernels.blocks.block_matrix import BlockOperations
 from symcheck.matrices.blocks import BlockMatrix, RowLayout, blocks, flatten, quad_dag
+from symcheck.matrices.operators import BoundStep
 
 K = 4
 N = 2**K
@@ -119,8 +120,8 @@ def test_sweeps_keep_bounds_and_close_in(
     lower, upper = np.zeros(row.count), np.full(row.count, 10.0)
     for sweep in range(400):
         before = lower.copy(), upper.copy()
-        matrix.sweep(lower, b, direction, 1e-14, upper=False)
-        matrix.sweep(upper, b, direction, 1e-14, upper=True)
+        matrix.sweep(lower, BoundStep(b, direction, 1e-14, upper=False))
+        matrix.sweep(upper, BoundStep(b, direction, 1e-14, upper=True))
         assert (lower >= before[0]).all()
         assert (upper <= before[1]).all()
         assert (lower <= truth * (1 + 1e-12)).all()

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fractions import Fraction
 from itertools import product
 
 import numpy as np
 
+from symcheck.kernels.solve import component_bounds
 from symcheck.matrices.rows import SparseMatrix
 from symcheck.numerics.linear.problem import LinearProblem
 
@@ -77,4 +79,25 @@ def problem_of(system: System, direction: str | None, probability: bool = True) 
         exit=np.array([float(r[2]) for r in flat]),
         direction=direction,
         probability=probability,
+    )
+
+
+def component_block(
+    problem: LinearProblem, states: Sequence[int] | None = None, x: float = 0.0
+) -> component_bounds.Block:
+    """The states (None: all of them) as one block of a solver, with this value everywhere."""
+    m = problem.rows
+    system = component_bounds.ComponentSolver(
+        m.indptr,
+        m.indices,
+        m.data,
+        m.groups,
+        problem.constant,
+        problem.high,
+        problem.leaving,
+        problem.mode,
+    )
+    return system.block(
+        np.array(range(problem.n) if states is None else states, np.int32),
+        np.full((problem.n, 2), x),
     )

@@ -9,26 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from numerics.oracle import Row, System, brute_force, problem_of, solve_chain
-from symcheck.kernels.solve import component_bounds
+from numerics.oracle import Row, System, brute_force, component_block, problem_of, solve_chain
 from symcheck.numerics.linear.extrapolation import solve_extrapolated
 from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.numerics.linear.subsystem import Bounds
-
-
-def block_of(problem: LinearProblem) -> component_bounds.Block:
-    m = problem.rows
-    system = component_bounds.ComponentSolver(
-        m.indptr,
-        m.indices,
-        m.data,
-        m.groups,
-        problem.constant,
-        problem.high,
-        problem.leaving,
-        problem.mode,
-    )
-    return system.block(np.arange(problem.n, dtype=np.int32), np.zeros((problem.n, 2)))
 
 
 @st.composite
@@ -59,7 +43,7 @@ def test_bounds_hold_and_policies_attain_them(
     direction: str, relative: bool, system: System
 ) -> None:
     exact = brute_force(system, direction, proper_only=False)
-    block = block_of(problem_of(system, direction, probability=False))
+    block = component_block(problem_of(system, direction, probability=False))
     found, _ = solve_extrapolated(block, 1e-6, relative)
     if not isinstance(found, Bounds):
         assert (
@@ -105,7 +89,7 @@ tempting = st.tuples(leaking(), st.lists(st.one_of(leaking(), staying()), max_si
 def test_the_least_cost_where_some_policies_never_leave(relative: bool, system: System) -> None:
     exact = brute_force(system, "min", proper_only=True)
     found, _ = solve_extrapolated(
-        block_of(problem_of(system, "min", probability=False)), 1e-6, relative
+        component_block(problem_of(system, "min", probability=False)), 1e-6, relative
     )
     if found is None:
         assert min(exact) == 0
@@ -122,7 +106,7 @@ def test_rows_that_lead_to_infinity_do_no_harm_to_the_least_cost() -> None:
     ]
     problem = problem_of(system, "min", probability=False)
     problem.constant[0] = np.inf
-    found, _ = solve_extrapolated(block_of(problem), 1e-6, relative=True)
+    found, _ = solve_extrapolated(component_block(problem), 1e-6, relative=True)
     assert found is not None
     assert found.lower[0] <= 2.0 <= found.upper[0]
     assert found.lower[1] <= 2.0 <= found.upper[1]
@@ -142,7 +126,7 @@ def test_policies_that_stay_for_ever_and_seem_cheap(relative: bool) -> None:
         [({0: Fraction(1)}, Fraction(1), Fraction(0))],
     ]
     found, _ = solve_extrapolated(
-        block_of(problem_of(system, "min", probability=False)), 1e-6, relative
+        component_block(problem_of(system, "min", probability=False)), 1e-6, relative
     )
     assert isinstance(found, Bounds)
     for low, value, high in zip(found.lower, (64, 64, 64, 65), found.upper, strict=True):
@@ -169,7 +153,7 @@ def walk(n: int, reward: bool) -> LinearProblem:
 
 def test_a_long_walk_takes_few_sweeps() -> None:
     n = 600
-    found, sweeps = solve_extrapolated(block_of(walk(n, reward=True)), 1e-6, relative=True)
+    found, sweeps = solve_extrapolated(component_block(walk(n, reward=True)), 1e-6, relative=True)
     assert found is not None
     place = np.arange(1.0, n)
     exact = place * (n - place)  # expected steps; waiting never helps
@@ -179,7 +163,7 @@ def test_a_long_walk_takes_few_sweeps() -> None:
 
 
 def test_a_chain_is_a_policy() -> None:
-    block = block_of(
+    block = component_block(
         problem_of([[r[0]] for r in _rows_of(walk(50, reward=True))], None, probability=False)
     )
     found, _ = solve_extrapolated(block, 1e-9, relative=True)
@@ -206,7 +190,7 @@ def _rows_of(problem: LinearProblem) -> System:
 def test_infinite_constants_are_left_to_others() -> None:
     problem = walk(10, reward=True)
     problem.constant[0] = np.inf
-    block = block_of(
+    block = component_block(
         LinearProblem(
             problem.constant, problem.matrix, exit=problem.exit, direction="max", probability=False
         )
@@ -225,12 +209,12 @@ def test_rounding_decides_how_near_proved_bounds_can_be() -> None:
     assert exact is not None
     assert (
         solve_extrapolated(
-            block_of(problem_of(rows, "max", probability=False)), 1e-9, relative=True
+            component_block(problem_of(rows, "max", probability=False)), 1e-9, relative=True
         )[0]
         is None
     )
     found, _ = solve_extrapolated(
-        block_of(problem_of(rows, "max", probability=False)), 1e-3, relative=True
+        component_block(problem_of(rows, "max", probability=False)), 1e-3, relative=True
     )
     assert found is not None
     assert all(

@@ -18,8 +18,9 @@ from typing import Generic, Protocol, Self, TypeVar, cast
 
 from symcheck.direction import Direction
 from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
-from symcheck.numerics.linear.problem import LinearProblem, Observer, SweepOperator
+from symcheck.numerics.linear.problem import LinearProblem, Observer
 from symcheck.numerics.settings import ROUNDING, Settings
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward

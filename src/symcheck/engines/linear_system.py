@@ -19,6 +19,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import EquationsOf, S, S_contra, SolvedValues, SystemOf, V, V_co
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, starts_of
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
@@ -26,7 +27,6 @@ from symcheck.numerics.linear.problem import (
     LinearProblem,
     Observer,
     Solution,
-    SweepOperator,
 )
 from symcheck.numerics.settings import Settings
 from symcheck.semantics.rewards import Reward

@@ -31,6 +31,7 @@ from symcheck.kernels.blocks.block_matrix import BlockOperations
 from symcheck.kernels.diagrams.quad_dag import QuadDag
 from symcheck.kernels.graph.components import components
 from symcheck.matrices import tuning
+from symcheck.matrices.operators import BoundStep
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd
@@ -259,26 +260,16 @@ class BlockMatrix:
             longest = max(longest, int(counts.max(initial=0)))
         return longest
 
-    def sweep(
-        self,
-        x: Floats,
-        constant: Floats,
-        direction: Direction | None,
-        rounding_error: float,
-        *,
-        upper: bool,
-    ) -> None:
-        """Tighten bounds on the solution of x = opt(A x + constant), in place, by sweeps in both
-        directions.
+    def sweep(self, x: Floats, step: BoundStep) -> None:
+        """Tighten bounds on the solution of an equation, in place, by sweeps in both directions.
 
         Ranges of rows are taken in an order in which they use each other's new values. A range that
         depends on no other is repeated until it converges; ranges that depend on each other
         alternate.
 
         Args:
-            x: float64[n], lower bounds, or upper bounds if `upper`.
-            constant: float64[rows], not negative.
-            rounding_error: relative rounding error of a step; bounds are moved outwards by it.
+            x: the bounds, float64[n].
+            step: the equation.
         """
         groups, present = (
             (None, None) if self.layout is None else (self.layout.groups, self.layout.present)
@@ -287,13 +278,13 @@ class BlockMatrix:
         for parts, turns in self._schedule:
             self.operations.sweep(
                 x,
-                constant,
+                step.constant,
                 divisor,
                 groups,
                 present,
-                direction == Direction.MAX,
-                upper,
-                rounding_error,
+                step.direction == Direction.MAX,
+                step.upper,
+                step.rounding_error,
                 parts,
                 turns,
             )

@@ -13,6 +13,7 @@ from symcheck.engines import tuning
 from symcheck.engines.symbolic.engine import SymbolicEngine
 from symcheck.engines.symbolic.system import SymbolicSystem
 from symcheck.matrices.blocks import BlockMatrix
+from symcheck.matrices.operators import BoundStep
 from symcheck.matrices.rows import Floats, SparseMatrix
 
 if TYPE_CHECKING:
@@ -52,33 +53,23 @@ class DiagramOperator:
         product = self.system.per_row(self.apply(self.system.odd.from_vector(x)))
         return product if self.divisor is None else product / self.divisor
 
-    def sweep(
-        self,
-        x: Floats,
-        constant: Floats,
-        direction: Direction | None,
-        rounding_error: float,
-        *,
-        upper: bool,
-    ) -> None:
-        """Some steps of x = opt(A x + constant) on bounds, in place, all on diagrams (see
-        BlockMatrix.sweep).
-        """
+    def sweep(self, x: Floats, step: BoundStep) -> None:
+        """Some steps on bounds, float64[n], in place, all on diagrams."""
         odd = self.system.odd
-        add = self._by_slot(constant)
+        add = self._by_slot(step.constant)
         scale = None if self.divisor is None else self._by_slot(1.0 / self.divisor)
         bounds = odd.from_vector(x)
         for _ in range(tuning.SWEEP_STEPS):
             rows = self.apply(bounds)
             if scale is not None:
                 rows = tuple(row * by for row, by in zip(rows, scale, strict=True))
-            best = self._best([row + b for row, b in zip(rows, add, strict=True)], direction)
-            if upper:
+            best = self._best([row + b for row, b in zip(rows, add, strict=True)], step.direction)
+            if step.upper:
                 after = bounds.minimum(
-                    best * (1.0 + rounding_error) + best.compare(">", 0.0).to_mtbdd(TINY)
+                    best * (1.0 + step.rounding_error) + best.compare(">", 0.0).to_mtbdd(TINY)
                 )
             else:
-                after = bounds.maximum(best * (1.0 - rounding_error))
+                after = bounds.maximum(best * (1.0 - step.rounding_error))
             if after == bounds:
                 break
             bounds = after

@@ -26,8 +26,8 @@ from symcheck.engines.symbolic.sets import (
 )
 from symcheck.kernels.diagrams.quad_dag import QuadDag
 from symcheck.matrices.blocks import BlockMatrix, RowLayout, blocks, flatten, quad_dag
+from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
-from symcheck.numerics.linear.problem import SweepOperator
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symcheck.direction import Direction
+from symcheck.matrices.operators import BoundStep
 from symcheck.matrices.rows import Floats, Int64s, first_best
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import (
@@ -79,7 +80,7 @@ class BellmanOperator:
         """A copy of the bounds after a sweep of the operator, which uses new values at once."""
         operator, out = self.problem.operator, bounds.copy()
         assert operator is not None
-        operator.sweep(out, constant, self.problem.direction, self.rounding_error, upper=upper)
+        operator.sweep(out, BoundStep(constant, self.problem.direction, self.rounding_error, upper))
         return out
 
     def improve_both(self, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:

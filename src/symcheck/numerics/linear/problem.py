@@ -5,23 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, is_exact, sum_segments
-from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
+from symcheck.matrices.operators import SweepOperator
+from symcheck.matrices.rows import Int64s, SparseMatrix
 from symcheck.numerics import tuning
 
 __all__ = [
     "LinearProblem",
     "Observer",
-    "Operator",
     "Progress",
     "Solution",
-    "SweepOperator",
     "largest_width",
 ]
 
@@ -46,39 +44,6 @@ class Progress:
 
 
 Observer = Callable[[Progress], None]
-
-
-class Operator(Protocol):
-    """A matrix without rows, which multiplies vectors (float64[n], a value per state)."""
-
-    def multiply(self, x: Floats, /) -> Floats:
-        """A x, a value per row."""
-        ...
-
-
-class SweepOperator(Operator, Protocol):
-    """An operator that also improves bounds in place."""
-
-    @property
-    def longest(self) -> int:
-        """The largest number of entries of a row, or more; it bounds the rounding of sums."""
-        ...
-
-    def sweep(
-        self,
-        x: Floats,
-        constant: Floats,
-        direction: Direction | None,
-        rounding_error: float,
-        /,
-        *,
-        upper: bool,
-    ) -> None:
-        """Improve lower (or upper) bounds on the solution of x = opt(A x + constant).
-
-        Values are moved outwards by the relative rounding error.
-        """
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,10 +22,11 @@ from functools import cached_property
 import numpy as np
 
 from symcheck.errors import NumericalError
+from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import scaled
-from symcheck.numerics.linear.problem import Observer, Progress, SweepOperator, largest_width
+from symcheck.numerics.linear.problem import Observer, Progress, largest_width
 from symcheck.numerics.settings import Accuracy, Settings
 from symcheck.numerics.transient.poisson import poisson
 from symcheck.numerics.transient.rational_krylov import excess, importance, krylov_values

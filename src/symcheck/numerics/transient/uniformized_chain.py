@@ -8,9 +8,9 @@ import numpy as np
 
 from symcheck.kernels.chains import uniformization
 from symcheck.kernels.rows import sparse
+from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics import tuning
-from symcheck.numerics.linear.problem import SweepOperator
 
 __all__ = ["UniformizedChain", "uniformize"]
 

@@ -1,0 +1,49 @@
+"""Matrices without rows: what they do with vectors, and with bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from symcheck.direction import Direction
+from symcheck.matrices.rows import Floats
+
+__all__ = ["BoundStep", "Operator", "SweepOperator"]
+
+
+@dataclass(frozen=True, slots=True)
+class BoundStep:
+    """The step x = opt(A x + constant) on lower bounds of its solution, or on upper bounds.
+
+    Attributes:
+        constant: float64[rows], not negative.
+        direction: the best choice of a state; None for a chain.
+        rounding_error: relative rounding error of a step; bounds are moved outwards by it.
+        upper: whether the bounds are upper ones.
+    """
+
+    constant: Floats
+    direction: Direction | None
+    rounding_error: float
+    upper: bool
+
+
+class Operator(Protocol):
+    """A matrix without rows, which multiplies vectors (float64[n], a value per state)."""
+
+    def multiply(self, x: Floats, /) -> Floats:
+        """A x, a value per row."""
+        ...
+
+
+class SweepOperator(Operator, Protocol):
+    """An operator that also improves bounds in place."""
+
+    @property
+    def longest(self) -> int:
+        """The largest number of entries of a row, or more; it bounds the rounding of sums."""
+        ...
+
+    def sweep(self, x: Floats, step: BoundStep, /) -> None:
+        """Improve bounds, float64[n], by some steps, in place."""
+        ...
