@@ -171,8 +171,8 @@ class StopSignals:
             raise KeyboardInterrupt
 
     def _on_unraisable(self, event: sys.UnraisableHookArgs) -> None:
-        """A destructor that a signal has interrupted is no fault."""
-        if self.signal is None:
+        """A destructor that a signal has interrupted is no fault, nor is one without memory."""
+        if self.signal is None and not issubclass(event.exc_type, MemoryError):
             self._unraisable(event)
 
     def _on_thread_fault(self, event: threading.ExceptHookArgs) -> None:
