@@ -6,7 +6,7 @@ from fractions import Fraction
 from random import Random
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from checking import check_text, engine_of
@@ -247,6 +247,7 @@ class Counted:
 @pytest.mark.parametrize("kind", ["dtmc", "mdp"])
 @SLOW
 @given(seed=st.integers(0, 2**20))
+@example(seed=519373)  # 1 minus a probability of 0.9997
 def test_against_a_counter_in_the_model(kind, seed):
     model = Counted(seed, kind)
     exact, counting, engine = (

@@ -14,6 +14,8 @@ PROVED_EQUATIONS = 300
 """The most equations of a linear program that is proved in rational arithmetic by default."""
 LARGE_MODEL_STATES = 100_000
 """In models with at least so many states, values that are not requested are not computed."""
+MAX_COMPARED_STATES = 1_000_000
+"""The most relevant states at which the accuracy of 1 - p is compared with the requested one."""
 QUANTILE_BOUND = 1 << 24
 """The largest bound that the search for a quantile tries."""
 QUANTILE_ROUNDS = 64

@@ -7,7 +7,7 @@ from typing import cast
 
 from symcheck.check.context import Context
 from symcheck.check.path_formulas import Path, StatesOf, UntilPath, resolve
-from symcheck.check.queries.path_probabilities import complement, probability
+from symcheck.check.queries.path_probabilities import complement_of, probability
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
@@ -86,9 +86,12 @@ def _of_mdp(
     from symcheck.check.measures.conditional_reachability import conditional_reachability
 
     towards = direction.dual if path.negative else direction
-    values = conditional_reachability(context, target, given, towards)
-    undefined = engine.graph.prob0(engine.all, given, Direction.MAX)
-    return complement(context, values) if path.negative else values, undefined
+
+    def probabilities(inner: Context) -> Values:
+        return conditional_reachability(inner, target, given, towards)
+
+    values = complement_of(context, probabilities) if path.negative else probabilities(context)
+    return values, engine.graph.prob0(engine.all, given, Direction.MAX)
 
 
 def _reached(context: Context, path: Path) -> StateSet | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from typing import assert_never
@@ -21,14 +22,15 @@ from symcheck.check.path_formulas import (
 )
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, Values
+from symcheck.numerics.linear.problem import largest_width
 from symcheck.syntax.operators import OPERATOR_BY_TOKEN
 
-__all__ = ["complement", "probability", "qualitative"]
+__all__ = ["complement_of", "probability", "qualitative"]
 
 _SMALLEST_POSITIVE = 5e-324
 
 
-def complement(context: Context, values: Values) -> Values:
+def _complement(context: Context, values: Values) -> Values:
     """The values 1 - values.
 
     Where the result is so small that the rounding of `values` dominates, it is an interval.
@@ -43,6 +45,32 @@ def complement(context: Context, values: Values) -> Values:
         ~(certain | close),
         one.map("-", values.map("+", context.engine.constant(0, _SMALLEST_POSITIVE))),
     )
+
+
+def complement_of(context: Context, probabilities: Callable[[Context], Values]) -> Values:
+    """The values 1 - p at each state, with the accuracy that is asked for at relevant states.
+
+    The bounds of 1 - p are as far apart as those of p. Where 1 - p is small, this is relatively
+    more, and p is computed again, more accurately.
+
+    Args:
+        probabilities: computes p with the accuracy of a context.
+    """
+    values = _complement(context, probabilities(context))
+    states = context.engine.all if context.relevant_states is None else context.relevant_states
+    epsilon = context.options.epsilon
+    if not context.options.relative or states.count > tuning.MAX_COMPARED_STATES:
+        return values
+    low, high = values.at(states)
+    if largest_width(low, high, relative=True) <= epsilon:
+        return values
+    least = float(high[high > 0].min())
+    finer = context.with_epsilon(max(epsilon * least / 4, ROUNDING))
+    values = _complement(context, probabilities(finer))
+    context.warn_if_wide(
+        largest_width(*values.at(states), relative=True), "1 minus a probability has fewer digits"
+    )
+    return values
 
 
 def probability(context: Context, path: Path, direction: Direction | None) -> Values:
@@ -74,8 +102,8 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
             context, ~path.target, path.window, direction
         )
     if path.negative and not isinstance(path, StatePath | TemporalPath):
-        return complement(
-            context, probability(context, negated(path), direction and direction.dual)
+        return complement_of(
+            context, lambda c: probability(c, negated(path), direction and direction.dual)
         )
     match path:
         case StatePath(states, negative):
@@ -131,10 +159,8 @@ def _linear_time(context: Context, path: TemporalPath, direction: Direction | No
     if simple is not None:
         return probability(context, simple, direction)
     if direction is Direction.MIN:
-        return complement(
-            context,
-            path_probability_ltl(context, replace(path, negative=not path.negative), Direction.MAX),
-        )
+        opposite = replace(path, negative=not path.negative)
+        return complement_of(context, lambda c: path_probability_ltl(c, opposite, Direction.MAX))
     return path_probability_ltl(context, path, direction)
 
 
@@ -147,7 +173,7 @@ def _fair_minimum(context: Context, left: StateSet, right: StateSet) -> Values:
     Source: Baier & Kwiatkowska (1998).
     """
     impossible = ~context.engine.graph.exists_until(left, right)
-    return complement(context, until(context, left - right, impossible, Direction.MAX))
+    return complement_of(context, lambda c: until(c, left - right, impossible, Direction.MAX))
 
 
 def qualitative(
