@@ -12,6 +12,7 @@ from symcheck.cli import main
 from symcheck.cli.switches.arguments import make_parser
 from symcheck.cli.switches.switch_help import SHELLS, completion
 from symcheck.options import METHODS, OPTIONS
+from symcheck.peers.programs import PEERS
 
 ROOT = Path(__file__).parents[2]
 
@@ -98,6 +99,10 @@ def test_a_script_of_a_shell_is_correct(shell, tmp_path):
         (["--maxi"], {"--maxiters"}),
         (["-method", ""], set(METHODS)),
         (["--method", "gau"], {"gauss-seidel"}),
+        (["-completion", ""], set(SHELLS)),
+        (["-with", ""], set(PEERS)),
+        (["-simmethod", "a"], {"aci", "apmc"}),
+        (["-help", "exporttransd"], {"exporttransdot", "exporttransdotstates"}),
         (["-exporttrans", "di"], {"die.pm", "die.pctl"}),
         (["di"], {"die.pm", "die.pctl"}),
         (["-epsilon", "d"], set()),

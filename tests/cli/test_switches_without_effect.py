@@ -126,7 +126,7 @@ def test_a_switch_that_misses_what_it_needs_says_so(name, said):
         if n != "-with"
         for other in (
             *needs.not_with,
-            *(("-nobuild", "-sim", "-scheduler", "-with") if needs.model else ()),
+            *(("-nobuild", "-sim", "-scheduler", "-resume", "-with") if needs.model else ()),
         )
     ],
 )
@@ -134,7 +134,7 @@ def test_a_switch_without_effect_beside_another_says_so(name, other, said):
     needs = DECLARED[name]
     given = {n: Given(n, PARSER.needs[n]) for n in (name, other)}
     reason = next(u.reason for u in unmet_needs(given, {}) if u.switch == name)
-    if needs.note and other in ("-scheduler", "-with"):
+    if needs.note and other in ("-scheduler", "-resume", "-with"):
         return  # the run itself would start programs
     line = [DIE, *words(name), *words(other)]
     line += [] if other == "-batch" else ["-pf", "true"]

@@ -15,6 +15,7 @@ from symcheck.cli.instance import InstancesTask
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import NO_CONSTANTS
 from symcheck.cli.progress import Progress
+from symcheck.cli.resuming import FinishedResults
 from symcheck.cli.run_state import RunState, TestFailed
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import ResourceError, SymcheckError
@@ -58,11 +59,15 @@ def _unpickled(work: bytes) -> tuple[Arguments, InstancesTask]:
 
 
 def check_in_parallel(
-    state: RunState, task: InstancesTask, choices: Sequence[Mapping[str, str]]
+    state: RunState,
+    task: InstancesTask,
+    choices: Sequence[Mapping[str, str]],
+    finished: FinishedResults | None = None,
 ) -> None:
     """Check an instance for each choice of constants on the workers that the switches name.
 
     The paths of a single instance are sampled by all of them.
+    finished: to which new rows are added.
 
     Raises as `InstancesTask.run`; UsageError if there is no scheduler.
     """
@@ -74,11 +79,15 @@ def check_in_parallel(
             state.workers = workers
             task.run(state, choices[0], NO_CONSTANTS)
         else:
-            _check_on_workers(state, task, choices, workers)
+            _check_on_workers(state, task, choices, workers, finished)
 
 
 def _check_on_workers(
-    state: RunState, task: InstancesTask, choices: Sequence[Mapping[str, str]], workers: Workers
+    state: RunState,
+    task: InstancesTask,
+    choices: Sequence[Mapping[str, str]],
+    workers: Workers,
+    earlier: FinishedResults | None,
 ) -> None:
     """Check an instance for each choice of constants, and report them in this order.
 
@@ -93,6 +102,8 @@ def _check_on_workers(
         try:
             for i, outcome in outcomes:
                 finished[i] = outcome
+                if earlier is not None and isinstance(outcome, _Outcome):
+                    earlier.write(choices[i], outcome.rows)
                 if not state.output.verbose:  # the lines of -v are those of the instances
                     watch(f"{reported + len(finished)} of {len(choices)} instances")
                 while reported in finished:

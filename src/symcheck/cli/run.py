@@ -22,6 +22,7 @@ from symcheck.syntax.ast import ModelType
 from symcheck.syntax.declarations import PropertiesFile
 
 if TYPE_CHECKING:
+    from symcheck.cli.resuming import FinishedResults
     from symcheck.peers.programs import Peer
 
 __all__ = ["run"]
@@ -95,16 +96,37 @@ def _check_instances(
 
             compare_answers(state, task, choices, peer)
             return
-        a = state.arguments
-        if not a.step and (a.scheduler is not None or (a.jobs > 1 and (len(choices) > 1 or a.sim))):
-            from symcheck.cli.parallel import check_in_parallel
-
-            check_in_parallel(state, task, choices)
+        if state.arguments.resume is None:
+            _check_choices(state, task, choices)
             return
-        for constants in choices:
-            task.run(state, constants, constants if len(choices) > 1 else NO_CONSTANTS)
+        from symcheck.cli.resuming import finished_results
+
+        with finished_results(state, task) as finished:
+            _check_choices(state, task, choices, finished)
     except TestFailed:
         pass
+
+
+def _check_choices(
+    state: RunState,
+    task: InstancesTask,
+    choices: Sequence[Mapping[str, str]],
+    finished: FinishedResults | None = None,
+) -> None:
+    """Check an instance for each choice of constants that has no finished results."""
+    a, several = state.arguments, len(choices) > 1
+    if finished is not None:
+        choices = finished.open(choices)
+    if not a.step and (a.scheduler is not None or (a.jobs > 1 and (len(choices) > 1 or a.sim))):
+        from symcheck.cli.parallel import check_in_parallel
+
+        check_in_parallel(state, task, choices, finished)
+        return
+    for constants in choices:
+        before = len(state.rows)
+        task.run(state, constants, constants if several else NO_CONSTANTS)
+        if finished is not None:
+            finished.write(constants, state.rows[before:])
 
 
 def _facts(

@@ -37,7 +37,7 @@ from symcheck.syntax.parse import (
 )
 from symcheck.syntax.printer import pretty
 
-__all__ = ["Progress", "experiment"]
+__all__ = ["Progress", "experiment", "experiment_description", "row_key"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ def experiment(
         for c, choice in enumerate(choices)
         for i, instance in enumerate(instances)
     }
-    keys = {index: _key(row, instances[index[1]].index) for index, row in rows.items()}
+    keys = {index: row_key(row, instances[index[1]].index) for index, row in rows.items()}
     finished: dict[tuple[int, int], Row] = {}
     varying = tuple(n for n, given in values.items() if len(given) > 1)
     complete = True
@@ -140,7 +140,7 @@ def experiment(
     with ExitStack() as stack:
         journal = None
         if resume is not None:
-            journal = stack.enter_context(opened(resume, _description(whole, file)))
+            journal = stack.enter_context(opened(resume, experiment_description(whole, file)))
             report({p: journal.rows[k] for p, k in keys.items() if k in journal.rows})
         tasks = []
         for c, choice in enumerate(choices):
@@ -209,12 +209,12 @@ def _require_values(model: Model, file: PropertiesFile, values: Iterable[str]) -
         )
 
 
-def _key(row: Row, index: int) -> str:
+def row_key(row: Row, index: int) -> str:
     """The key of a row in a journal: its property and its constants."""
     return json.dumps([index, {n: constant_text(v) for n, v in sorted(row.constants.items())}])
 
 
-def _description(model: Model, file: PropertiesFile) -> dict[str, str]:
+def experiment_description(model: Model, file: PropertiesFile) -> dict[str, str]:
     """What the rows depend on, besides the constants, as hashes."""
     parts = {
         "model": [str(model.type), pretty(model.program)],

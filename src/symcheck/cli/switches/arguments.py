@@ -100,6 +100,7 @@ class Arguments(argparse.Namespace):
     exportresults: str | None
     jobs: int
     scheduler: str | None
+    resume: str | None
     exportstrat: str | None
     importstrat: str | None
     counterexample: bool

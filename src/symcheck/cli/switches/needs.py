@@ -39,6 +39,7 @@ _REASONS: Mapping[str, str] = {
     "-nobuild": "-nobuild builds no model",
     "-sim": "-sim builds no model",
     "-scheduler": "-scheduler builds the models on other machines",
+    "-resume": "-resume keeps values only, and no models",
     "-exact": "-exact computes without rounding",
     "-jobs": "-jobs starts processes on this machine",
     "-testall": "-testall goes on after a failure",
@@ -47,7 +48,7 @@ _REASONS: Mapping[str, str] = {
 
 _BATCH_HINT = "write the switch into the lines, with a file for each"
 
-_WITHOUT_MODEL = ("-nobuild", "-sim", "-scheduler", COMPARE)
+_WITHOUT_MODEL = ("-nobuild", "-sim", "-scheduler", "-resume", COMPARE)
 
 
 class Needs(NamedTuple):

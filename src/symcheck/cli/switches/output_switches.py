@@ -172,12 +172,20 @@ def add_output(parser: SwitchParser) -> None:
     )
     parser.add(
         "jobs",
-        needs=Needs((VALUES,), not_with=("-step", "-scheduler", COMPARE), note=True),
+        needs=Needs((f"{VALUES}|-sim",), not_with=("-step", "-scheduler", COMPARE), note=True),
         metavar="N",
         type=positive_count,
         default=1,
         help="check models with different constants in N processes at the same time, or sample the "
         "paths of -sim (default: 1)",
+    )
+    parser.add(
+        "resume",
+        needs=Needs(
+            (PROPERTY,), not_with=("-sim", "-simpath", "-step", "-nobuild", COMPARE, BATCH)
+        ),
+        metavar="FILE",
+        help="write finished results to FILE, and do not compute again those that it has",
     )
     parser.add(
         "scheduler",
@@ -203,7 +211,7 @@ def add_output(parser: SwitchParser) -> None:
     )
     parser.add(
         "counterexample",
-        needs=Needs((PROPERTY,), not_with=("-sim", "-nobuild", COMPARE)),
+        needs=Needs((PROPERTY,), not_with=("-sim", "-nobuild", "-resume", COMPARE)),
         action="store_true",
         help="show why a bound P<=p [...] or R<=r [F ...] is false or true: likeliest paths, and "
         "few commands",
@@ -231,13 +239,13 @@ def add_output(parser: SwitchParser) -> None:
     parser.add("nobuild", action="store_true", help="only read the model")
     parser.add(
         "test",
-        needs=Needs((PROPERTY,), not_with=("-nobuild", COMPARE)),
+        needs=Needs((PROPERTY,), not_with=("-nobuild", "-resume", COMPARE)),
         action="store_true",
         help="compare with the RESULT lines; stop at the first that fails",
     )
     parser.add(
         "testall",
-        needs=Needs((PROPERTY,), not_with=("-nobuild", COMPARE)),
+        needs=Needs((PROPERTY,), not_with=("-nobuild", "-resume", COMPARE)),
         action="store_true",
         help="compare with the RESULT lines; go on after a failure",
     )

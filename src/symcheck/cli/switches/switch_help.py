@@ -19,17 +19,27 @@ _FILES = ("FILE", "BASE", "PROGRAM")
 """Values that name files."""
 
 
+_WORDS: dict[str, tuple[str, ...]] = {
+    "-completion": ("bash", "zsh", "fish"),
+    "-with": ("storm", "prism"),
+    "-simmethod": ("ci", "aci", "apmc", "sprt"),
+}
+"""The words that may follow a switch that sets no option."""
+
+
 class SwitchDescription(NamedTuple):
     """A switch of the parser.
 
     names: with one dash, the usual one first. values: what follows it, for help. help: its line of
     `symcheck --help`. option: the name of the option that it sets, or "".
+    words: those that may follow; empty: those of the option, or any.
     """
 
     names: tuple[str, ...]
     values: tuple[str, ...]
     help: str
     option: str = ""
+    words: tuple[str, ...] = ()
 
     @property
     def takes_file(self) -> bool:
@@ -39,6 +49,8 @@ class SwitchDescription(NamedTuple):
     @property
     def choices(self) -> tuple[str, ...]:
         """The names that may follow."""
+        if self.words:
+            return self.words
         options = [o for o in OPTIONS if o.name == self.option and self.values]
         expected = options[0].values.expected if options else ""
         return tuple(expected[7:].split(", ")) if expected.startswith("one of ") else ()
@@ -178,7 +190,9 @@ def completion(shell: str, switches: Sequence[SwitchDescription]) -> str:
     """A script that completes switches, names and files in a shell. Raises UsageError."""
     if shell not in _COMPLETIONS:
         raise UsageError(f"-completion: '{shell}' is none of {', '.join(SHELLS)}")
-    return _COMPLETIONS[shell](switches)
+    names = tuple(n[1:] for s in switches for n in s.names if n != "-?")
+    words = {**_WORDS, "-help": ("compare", *names)}
+    return _COMPLETIONS[shell]([s._replace(words=words.get(s.names[0], ())) for s in switches])
 
 
 # ------------------------------------------------------------------------------- manual page
