@@ -102,6 +102,7 @@ SWITCHES = [
     ("-nofixdl", "fix_deadlocks", False),
     ("-noprobchecks", "check_sums", False),
     ("-reduce", "reduce", True),
+    ("-nostates", "stop_at_targets", True),
     ("-order x,y", "order", ("x", "y")),
     ("-cuddmaxmem 1.5m", "max_memory", 3 << 19),
     ("-timeout 2m", "time_limit", 120),
