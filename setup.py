@@ -21,6 +21,7 @@ class BuildWithStubs(build_py):
             write_stubs(Path(self.build_lib))
 
 
+HEADERS = "src/symcheck/kernels"
 UTILITIES = "symcheck.kernels.cython_utilities"
 """The module with the code of memoryviews. Cython would otherwise write it into each module, which
 more than doubles the time to compile."""
@@ -43,7 +44,8 @@ class BuildExtensions(build_ext):
 
 
 def extension(module: str, suffix: str) -> Extension:
-    return Extension(module, [f"src/{module.replace('.', '/')}{suffix}"])
+    file = f"src/{module.replace('.', '/')}{suffix}"
+    return Extension(module, [file], include_dirs=[HEADERS], depends=[f"{HEADERS}/portable.h"])
 
 
 modules = sorted(

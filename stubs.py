@@ -63,7 +63,7 @@ def _text(path: Path) -> str:
     return re.sub(
         r'^include "(.*)"$',
         lambda match: _text(path.parent / match[1]),
-        path.read_text() if path.exists() else "",
+        path.read_text(encoding="utf-8") if path.exists() else "",
         flags=re.MULTILINE,
     )
 
@@ -197,7 +197,7 @@ def write_stubs(target: Path) -> None:
     for path in SOURCE.rglob("*.pyx"):
         out = target / path.relative_to(SOURCE).with_suffix(".pyi")
         out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(_Module(path).stub())
+        out.write_text(_Module(path).stub(), encoding="utf-8")
 
 
 if __name__ == "__main__":

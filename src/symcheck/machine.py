@@ -5,10 +5,16 @@ from __future__ import annotations
 import errno
 import os
 import re
-import resource
-import sys
 from collections.abc import Iterator
 from pathlib import Path
+
+from symcheck.operating_system import (
+    NO_LIMIT,
+    limits_of_memory,
+    physical_memory,
+    set_limit_of_data,
+    size_of_page,
+)
 
 __all__ = [
     "FREE_MEMORY",
@@ -70,10 +76,7 @@ def limit_memory(size: int) -> None:
     A stricter limit of the process stays. Without this limit the kernel would kill the process,
     because it grants more memory than there is.
     """
-    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    limit = _pages()[1] + size
-    if all(limit < bound for bound in (soft, hard) if bound != resource.RLIM_INFINITY):
-        resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))
+    set_limit_of_data(_pages()[1] + size)
 
 
 def used_data() -> int:
@@ -85,7 +88,7 @@ def _free_on_machine(root: Path) -> int:
     """The kernel's estimate of what can be allocated without swapping."""
     match = re.search(r"^MemAvailable:\s+(\d+) kB", _text(root / "proc/meminfo"), re.MULTILINE)
     if match is None:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+        return physical_memory()
     return int(match[1]) << 10
 
 
@@ -114,15 +117,14 @@ def _free_in_groups(root: Path) -> Iterator[int]:
 
 def _below_limits() -> Iterator[int]:
     """What the limits of the process leave: of its addresses, and of its data."""
-    for kind, taken in zip((resource.RLIMIT_AS, resource.RLIMIT_DATA), _pages(), strict=True):
-        limit = resource.getrlimit(kind)[0]
-        if limit != resource.RLIM_INFINITY:
+    for limit, taken in zip(limits_of_memory(), _pages(), strict=True):
+        if limit != NO_LIMIT:
             yield limit - taken
 
 
 def below_limit() -> int:
     """Bytes of data that the process may still take before an allocation fails."""
-    return min(_below_limits(), default=sys.maxsize)
+    return min(_below_limits(), default=NO_LIMIT)
 
 
 def memory_ended(error: BaseException) -> bool:
@@ -139,7 +141,7 @@ def memory_ended(error: BaseException) -> bool:
 def _pages() -> tuple[int, int]:
     """Bytes of addresses and of data that the process has."""
     fields = _text(Path("/proc/self/statm")).split() or ["0"] * 7
-    size = os.sysconf("SC_PAGE_SIZE")
+    size = size_of_page()
     return int(fields[0]) * size, int(fields[5]) * size
 
 

@@ -77,16 +77,16 @@ def open_for_text(path: Path, name: str | Path) -> Iterator[TextIO]:
             with (
                 path.open("wb") as whole,
                 gzip.GzipFile("", "wb", fileobj=whole, mtime=0) as packed,
-                io.TextIOWrapper(packed, encoding="utf-8") as file,
+                io.TextIOWrapper(packed, encoding="utf-8", newline="\n") as file,
             ):
                 yield file
         case ".xz":
             import lzma
 
-            with lzma.open(path, "wt", encoding="utf-8") as file:
+            with lzma.open(path, "wt", encoding="utf-8", newline="\n") as file:
                 yield file
         case _:
-            with path.open("w", encoding="utf-8") as file:
+            with path.open("w", encoding="utf-8", newline="\n") as file:
                 yield file
 
 

@@ -100,7 +100,7 @@ def translate_externally(
     text = format_formula(formula, syntax)
     with TemporaryDirectory(prefix="symcheck-") as folder:
         formula_file, answer = Path(folder, "formula.ltl"), Path(folder, "automaton.hoa")
-        formula_file.write_text(text + "\n")
+        formula_file.write_text(text + "\n", encoding="utf-8")
         try:
             run = subprocess.run(
                 [program, str(formula_file), str(answer)],
@@ -123,6 +123,6 @@ def translate_externally(
             raise UnsupportedError(
                 f"the translator '{program}' wrote no automaton: {said or 'no message'}"
             )
-        written = answer.read_text(errors="replace")
+        written = answer.read_text(encoding="utf-8", errors="replace")
     atoms = {f"p{f.atom}": f.atom for f in formula.subformulas() if f.atom >= 0}
     return read(written, letters, atoms, name=f"<automaton of {Path(program).name}>")

@@ -17,6 +17,9 @@ __all__ = ["main"]
 # Python has imported it; the modules `signal` and `importlib` take milliseconds.
 _signal = sys.modules["_signal"]
 
+_ALARM: int = getattr(_signal, "SIGALRM", _signal.SIGTERM)
+"""As in `operating_system`, which is imported later."""
+
 
 def main(words: list[str] | None = None) -> int:
     """Run the command line; returns the exit status (see `symcheck --help`).
@@ -25,7 +28,7 @@ def main(words: list[str] | None = None) -> int:
     """
     started = perf_counter()
     if words is None:
-        for number in (_signal.SIGINT, _signal.SIGTERM, _signal.SIGALRM):
+        for number in (_signal.SIGINT, _signal.SIGTERM, _ALARM):
             if _signal.getsignal(number) != _signal.SIG_IGN:
                 _signal.signal(number, _end)
         _limit_time(sys.argv[1:])
@@ -53,7 +56,7 @@ def _end(number: int, _: object) -> None:
     message, status = {
         _signal.SIGINT: ("interrupted by Ctrl-C", 130),
         _signal.SIGTERM: ("interrupted by SIGTERM", 143),
-        _signal.SIGALRM: ("the time limit was reached", 3),
+        _ALARM: ("the time limit was reached", 3),
     }[number]
     _leave(message, status)
 
@@ -66,7 +69,12 @@ def _leave(message: str, status: int) -> NoReturn:
 
 
 def _limit_time(words: list[str]) -> None:
-    """Start the time limit, which counts from here on, before the imports of a run."""
+    """Start the time limit, which counts from here on, before the imports of a run.
+
+    Without an interval timer it starts after them.
+    """
+    if not hasattr(_signal, "setitimer"):
+        return
     for switch, value in pairwise(words):
         if switch in ("-timeout", "--timeout"):
             from contextlib import suppress

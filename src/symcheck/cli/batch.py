@@ -1,6 +1,7 @@
 """`symcheck -batch FILE`: many command lines, for which Python and its modules start once.
 
-Each line runs in a copy of this process, which has loaded the modules and the grammars. A line has
+Each line runs in a copy of this process, which has loaded the modules and the grammars (on Windows,
+in a new one). A line has
 the output, the limits and the exit status that it has alone. Neither its errors nor its memory
 reach the next line, even if it crashes.
 
@@ -17,6 +18,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from subprocess import DEVNULL, Popen
 from time import perf_counter
 from types import FrameType
 from typing import NoReturn, TextIO
@@ -24,6 +26,7 @@ from typing import NoReturn, TextIO
 from symcheck.cli.output import fail
 from symcheck.cli.switches.arguments import parse_arguments
 from symcheck.errors import SymcheckError, UsageError
+from symcheck.operating_system import CAN_FORK, set_alarm
 
 __all__ = ["is_batch", "run_batch"]
 
@@ -57,11 +60,12 @@ def run_batch(words: Sequence[str], run: Run) -> int:
         UsageError: the command line is wrong, or the file cannot be read.
         OutputError: the output cannot be written.
     """
-    signal.setitimer(signal.ITIMER_REAL, 0)  # -timeout holds for each line
+    set_alarm(0)  # -timeout holds for each line
     name, common = _split(words)
     statuses: Counter[int] = Counter()
     with _opened(name) as file, _Child().forwarding() as child:
-        _load()
+        if CAN_FORK:
+            _load()
         for number, line in _lines(name, file):
             sys.stdout.write(f"{_RULE}\nLine {number}: {line}\n\n")
             sys.stdout.flush()
@@ -167,6 +171,8 @@ class _Child:
 
     def run(self, words: Sequence[str], run: Run, *, no_input: bool) -> int:
         """Run a line, and wait for its exit status."""
+        if not CAN_FORK:
+            return self._run_anew(words, no_input=no_input)
         started = perf_counter()
         self._process = os.fork()
         if self._process == 0:
@@ -183,6 +189,16 @@ class _Child:
             return fail(SymcheckError(f"the run was ended by {name}{hint}"), 128 - status)
         return status
 
+    def _run_anew(self, words: Sequence[str], *, no_input: bool) -> int:
+        """Run a line in a new process, which loads the modules again."""
+        with Popen(
+            [sys.executable, "-m", "symcheck", *words], stdin=DEVNULL if no_input else None
+        ) as process:
+            self._process = process.pid
+            status = process.wait()
+        self._process = 0
+        return status
+
     def _restore(self) -> None:
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
@@ -191,5 +207,6 @@ class _Child:
         self.stopped = self.stopped or number
         if not self._process:  # it waits for the next line
             raise KeyboardInterrupt
-        with suppress(ProcessLookupError):
-            os.kill(self._process, number)
+        if CAN_FORK:  # Windows sends Ctrl-C to all processes of the console
+            with suppress(ProcessLookupError):
+                os.kill(self._process, number)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import select
 import signal
 import sys
 import threading
@@ -14,6 +12,7 @@ from types import FrameType
 
 from symcheck.errors import Interrupted, ResourceError, TimeLimitError, out_of_memory
 from symcheck.machine import below_limit, limit_memory, memory_ended
+from symcheck.operating_system import ALARM, SignalChannel, interrupt_main_thread, set_alarm
 
 __all__ = ["StopSignals"]
 
@@ -27,7 +26,7 @@ Handler = Callable[[int, FrameType | None], object] | int | signal.Handlers | No
 _HANDLED: dict[signal.Signals, Handler] = {
     signal.SIGINT: signal.default_int_handler,
     signal.SIGTERM: signal.SIG_DFL,
-    signal.SIGALRM: signal.SIG_DFL,
+    ALARM: signal.SIG_DFL,
 }
 """The signals, and their usual handlers."""
 
@@ -65,11 +64,9 @@ class StopSignals:
             handler = signal.getsignal(number)
             if handler == usual or (self._end is not None and handler is not signal.SIG_IGN):
                 self._previous[number] = handler
-        self._reader, self._writer = os.pipe()
-        os.set_blocking(self._writer, False)
+        self._channel = SignalChannel()
         self._watcher = threading.Thread(target=self._watch, daemon=True)
         self._watcher.start()
-        self._wakeup = signal.set_wakeup_fd(self._writer, warn_on_full_buffer=False)
         self._unraisable = sys.unraisablehook
         sys.unraisablehook = self._on_unraisable
         self._thread_fault = threading.excepthook
@@ -86,18 +83,16 @@ class StopSignals:
         if threading.current_thread() is not threading.main_thread():
             return
         self._acknowledged = True
-        if signal.SIGALRM in self._previous:
-            signal.setitimer(signal.ITIMER_REAL, 0)
+        if ALARM in self._previous:
+            set_alarm(0)
         for number, handler in self._previous.items():
             signal.signal(number, handler)
-        signal.set_wakeup_fd(self._wakeup)
         sys.unraisablehook = self._unraisable
         threading.excepthook = self._thread_fault
         self._over.set()
-        os.write(self._writer, b"\0")
+        self._channel.wake()
         self._watcher.join()
-        os.close(self._reader)
-        os.close(self._writer)
+        self._channel.close()
 
     def limit_memory(self, size: int) -> None:
         """Let allocations beyond so many more bytes fail, and stop the run a little before.
@@ -111,8 +106,8 @@ class StopSignals:
         """Stop the run after so many seconds; None: no limit."""
         if seconds is None:
             return
-        if signal.SIGALRM in self._previous:
-            signal.setitimer(signal.ITIMER_REAL, max(seconds, 1e-6))
+        if ALARM in self._previous:
+            set_alarm(max(seconds, 1e-6))
             return
         arguments = max(seconds, 0.0), threading.get_ident()
         self._timer = threading.Thread(target=self._end_thread, args=arguments, daemon=True)
@@ -124,7 +119,7 @@ class StopSignals:
         Compiled loops that last long watch the time limit themselves.
         """
         while not self._over.wait(seconds):
-            self.signal = self.signal or signal.SIGALRM
+            self.signal = self.signal or ALARM
             if not self._acknowledged:
                 _raise_in_thread(thread, KeyboardInterrupt)
             seconds = _PATIENCE
@@ -147,7 +142,7 @@ class StopSignals:
         """The error that a signal means."""
         if self._memory_ended:
             return out_of_memory()
-        if self.signal is signal.SIGALRM:
+        if self.signal is ALARM:
             return TimeLimitError(
                 "the time limit was reached\n  hint: -timeout gives more; finished results are kept"
             )
@@ -161,7 +156,7 @@ class StopSignals:
     @property
     def status(self) -> int:
         """The exit status of a run that was stopped: 3 by a limit, 130 or 143 as in shells."""
-        if self.signal is None or self.signal is signal.SIGALRM:
+        if self.signal is None or self.signal is ALARM:
             return 3
         return 128 + self.signal
 
@@ -186,17 +181,12 @@ class StopSignals:
 
     def _stop_for_memory(self) -> None:
         self._memory_ended = True
-        if signal.SIGALRM in self._previous:  # otherwise it is the caller's
-            signal.pthread_kill(_main_thread(), signal.SIGALRM)
-
-    def _arrived(self) -> int:
-        """The signal that arrives within a tenth of a second, or 0."""
-        ready, _, _ = select.select([self._reader], [], [], _PATIENCE)
-        return os.read(self._reader, 1)[0] if ready else 0
+        if ALARM in self._previous:  # otherwise it is the caller's
+            interrupt_main_thread(ALARM)
 
     def _watch(self) -> None:
         """Wait for a signal or the end of the memory, repeat the signal, and end the process."""
-        while (number := self._arrived()) not in self._previous:
+        while (number := self._channel.wait(_PATIENCE)) not in self._previous:
             if self._over.is_set():
                 return
             if self._low_memory and below_limit() < self._low_memory:
@@ -208,7 +198,7 @@ class StopSignals:
             if self._end is not None and monotonic() > self._deadline:
                 self._end()
             elif not self._acknowledged:
-                signal.pthread_kill(_main_thread(), number)
+                interrupt_main_thread(number)
 
 
 def _raise_in_thread(thread: int, error: type[BaseException] | None) -> None:
@@ -217,9 +207,3 @@ def _raise_in_thread(thread: int, error: type[BaseException] | None) -> None:
 
     given = None if error is None else ctypes.py_object(error)
     ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), given)
-
-
-def _main_thread() -> int:
-    ident = threading.main_thread().ident
-    assert ident is not None
-    return ident

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -15,6 +14,7 @@ from typing import Any
 from symcheck.check.result import Certified, Estimate, Exact, Statistical
 from symcheck.errors import UsageError
 from symcheck.experiments.rows import Row
+from symcheck.operating_system import lock_file
 
 __all__ = ["Journal", "opened"]
 
@@ -57,7 +57,7 @@ def opened(path: str | Path, experiment: Mapping[str, str]) -> Iterator[Journal]
         raise UsageError(f"resume: cannot write '{path}': {error.strerror}") from None
     try:
         try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock_file(file)
         except OSError:
             raise UsageError(f"resume: '{path}' is in use by another run") from None
         yield Journal(file, _read(file, path, experiment))

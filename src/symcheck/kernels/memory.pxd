@@ -1,28 +1,15 @@
 # cython: language_level=3
 """Growing arrays for kernels that run without the interpreter lock."""
 
-from libc.stdint cimport uintptr_t
 from libc.stdlib cimport free, realloc
 from libc.string cimport memcpy
 
-cdef extern from "sys/mman.h" nogil:
-    int madvise(void*, size_t, int)
-    int MADV_HUGEPAGE
+from symcheck.kernels.portable cimport prefer_huge_pages
 
 
 cdef struct Buffer:
     void* data
     size_t size
-
-
-cdef inline void prefer_huge_pages(void* data, size_t size) noexcept nogil:
-    """Ask for huge pages for a large array that is read at random.
-
-    Huge pages save page-table walks. Systems without `MADV_HUGEPAGE` ignore the request.
-    """
-    cdef uintptr_t begin = (<uintptr_t> data + 4095) // 4096 * 4096, end = <uintptr_t> data + size
-    if size >= 4194304:
-        madvise(<void*> begin, (end - begin) // 4096 * 4096, MADV_HUGEPAGE)
 
 
 cdef inline int reserve(Buffer* buffer, size_t size) noexcept nogil:

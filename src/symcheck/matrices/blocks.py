@@ -13,7 +13,6 @@ size, stored as diagonal runs.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -32,6 +31,7 @@ from symcheck.kernels.diagrams.quad_dag import QuadDag
 from symcheck.kernels.graph.components import components
 from symcheck.matrices import tuning
 from symcheck.matrices.operators import BoundStep
+from symcheck.operating_system import processors
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd
@@ -209,7 +209,7 @@ class BlockMatrix:
     @cached_property
     def _shares(self) -> list[tuple[int, int]]:
         """Ranges of row ranges with about the same work, one per thread."""
-        count = min(tuning.MAX_THREADS, len(os.sched_getaffinity(0)))
+        count = min(tuning.MAX_THREADS, processors())
         work = np.cumsum(self.operations.range_work)
         if self.entries < tuning.MIN_THREADED_ENTRIES:
             count = 1

@@ -16,6 +16,7 @@ from typing import ParamSpec, TypeVar
 
 from symcheck.errors import ResourceError
 from symcheck.machine import available_memory, limit_memory
+from symcheck.operating_system import interrupt_blocked
 from symcheck.whole_file import remove_unfinished
 
 __all__ = ["ProcessPool"]
@@ -83,13 +84,12 @@ def _clean_start() -> Iterator[None]:
     main, threads = sys.modules["__main__"], os.environ.get("OPENBLAS_NUM_THREADS")
     sys.modules["__main__"] = ModuleType("__main__")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     setattr(spawn, "get_command_line", _silent_command_line)  # noqa: B010
     try:
-        yield
+        with interrupt_blocked():
+            yield
     finally:
         setattr(spawn, "get_command_line", _command_line)  # noqa: B010
-        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
         sys.modules["__main__"] = main
         if threads is None:
             del os.environ["OPENBLAS_NUM_THREADS"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import shutil
@@ -16,6 +15,7 @@ from pathlib import Path
 from typing import Literal
 
 from symcheck.errors import SymcheckError, UsageError
+from symcheck.operating_system import end_with_children
 
 __all__ = ["PEERS", "Answer", "Peer", "PeerError", "PeerName", "Question", "find_peer"]
 
@@ -84,7 +84,7 @@ class Peer:
             raise PeerError(f"no answer in {time_limit:g} seconds") from None
         finally:
             if process.poll() is None:
-                os.killpg(process.pid, signal.SIGKILL)
+                end_with_children(process)
                 process.communicate()
         return _read(output, process.returncode)
 

@@ -3,14 +3,6 @@
 cdef extern from "Python.h":
     int PyErr_CheckSignals() noexcept nogil
 
-cdef extern from "<time.h>" nogil:
-    ctypedef long time_t
-    struct timespec:
-        time_t tv_sec
-        long tv_nsec
-    int clock_gettime(int, timespec*)
-    int CLOCK_MONOTONIC
-
 cdef enum:
     CONSTANT = 0x7FFFFFFF            # index and level of a terminal node
     # Steps of our recursions between checks of the clock and of signals (a mask): about 0.1 s.
@@ -49,12 +41,6 @@ cdef struct Env:
     double max_lookups           # count of look-ups in CUDD's cache at which to stop; 0: no limit
 
 
-cdef double now() noexcept nogil:
-    cdef timespec t
-    clock_gettime(CLOCK_MONOTONIC, &t)
-    return t.tv_sec + 1e-9 * t.tv_nsec
-
-
 cdef void switch_collection(Env* e) noexcept nogil:
     """Switch garbage collection on above the threshold, off below half of it."""
     cdef unsigned int nodes = Cudd_ReadKeys(e.dd)
@@ -68,7 +54,7 @@ cdef void switch_collection(Env* e) noexcept nogil:
 
 cdef bint past_limit(Env* e) noexcept nogil:
     """Whether the limit of time or of look-ups is reached."""
-    return (e.deadline > 0 and now() > e.deadline) or (
+    return (e.deadline > 0 and monotonic_seconds() > e.deadline) or (
         e.max_lookups > 0 and Cudd_ReadCacheLookUps(e.dd) > e.max_lookups
     )
 
@@ -321,7 +307,7 @@ cdef class Core:
 
     def limit_time(self, seconds: float | None):
         """Stop with TimeLimitError after so many seconds from now; None: no limit."""
-        self.e.deadline = 0 if seconds is None else now() + max(float(seconds), 1e-9)
+        self.e.deadline = 0 if seconds is None else monotonic_seconds() + max(float(seconds), 1e-9)
 
     def limit_lookups(self, lookups: int | None):
         """Stop with TimeLimitError after so many more look-ups in CUDD's cache; None: no limit."""

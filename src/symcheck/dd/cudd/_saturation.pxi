@@ -49,7 +49,7 @@ cdef bint limit_reached(PartitionTable* table) noexcept nogil:
     """Whether a limit of this saturation is reached; checked once in a number of steps."""
     table.steps += 1
     if (table.steps & STEPS_PER_LIMIT_CHECK) == 0:
-        table.stopped |= Cudd_ReadCacheLookUps(table.e.dd) > table.max_lookups or now() > table.deadline
+        table.stopped |= Cudd_ReadCacheLookUps(table.e.dd) > table.max_lookups or monotonic_seconds() > table.deadline
     return table.stopped
 
 

@@ -1,11 +1,5 @@
 # CUDD's C interface, resolved from a shared library. The prototypes are those of CUDD 3.0.
 
-cdef extern from "<dlfcn.h>":
-    int RTLD_LAZY
-    void* dlopen(const char*, int)
-    void* dlsym(void*, const char*)
-    char* dlerror()
-
 ctypedef void DdManager
 
 cdef struct DdNode
@@ -104,83 +98,82 @@ cdef f_shuffle Cudd_ShuffleHeap
 
 cdef int _resolve_all() except -1:
     name = library()
-    path = name.encode()
-    cdef void* handle = dlopen(path, RTLD_LAZY)
-    cdef void* symbol
     cdef uintptr_t target
-    if handle is NULL:
-        raise UnsupportedError(f"the shared library {name} with CUDD cannot be loaded: {dlerror().decode()}")
+    try:
+        loaded_library = ctypes.CDLL(name)
+    except OSError as error:
+        raise UnsupportedError(f"the shared library {name} with CUDD cannot be loaded: {error}") from None
     for function, target in [
-        (b"Cudd_ReadOne", <uintptr_t>&Cudd_ReadOne),
-        (b"Cudd_ReadZero", <uintptr_t>&Cudd_ReadZero),
-        (b"Cudd_ReadLogicZero", <uintptr_t>&Cudd_ReadLogicZero),
-        (b"Cudd_T", <uintptr_t>&Cudd_T),
-        (b"Cudd_E", <uintptr_t>&Cudd_E),
-        (b"Cudd_V", <uintptr_t>&Cudd_V),
-        (b"Cudd_DagSize", <uintptr_t>&Cudd_DagSize),
-        (b"Cudd_bddIthVar", <uintptr_t>&Cudd_bddIthVar),
-        (b"cuddUniqueConst", <uintptr_t>&cuddUniqueConst),
-        (b"Cudd_bddAnd", <uintptr_t>&Cudd_bddAnd),
-        (b"Cudd_bddOr", <uintptr_t>&Cudd_bddOr),
-        (b"Cudd_bddXor", <uintptr_t>&Cudd_bddXor),
-        (b"Cudd_bddExistAbstract", <uintptr_t>&Cudd_bddExistAbstract),
-        (b"Cudd_Cofactor", <uintptr_t>&Cudd_Cofactor),
-        (b"cuddBddAndRecur", <uintptr_t>&cuddBddAndRecur),
-        (b"Cudd_bddIte", <uintptr_t>&Cudd_bddIte),
-        (b"Cudd_bddAndAbstract", <uintptr_t>&Cudd_bddAndAbstract),
-        (b"cuddBddIteRecur", <uintptr_t>&cuddBddIteRecur),
-        (b"cuddUniqueInter", <uintptr_t>&cuddUniqueInter),
-        (b"Cudd_RecursiveDeref", <uintptr_t>&Cudd_RecursiveDeref),
-        (b"Cudd_IterDerefBdd", <uintptr_t>&Cudd_IterDerefBdd),
-        (b"Cudd_bddLeq", <uintptr_t>&Cudd_bddLeq),
-        (b"Cudd_ReadSize", <uintptr_t>&Cudd_ReadSize),
-        (b"Cudd_ReadErrorCode", <uintptr_t>&Cudd_ReadErrorCode),
-        (b"Cudd_ReadPeakLiveNodeCount", <uintptr_t>&Cudd_ReadPeakLiveNodeCount),
-        (b"Cudd_ReadGarbageCollections", <uintptr_t>&Cudd_ReadGarbageCollections),
-        (b"Cudd_DebugCheck", <uintptr_t>&Cudd_DebugCheck),
-        (b"Cudd_ReadPerm", <uintptr_t>&Cudd_ReadPerm),
-        (b"Cudd_ReadInvPerm", <uintptr_t>&Cudd_ReadInvPerm),
-        (b"cuddGarbageCollect", <uintptr_t>&cuddGarbageCollect),
-        (b"Cudd_ReadKeys", <uintptr_t>&Cudd_ReadKeys),
-        (b"Cudd_ReadDead", <uintptr_t>&Cudd_ReadDead),
-        (b"Cudd_ReadMemoryInUse", <uintptr_t>&Cudd_ReadMemoryInUse),
-        (b"Cudd_ReadCacheLookUps", <uintptr_t>&Cudd_ReadCacheLookUps),
-        (b"Cudd_AutodynDisable", <uintptr_t>&Cudd_AutodynDisable),
-        (b"Cudd_ClearErrorCode", <uintptr_t>&Cudd_ClearErrorCode),
-        (b"Cudd_UnregisterTerminationCallback", <uintptr_t>&Cudd_UnregisterTerminationCallback),
-        (b"Cudd_FreeTree", <uintptr_t>&Cudd_FreeTree),
-        (b"Cudd_EnableGarbageCollection", <uintptr_t>&Cudd_EnableGarbageCollection),
-        (b"Cudd_DisableGarbageCollection", <uintptr_t>&Cudd_DisableGarbageCollection),
-        (b"Cudd_SetEpsilon", <uintptr_t>&Cudd_SetEpsilon),
-        (b"Cudd_SetMaxGrowth", <uintptr_t>&Cudd_SetMaxGrowth),
-        (b"Cudd_SetMaxMemory", <uintptr_t>&Cudd_SetMaxMemory),
-        (b"cuddCacheLookup2", <uintptr_t>&cuddCacheLookup2),
-        (b"cuddCacheLookup", <uintptr_t>&cuddCacheLookup),
-        (b"cuddCacheInsert2", <uintptr_t>&cuddCacheInsert2),
-        (b"cuddCacheInsert", <uintptr_t>&cuddCacheInsert),
-        (b"Cudd_SupportIndices", <uintptr_t>&Cudd_SupportIndices),
-        (b"Cudd_SharingSize", <uintptr_t>&Cudd_SharingSize),
-        (b"Cudd_RegisterTerminationCallback", <uintptr_t>&Cudd_RegisterTerminationCallback),
-        (b"Cudd_OutOfMemSilent", <uintptr_t>&Cudd_OutOfMemSilent),
-        (b"Cudd_RegisterOutOfMemoryCallback", <uintptr_t>&Cudd_RegisterOutOfMemoryCallback),
-        (b"Cudd_AddHook", <uintptr_t>&Cudd_AddHook),
-        (b"Cudd_RemoveHook", <uintptr_t>&Cudd_RemoveHook),
-        (b"Cudd_ReadApplicationHook", <uintptr_t>&Cudd_ReadApplicationHook),
-        (b"Cudd_SetApplicationHook", <uintptr_t>&Cudd_SetApplicationHook),
-        (b"Cudd_MakeTreeNode", <uintptr_t>&Cudd_MakeTreeNode),
-        (b"Cudd_ReduceHeap", <uintptr_t>&Cudd_ReduceHeap),
-        (b"Cudd_ShuffleHeap", <uintptr_t>&Cudd_ShuffleHeap),
-        (b"Cudd_Init", <uintptr_t>&Cudd_Init),
-        (b"Cudd_Quit", <uintptr_t>&Cudd_Quit),
-        (b"Cudd_SetLooseUpTo", <uintptr_t>&Cudd_SetLooseUpTo),
-        (b"Cudd_SetMinHit", <uintptr_t>&Cudd_SetMinHit),
+        ("Cudd_ReadOne", <uintptr_t>&Cudd_ReadOne),
+        ("Cudd_ReadZero", <uintptr_t>&Cudd_ReadZero),
+        ("Cudd_ReadLogicZero", <uintptr_t>&Cudd_ReadLogicZero),
+        ("Cudd_T", <uintptr_t>&Cudd_T),
+        ("Cudd_E", <uintptr_t>&Cudd_E),
+        ("Cudd_V", <uintptr_t>&Cudd_V),
+        ("Cudd_DagSize", <uintptr_t>&Cudd_DagSize),
+        ("Cudd_bddIthVar", <uintptr_t>&Cudd_bddIthVar),
+        ("cuddUniqueConst", <uintptr_t>&cuddUniqueConst),
+        ("Cudd_bddAnd", <uintptr_t>&Cudd_bddAnd),
+        ("Cudd_bddOr", <uintptr_t>&Cudd_bddOr),
+        ("Cudd_bddXor", <uintptr_t>&Cudd_bddXor),
+        ("Cudd_bddExistAbstract", <uintptr_t>&Cudd_bddExistAbstract),
+        ("Cudd_Cofactor", <uintptr_t>&Cudd_Cofactor),
+        ("cuddBddAndRecur", <uintptr_t>&cuddBddAndRecur),
+        ("Cudd_bddIte", <uintptr_t>&Cudd_bddIte),
+        ("Cudd_bddAndAbstract", <uintptr_t>&Cudd_bddAndAbstract),
+        ("cuddBddIteRecur", <uintptr_t>&cuddBddIteRecur),
+        ("cuddUniqueInter", <uintptr_t>&cuddUniqueInter),
+        ("Cudd_RecursiveDeref", <uintptr_t>&Cudd_RecursiveDeref),
+        ("Cudd_IterDerefBdd", <uintptr_t>&Cudd_IterDerefBdd),
+        ("Cudd_bddLeq", <uintptr_t>&Cudd_bddLeq),
+        ("Cudd_ReadSize", <uintptr_t>&Cudd_ReadSize),
+        ("Cudd_ReadErrorCode", <uintptr_t>&Cudd_ReadErrorCode),
+        ("Cudd_ReadPeakLiveNodeCount", <uintptr_t>&Cudd_ReadPeakLiveNodeCount),
+        ("Cudd_ReadGarbageCollections", <uintptr_t>&Cudd_ReadGarbageCollections),
+        ("Cudd_DebugCheck", <uintptr_t>&Cudd_DebugCheck),
+        ("Cudd_ReadPerm", <uintptr_t>&Cudd_ReadPerm),
+        ("Cudd_ReadInvPerm", <uintptr_t>&Cudd_ReadInvPerm),
+        ("cuddGarbageCollect", <uintptr_t>&cuddGarbageCollect),
+        ("Cudd_ReadKeys", <uintptr_t>&Cudd_ReadKeys),
+        ("Cudd_ReadDead", <uintptr_t>&Cudd_ReadDead),
+        ("Cudd_ReadMemoryInUse", <uintptr_t>&Cudd_ReadMemoryInUse),
+        ("Cudd_ReadCacheLookUps", <uintptr_t>&Cudd_ReadCacheLookUps),
+        ("Cudd_AutodynDisable", <uintptr_t>&Cudd_AutodynDisable),
+        ("Cudd_ClearErrorCode", <uintptr_t>&Cudd_ClearErrorCode),
+        ("Cudd_UnregisterTerminationCallback", <uintptr_t>&Cudd_UnregisterTerminationCallback),
+        ("Cudd_FreeTree", <uintptr_t>&Cudd_FreeTree),
+        ("Cudd_EnableGarbageCollection", <uintptr_t>&Cudd_EnableGarbageCollection),
+        ("Cudd_DisableGarbageCollection", <uintptr_t>&Cudd_DisableGarbageCollection),
+        ("Cudd_SetEpsilon", <uintptr_t>&Cudd_SetEpsilon),
+        ("Cudd_SetMaxGrowth", <uintptr_t>&Cudd_SetMaxGrowth),
+        ("Cudd_SetMaxMemory", <uintptr_t>&Cudd_SetMaxMemory),
+        ("cuddCacheLookup2", <uintptr_t>&cuddCacheLookup2),
+        ("cuddCacheLookup", <uintptr_t>&cuddCacheLookup),
+        ("cuddCacheInsert2", <uintptr_t>&cuddCacheInsert2),
+        ("cuddCacheInsert", <uintptr_t>&cuddCacheInsert),
+        ("Cudd_SupportIndices", <uintptr_t>&Cudd_SupportIndices),
+        ("Cudd_SharingSize", <uintptr_t>&Cudd_SharingSize),
+        ("Cudd_RegisterTerminationCallback", <uintptr_t>&Cudd_RegisterTerminationCallback),
+        ("Cudd_OutOfMemSilent", <uintptr_t>&Cudd_OutOfMemSilent),
+        ("Cudd_RegisterOutOfMemoryCallback", <uintptr_t>&Cudd_RegisterOutOfMemoryCallback),
+        ("Cudd_AddHook", <uintptr_t>&Cudd_AddHook),
+        ("Cudd_RemoveHook", <uintptr_t>&Cudd_RemoveHook),
+        ("Cudd_ReadApplicationHook", <uintptr_t>&Cudd_ReadApplicationHook),
+        ("Cudd_SetApplicationHook", <uintptr_t>&Cudd_SetApplicationHook),
+        ("Cudd_MakeTreeNode", <uintptr_t>&Cudd_MakeTreeNode),
+        ("Cudd_ReduceHeap", <uintptr_t>&Cudd_ReduceHeap),
+        ("Cudd_ShuffleHeap", <uintptr_t>&Cudd_ShuffleHeap),
+        ("Cudd_Init", <uintptr_t>&Cudd_Init),
+        ("Cudd_Quit", <uintptr_t>&Cudd_Quit),
+        ("Cudd_SetLooseUpTo", <uintptr_t>&Cudd_SetLooseUpTo),
+        ("Cudd_SetMinHit", <uintptr_t>&Cudd_SetMinHit),
     ]:
-        symbol = dlsym(handle, function)
-        if symbol is NULL:
+        try:
+            symbol = getattr(loaded_library, function)
+        except AttributeError:
             raise UnsupportedError(
-                f"{name} does not export {function.decode()}\n  hint: the wheel of dd {REQUIRED_VERSION} does, as does a "
+                f"{name} does not export {function}\n  hint: the wheel of dd {REQUIRED_VERSION} does, as does a "
                 "shared library with CUDD 3.0"
-            )
-        (<void**>target)[0] = symbol
+            ) from None
+        (<uintptr_t*>target)[0] = <uintptr_t>ctypes.cast(symbol, ctypes.c_void_p).value
     return 0
-

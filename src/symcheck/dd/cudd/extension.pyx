@@ -23,6 +23,10 @@ from libc.stdint cimport uint64_t, uintptr_t
 from libc.stdlib cimport calloc, free, malloc, realloc
 from libc.string cimport memcmp, memcpy, memset
 
+from symcheck.kernels.portable cimport monotonic_seconds
+
+import ctypes
+
 import numpy as np
 
 from symcheck.dd.cudd_import import REQUIRED_VERSION, Function, library

@@ -6,17 +6,12 @@ from symcheck.kernels.blocks.diagonal_runs cimport Runs
 
 cdef extern from *:
     """
-    /* no clone with fused multiply-add: results must not depend on the machine */
-    #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__GLIBC__)
-    #define SYMCHECK_CLONES __attribute__((target_clones("avx2", "default")))
-    #else
-    #define SYMCHECK_CLONES
-    #endif
+    #include "portable.h"
 
     /* y += A x; the runs of a block are sorted by length, so that branches are predictable */
     #define SYMCHECK_MULTIPLY(NAME, RUN)                                                                          \
     SYMCHECK_CLONES static void NAME(const RUN* run, int64_t runs, const double* values,                          \
-                                     const double* __restrict__ x, double* __restrict__ y) {                      \
+                                     const double* SYMCHECK_RESTRICT x, double* SYMCHECK_RESTRICT y) {                      \
         int64_t i = 0;                                                                                            \
         for (; i < runs && run[i].length == 1; i++)                                                               \
             y[run[i].row] += values[run[i].value] * x[run[i].col];                                                \
@@ -30,8 +25,8 @@ cdef extern from *:
         }                                                                                                         \
         for (; i < runs; i++) {                                                                                   \
             const double v = values[run[i].value];                                                                \
-            const double* __restrict__ from = x + run[i].col;                                                     \
-            double* __restrict__ to = y + run[i].row;                                                             \
+            const double* SYMCHECK_RESTRICT from = x + run[i].col;                                                     \
+            double* SYMCHECK_RESTRICT to = y + run[i].row;                                                             \
             const int64_t n = run[i].length;                                                                      \
             for (int64_t j = 0; j < n; j++) to[j] += v * from[j];                                                 \
         }                                                                                                         \
@@ -66,7 +61,7 @@ cdef extern from *:
 
     #define SYMCHECK_FILL(NAME, RUN)                                                                              \
     static void NAME(const RUN* run, int64_t runs, const double* values, int64_t* next, int64_t column,           \
-                     int32_t* __restrict__ indices, double* __restrict__ data) {                                  \
+                     int32_t* SYMCHECK_RESTRICT indices, double* SYMCHECK_RESTRICT data) {                                  \
         for (int64_t i = 0; i < runs; i++) {                                                                      \
             const double v = values[run[i].value];                                                                \
             int64_t* at = next + run[i].row;                                                                      \
@@ -96,7 +91,7 @@ cdef extern from *:
             const int64_t first = s, next = (s | 7) + 1;                                                          \
             if (next > HIGH) bits &= (1u << (HIGH - s)) - 1;                                                      \
             if (bits == 255) { for (s = first; s < first + 8; s++) { DO } }                                       \
-            else for (; bits; bits &= bits - 1) { s = first + __builtin_ctz(bits); DO }                           \
+            else for (; bits; bits &= bits - 1) { s = first + trailing_zeros(bits); DO }                           \
             s = next;                                                                                             \
         }
 

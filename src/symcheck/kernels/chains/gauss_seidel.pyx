@@ -10,20 +10,22 @@ import numpy as np
 from libc.math cimport fabs
 from libc.stdint cimport int32_t, int64_t
 
+from symcheck.kernels.portable cimport Sum, add_term, rounded, sum_of
+
 
 def exit_rates(const int64_t[::1] indptr, const int32_t[::1] indices,
                const double[::1] data) -> Floats:
-    """The sum of each row without its diagonal, added in long double: float64[n]."""
+    """The sum of each row without its diagonal, rounded at most twice in all: float64[n]."""
     cdef int64_t n = indptr.shape[0] - 1, i, k
     cdef double[::1] out = np.zeros(n)
-    cdef long double total
+    cdef Sum total
     with nogil:
         for i in range(n):
-            total = 0.0
+            total = sum_of(0.0)
             for k in range(indptr[i], indptr[i + 1]):
                 if indices[k] != i:
-                    total = total + data[k]
-            out[i] = <double>total
+                    total = add_term(total, data[k])
+            out[i] = rounded(total)
     return np.asarray(out)
 
 

@@ -15,6 +15,8 @@ from libc.float cimport DBL_MAX, DBL_MIN
 from libc.stdint cimport int32_t, int64_t
 from libc.stdlib cimport calloc, free, realloc
 
+from symcheck.kernels.portable cimport (COMPENSATED_ROUNDINGS, Sum, add_product, add_term, divided,
+                                        in_range, is_positive, product_underflows, rounded, sum_of)
 from symcheck.kernels.rounding cimport UNIT_ROUNDOFF
 from symcheck.kernels.tuning cimport FILL_IN_CLASSES
 
@@ -89,7 +91,7 @@ cdef class GthElimination:
                     append_entry(&self.columns[indices[k]], <int32_t>i, 0.0, False)
         self.out_of_range = False
         self.complete = self.eliminate_all(limit) == 0 and not self.out_of_range
-        self.error = (10.0 * self.updates + 10.0 * n + 20.0) * UNIT_ROUNDOFF
+        self.error = (10.0 * self.updates + (10.0 + COMPENSATED_ROUNDINGS) * n + 20.0) * UNIT_ROUNDOFF
 
     def __dealloc__(self):
         cdef int64_t i
@@ -159,11 +161,11 @@ cdef class GthElimination:
         cdef SparseRow* other
         cdef int32_t e, m, i, j, entry_of_k
         cdef double factor
-        cdef long double pivot_sum = self.exit_mass[k]
+        cdef Sum pivot_sum = sum_of(self.exit_mass[k])
         for e in range(row.size):
-            pivot_sum = pivot_sum + row.data[e]
-        self.pivot_sum[k] = <double>pivot_sum
-        if pivot_sum <= 0.0:
+            pivot_sum = add_term(pivot_sum, row.data[e])
+        self.pivot_sum[k] = rounded(pivot_sum)
+        if not is_positive(pivot_sum):
             return 0 if last else 1
         # Remove k from the columns of its successors.
         for e in range(row.size):
@@ -225,7 +227,7 @@ cdef class GthElimination:
         cdef int32_t k, p
         cdef double[::1] x = np.array(b)
         cdef double before
-        cdef long double pivot_sum
+        cdef Sum pivot_sum
         with nogil:
             for i in range(n):
                 k = <int32_t>self.order[i]
@@ -239,13 +241,15 @@ cdef class GthElimination:
                         self.out_of_range = True
             for i in range(n - 1, -1, -1):
                 k = <int32_t>self.order[i]
-                pivot_sum = x[k]
+                pivot_sum = sum_of(x[k])
                 for e in range(self.rows[k].size):
-                    pivot_sum = (pivot_sum
-                                 + <long double>self.rows[k].data[e] * x[self.rows[k].indices[e]])
-                x[k] = <double>(pivot_sum / self.pivot_sum[k])
-                if (pivot_sum > 0.0 and (x[k] < DBL_MIN or (x[k] > DBL_MAX
-                                                            and pivot_sum <= DBL_MAX))):
+                    p = self.rows[k].indices[e]
+                    pivot_sum = add_product(pivot_sum, self.rows[k].data[e], x[p])
+                    if product_underflows(self.rows[k].data[e], x[p]):
+                        self.out_of_range = True
+                x[k] = divided(pivot_sum, self.pivot_sum[k])
+                if (is_positive(pivot_sum)
+                        and (x[k] < DBL_MIN or (x[k] > DBL_MAX and in_range(pivot_sum)))):
                     self.out_of_range = True
         return np.asarray(x)
 
@@ -257,7 +261,7 @@ cdef class GthElimination:
         cdef int64_t n = self.n, i, e
         cdef int32_t k
         cdef double[::1] x = np.zeros(n)
-        cdef long double pivot_sum
+        cdef Sum pivot_sum
         with nogil:
             # The last state has weight 1; the weight of k comes from the states eliminated after
             # it.
@@ -265,10 +269,11 @@ cdef class GthElimination:
             x[k] = 1.0
             for i in range(n - 2, -1, -1):
                 k = <int32_t>self.order[i]
-                pivot_sum = 0.0
+                pivot_sum = sum_of(0.0)
                 for e in range(self.factors[k].size):
-                    pivot_sum = pivot_sum + self.factors[k].data[e] * x[self.factors[k].indices[e]]
-                x[k] = <double>pivot_sum
+                    pivot_sum = add_term(
+                        pivot_sum, self.factors[k].data[e] * x[self.factors[k].indices[e]])
+                x[k] = rounded(pivot_sum)
         out = np.asarray(x)
         return out / out.sum()
 

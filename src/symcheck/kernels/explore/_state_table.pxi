@@ -4,8 +4,6 @@
 # so a probe rarely reads a row without need. Rows are inserted in chunks: the table slots of a chunk,
 # and then the rows, are prefetched, which decides the speed of sets that are larger than the caches.
 
-cdef extern from *:
-    void __builtin_prefetch(const void*) nogil
 
 
 cdef enum:
@@ -128,7 +126,7 @@ cdef class StateSet:
             if i < self.count:
                 next_hash = hash_row(rows + i * self.words, self.words)
                 hashes[i & 15] = next_hash
-                __builtin_prefetch(table + (next_hash & mask))
+                prefetch(table + (next_hash & mask))
         free(self.table)
         self.table = table
         self.mask = mask
@@ -158,11 +156,11 @@ cdef class StateSet:
             mask = self.mask
             for i in range(size):
                 hashes[i] = hash_row(rows + (begin + i) * words, words)
-                __builtin_prefetch(self.table + (hashes[i] & mask))
+                prefetch(self.table + (hashes[i] & mask))
             for i in range(size):
                 entry = self.table[hashes[i] & mask]
                 if entry >> 32 == hashes[i] >> 32 and entry:
-                    __builtin_prefetch(stored + ((entry & 0xFFFFFFFFULL) - 1) * words)
+                    prefetch(stored + ((entry & 0xFFFFFFFFULL) - 1) * words)
             for i in range(size):
                 row = rows + (begin + i) * words
                 h = hashes[i]

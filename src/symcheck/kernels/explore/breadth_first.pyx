@@ -10,30 +10,19 @@ cimport cython
 from libc.stdint cimport int32_t, int64_t, uint16_t, uint32_t, uint64_t
 from libc.stdlib cimport calloc, free, malloc
 from libc.string cimport memcpy, memset
-from posix.time cimport CLOCK_MONOTONIC, clock_gettime, timespec
 
 import numpy as np
 
 from symcheck.kernels.explore.register_machine cimport Instruction, Register, Status, execute
-from symcheck.kernels.memory cimport Buffer, array_of, prefer_huge_pages, release, reserve
+from symcheck.kernels.memory cimport Buffer, array_of, release, reserve
+from symcheck.kernels.portable cimport (monotonic_seconds, prefer_huge_pages, prefetch,
+                                        trim_heap)
 from symcheck.kernels.tuning cimport (BATCH_STATES, BATCH_SUCCESSORS, CLOCK_INTERVAL, INSERT_CHUNK,
                                       LINEAR_SCAN_ENTRIES)
 
 include "_csr_builder.pxi"
 include "_state_table.pxi"
 include "_successors.pxi"
-
-cdef extern from *:
-    """
-    #include <stdlib.h>
-    #ifdef __GLIBC__
-    #include <malloc.h>
-    #define trim_heap() malloc_trim(0)
-    #else
-    #define trim_heap() ((void) 0)
-    #endif
-    """
-    void trim_heap() nogil
 
 cpdef enum Outcome:
     COMPLETE = 0
@@ -48,13 +37,6 @@ def malloc_trim():
     """Return freed memory that the allocator keeps to the system, if the C library can do that."""
     with nogil:
         trim_heap()
-
-
-cdef double now() noexcept nogil:
-    """Seconds on the monotonic clock."""
-    cdef timespec t
-    clock_gettime(CLOCK_MONOTONIC, &t)
-    return t.tv_sec + 1e-9 * t.tv_nsec
 
 
 cdef class Explorer:
@@ -118,7 +100,7 @@ cdef class Explorer:
         """
         cdef int outcome
         with nogil:
-            outcome = self._run(budget, now() + seconds)
+            outcome = self._run(budget, monotonic_seconds() + seconds)
         return Outcome(outcome)
 
     cdef int _run(self, long long budget, double deadline) noexcept nogil:
@@ -130,7 +112,7 @@ cdef class Explorer:
             if (self.explored - last_check >= CLOCK_INTERVAL
                     or self.expander.successor_count >= BATCH_SUCCESSORS):
                 last_check = self.explored
-                if now() > deadline:
+                if monotonic_seconds() > deadline:
                     return Outcome.PAUSED
             if self.explored >= self.level_end:
                 self.level += 1

@@ -9,12 +9,9 @@ overflow is an error.
 
 from libc.math cimport INFINITY, NAN, ceil, floor, log, pow, signbit
 
-import numpy as np
+from symcheck.kernels.portable cimport add_overflows, multiply_overflows, subtract_overflows
 
-cdef extern from *:
-    bint __builtin_add_overflow(long long, long long, long long*) nogil
-    bint __builtin_sub_overflow(long long, long long, long long*) nogil
-    bint __builtin_mul_overflow(long long, long long, long long*) nogil
+import numpy as np
 
 cdef inline int to_integer(double x, Register* result) noexcept nogil:
     """Convert a double; a status if it is no int64."""
@@ -29,12 +26,12 @@ cdef int power(long long base, long long exponent, Register* result) noexcept no
     if exponent < 0:
         return Status.NEGATIVE_POWER
     while True:
-        if exponent & 1 and __builtin_mul_overflow(value, base, &value):
+        if exponent & 1 and multiply_overflows(value, base, &value):
             return Status.OVERFLOW
         exponent >>= 1
         if exponent == 0:
             break
-        if __builtin_mul_overflow(base, base, &base):
+        if multiply_overflows(base, base, &base):
             # A base that no longer fits is needed again: only 0 and +-1 stay small, and they never
             # overflow.
             return Status.OVERFLOW
@@ -46,7 +43,7 @@ cdef inline int modulo(long long x, long long y, Register* result) noexcept nogi
     if y == 0:
         return Status.MODULUS
     x = 0 if y == -1 else x % y  # the smallest int64 has no remainder by -1 in C
-    if x < 0 and __builtin_add_overflow(x, y, &x):
+    if x < 0 and add_overflows(x, y, &x):
         return Status.OVERFLOW
     result.i = x
     return 0
@@ -87,16 +84,16 @@ cdef int execute(const Instruction* pc, const Instruction* code, Register* r) no
         elif op == Op.REAL:
             r[dst].d = <double> r[a].i
         elif op == Op.ADDI:
-            if __builtin_add_overflow(r[a].i, r[b].i, &r[dst].i):
+            if add_overflows(r[a].i, r[b].i, &r[dst].i):
                 return Status.OVERFLOW
         elif op == Op.SUBI:
-            if __builtin_sub_overflow(r[a].i, r[b].i, &r[dst].i):
+            if subtract_overflows(r[a].i, r[b].i, &r[dst].i):
                 return Status.OVERFLOW
         elif op == Op.MULI:
-            if __builtin_mul_overflow(r[a].i, r[b].i, &r[dst].i):
+            if multiply_overflows(r[a].i, r[b].i, &r[dst].i):
                 return Status.OVERFLOW
         elif op == Op.NEGI:
-            if __builtin_sub_overflow(0, r[a].i, &r[dst].i):
+            if subtract_overflows(0, r[a].i, &r[dst].i):
                 return Status.OVERFLOW
         elif op == Op.MINI:
             r[dst].i = r[b].i if r[b].i < r[a].i else r[a].i

@@ -9,39 +9,33 @@
 # negative key (a reward structure) is the bit pattern of a double, which is never added to. A set is
 # a vector whose values are all 0.
 
-cdef extern from *:
-    ctypedef long long int128 "__int128"
-
 cdef struct Vector:
     int64_t start, length          # of its entries
     uint64_t hash
     int32_t rounded, unrounded     # vectors that `round_values` maps this one to, and from; or -1
 
 
-cdef inline int128 round_sum_to_44_bits(int128 value) noexcept nogil:
+cdef inline Wide round_sum_to_44_bits(Wide value) noexcept nogil:
     """A non-negative exact sum rounded to 44 binary digits."""
-    cdef int length = 0, shift
-    cdef int128 remaining = value
-    while (remaining >> 32) != 0:
-        remaining >>= 32
-        length += 32
+    cdef int length = 64 if wide_high(value) else 0, shift
+    cdef uint64_t remaining = wide_high(value) if length else wide_low(value)
     while remaining != 0:
         remaining >>= 1
         length += 1
     if length <= 44:
         return value
     shift = length - 44
-    return ((value + (<int128>1 << (shift - 1))) >> shift) << shift
+    return wide_left(wide_right(wide_sum(value, wide_left(wide_of(1), shift - 1)), shift), shift)
 
 
-cdef inline int128 as_bits(double value) noexcept nogil:
+cdef inline Wide as_bits(double value) noexcept nogil:
     """The bit pattern of a double as a value."""
-    return <int128>double_bits(value)
+    return wide_of(double_bits(value))
 
 
-cdef inline double from_bits(int128 value) noexcept nogil:
+cdef inline double from_bits(Wide value) noexcept nogil:
     """The double of a bit pattern."""
-    cdef uint64_t bits = <uint64_t>value
+    cdef uint64_t bits = wide_low(value)
     cdef double out
     memcpy(&out, &bits, 8)
     return out
@@ -92,14 +86,14 @@ cdef class SignatureTable:
         """The keys of a vector."""
         return <int32_t*>self.keys.data + self.vector(a).start
 
-    cdef int128* values_of(self, int a) noexcept nogil:
+    cdef Wide* values_of(self, int a) noexcept nogil:
         """The values of a vector."""
-        return <int128*>self.values.data + self.vector(a).start
+        return <Wide*>self.values.data + self.vector(a).start
 
     cdef double value(self, int a, int64_t index) noexcept nogil:
         """The value at an index, rounded to the nearest double."""
-        cdef int128 value = self.values_of(a)[index]
-        return (from_bits(value) if self.keys_of(a)[index] < 0 else ldexp(<double>value,
+        cdef Wide value = self.values_of(a)[index]
+        return (from_bits(value) if self.keys_of(a)[index] < 0 else ldexp(wide_double(value),
                                                                           -self.exponent))
 
     cdef int unrounded(self, int a) noexcept nogil:
@@ -122,14 +116,14 @@ cdef class SignatureTable:
         The entries are kept only if the vector is new. Returns -1 when memory ends.
         """
         cdef int32_t* keys = <int32_t*>self.keys.data + self.entries
-        cdef int128* values = <int128*>self.values.data + self.entries
+        cdef Wide* values = <Wide*>self.values.data + self.entries
         cdef uint64_t h = <uint64_t>length
         cdef int64_t i, slot
         cdef int vector
         for i in range(length):
-            h = mix(h ^ mix(<uint64_t>values[i]
+            h = mix(h ^ mix(wide_low(values[i])
                             + <uint64_t>0x9E3779B97F4A7C15 * <uint64_t>(keys[i] + <int64_t>1)))
-            h += mix(<uint64_t>(values[i] >> 64))
+            h += mix(wide_high(values[i]))
         slot = <int64_t>h & self.mask
         while self.table[slot] >= 0:
             vector = self.table[slot]
@@ -175,16 +169,18 @@ cdef class SignatureTable:
             return -1
         (<int32_t*>self.keys.data)[self.entries] = key
         if key < 0:
-            (<int128*>self.values.data)[self.entries] = as_bits(value)
+            (<Wide*>self.values.data)[self.entries] = as_bits(value)
         else:
             mantissa = frexp(value, &exponent)
             exponent += self.exponent - 53
             value = ldexp(mantissa, 53)
             # Digits that would be shifted out are 0, by the choice of the exponent.
             if exponent >= 0:
-                (<int128*>self.values.data)[self.entries] = <int128>value << exponent
+                (<Wide*>self.values.data)[self.entries] = wide_left(wide_of(<uint64_t>value),
+                                                                         exponent)
             else:
-                (<int128*>self.values.data)[self.entries] = <int128>value >> -exponent
+                (<Wide*>self.values.data)[self.entries] = wide_right(wide_of(<uint64_t>value),
+                                                                          -exponent)
         return self.intern(1)
 
     cdef int add(self, int a, int b) noexcept nogil:
@@ -195,9 +191,9 @@ cdef class SignatureTable:
         cdef int32_t* keys_a = self.keys_of(a)
         cdef int32_t* keys_b = self.keys_of(b)
         cdef int32_t* keys = <int32_t*>self.keys.data + self.entries
-        cdef int128* values_a = self.values_of(a)
-        cdef int128* values_b = self.values_of(b)
-        cdef int128* values = <int128*>self.values.data + self.entries
+        cdef Wide* values_a = self.values_of(a)
+        cdef Wide* values_b = self.values_of(b)
+        cdef Wide* values = <Wide*>self.values.data + self.entries
         while i < length_a or j < length_b:
             if j == length_b or (i < length_a and keys_a[i] < keys_b[j]):
                 keys[n] = keys_a[i]
@@ -209,7 +205,7 @@ cdef class SignatureTable:
                 j += 1
             else:
                 keys[n] = keys_a[i]
-                values[n] = values_a[i] + values_b[j]
+                values[n] = wide_sum(values_a[i], values_b[j])
                 i += 1
                 j += 1
             n += 1
@@ -220,18 +216,18 @@ cdef class SignatureTable:
         cdef int64_t n = self.length(a), i
         if self.reserve_entries(n) < 0:
             return -1
-        cdef int128* source = self.values_of(a)
-        cdef int128* values = <int128*>self.values.data + self.entries
+        cdef Wide* source = self.values_of(a)
+        cdef Wide* values = <Wide*>self.values.data + self.entries
         memcpy(<int32_t*>self.keys.data + self.entries, self.keys_of(a), 4 * n)
         for i in range(n):
-            values[i] = source[i] << shift
+            values[i] = wide_left(source[i], shift)
         return self.intern(n)
 
     cdef int round_values(self, int a) noexcept nogil:
         """The vector with its values rounded to 44 binary digits."""
         cdef int vector = self.vector(a).rounded
         cdef int64_t length = self.length(a), i
-        cdef int128 value
+        cdef Wide value
         if vector >= 0:
             return vector
         if self.reserve_entries(length) < 0:
@@ -241,7 +237,7 @@ cdef class SignatureTable:
             value = (as_bits(round_to_44_bits(from_bits(value)))
                      if self.keys_of(a)[i] < 0 else round_sum_to_44_bits(value))
             (<int32_t*>self.keys.data)[self.entries + i] = self.keys_of(a)[i]
-            (<int128*>self.values.data)[self.entries + i] = value
+            (<Wide*>self.values.data)[self.entries + i] = value
         vector = self.intern(length)
         if vector >= 0:
             self.vector(a).rounded = self.vector(vector).rounded = vector
@@ -264,7 +260,7 @@ cdef class SignatureTable:
         memcpy(keys, source, 4 * slot)
         keys[slot] = key
         memcpy(keys + slot + 1, source + slot, 4 * (n - slot))
-        memset(<int128*>self.values.data + self.entries, 0, 16 * (n + 1))
+        memset(<Wide*>self.values.data + self.entries, 0, 16 * (n + 1))
         return self.intern(n + 1)
 
     cdef int import_vector(self, SignatureTable other, int a) noexcept nogil:
@@ -273,5 +269,5 @@ cdef class SignatureTable:
         if self.reserve_entries(n) < 0:
             return -1
         memcpy(<int32_t*>self.keys.data + self.entries, other.keys_of(a), 4 * n)
-        memcpy(<int128*>self.values.data + self.entries, other.values_of(a), 16 * n)
+        memcpy(<Wide*>self.values.data + self.entries, other.values_of(a), 16 * n)
         return self.intern(n)

@@ -27,6 +27,8 @@ from symcheck.kernels.tables.pair_map cimport (PairMap, pair_key, pair_map_clear
                                                pair_map_insert)
 from symcheck.kernels.diagrams.odd cimport MAX_NODES
 from symcheck.kernels.memory cimport Buffer, release, reserve
+from symcheck.kernels.portable cimport (Wide, wide_double, wide_high, wide_left, wide_low, wide_of,
+                                        wide_right, wide_sum)
 from symcheck.kernels.tuning cimport CHECK_INTERVAL, COLLECTION_GROWTH, FIRST_COLLECTION
 
 __all__ = ["Partition", "largest_row_sum"]

@@ -9,6 +9,8 @@ import numpy as np
 
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
+from symcheck.kernels.portable cimport Sum, add_term, rounded, sum_of
+
 
 cdef object _transpose(const int64_t[::1] indptr, const int32_t[::1] indices,
                        const double[::1] data, int64_t columns, double[::1] values):
@@ -64,16 +66,16 @@ def multiply(const int64_t[::1] indptr, const int32_t[::1] indices, const double
 
 
 def row_sums(const int64_t[::1] indptr, const double[::1] data) -> Floats:
-    """Sum of each row, added in long double: float64[rows]."""
+    """Sum of each row, rounded at most twice in all: float64[rows]."""
     cdef int64_t rows = indptr.shape[0] - 1, r, k
     cdef double[::1] out = np.empty(rows)
-    cdef long double total
+    cdef Sum total
     with nogil:
         for r in range(rows):
-            total = 0.0
+            total = sum_of(0.0)
             for k in range(indptr[r], indptr[r + 1]):
-                total = total + data[k]
-            out[r] = <double>total
+                total = add_term(total, data[k])
+            out[r] = rounded(total)
     return np.asarray(out)
 
 

@@ -243,8 +243,8 @@ cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x) noe
     cdef bint grouped = block.grouped, constants = system.constant_low is not None
     cdef int64_t i, r, k, s, first, last, rows = 0, entries = 0, first_entry
     cdef int32_t c
-    cdef double lo, hi, scale, loop, terms, lowest = INFINITY, highest = 0.0
-    cdef long double total, exit_sum
+    cdef double lo, hi, scale, loop, terms, leaves, lowest = INFINITY, highest = 0.0
+    cdef Sum total, exit_sum
     block.has_exit = False
     row_ptr[0] = 0
     for i in range(block.n):
@@ -258,8 +258,8 @@ cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x) noe
             first_entry = entries
             lo = system.constant_low[r] if constants else 0.0
             hi = system.constant_high[r] if constants else 0.0
-            exit_sum = system.exit_mass[r] if system.exit_mass is not None else 0.0
-            total = 0.0
+            exit_sum = sum_of(system.exit_mass[r] if system.exit_mass is not None else 0.0)
+            total = sum_of(0.0)
             loop = 0.0
             terms = EXTRA_ROUNDINGS
             for k in range(system.indptr[r], system.indptr[r + 1]):
@@ -270,34 +270,34 @@ cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x) noe
                     block.indices[entries] = c
                     block.data[entries] = data[k]
                     entries += 1
-                    total = total + data[k]
+                    total = add_term(total, data[k])
                 else:
                     lo = lo + data[k] * x[indices[k], 0]
                     hi = hi + data[k] * x[indices[k], 1]
-                    exit_sum = exit_sum + data[k]
+                    exit_sum = add_term(exit_sum, data[k])
                     terms = terms + 1.0
-            total = total + exit_sum
-            if total <= 0.0:
+            total = add_sum(total, exit_sum)
+            leaves = rounded(exit_sum)
+            if not is_positive(total):
                 entries = first_entry
                 if hi > 0.0:
                     lo = hi = INFINITY  # the reward is collected forever
-            if (loop > 0.0 or system.normalise) and total > 0.0:
-                scale = <double>(1.0 / total)
+            if (loop > 0.0 or system.normalise) and is_positive(total):
+                scale = divide_by(1.0, total)
                 for k in range(first_entry, entries):
                     block.data[k] = block.data[k] * scale
                 lo = lo * scale
                 hi = hi * scale
-                exit_sum = exit_sum / total
+                leaves = quotient(exit_sum, total)
             lo = lo - fabs(lo) * terms * UNIT_ROUNDOFF if lo < INFINITY else lo
             hi = (hi + fabs(hi) * terms * UNIT_ROUNDOFF
                   + (UNDERFLOW_MARGIN if terms > EXTRA_ROUNDINGS and hi != 0.0 else 0.0))
-            if exit_sum > 0.0:
+            if is_positive(exit_sum):
                 block.has_exit = True
-                scale = <double>exit_sum
-                if scale > 0.0:
-                    lowest = min(lowest, lo / scale)
-                    highest = max(highest, hi / scale)
-            block.exit_mass[rows] = <double>exit_sum
+                if leaves > 0.0:
+                    lowest = min(lowest, lo / leaves)
+                    highest = max(highest, hi / leaves)
+            block.exit_mass[rows] = leaves
             block.constant_low[rows] = lo
             block.constant_high[rows] = hi
             if block.row_offset is not None:

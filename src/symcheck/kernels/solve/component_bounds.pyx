@@ -11,6 +11,9 @@ from libc.float cimport DBL_MAX, DBL_MIN
 from libc.math cimport INFINITY, fabs, log
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
+from symcheck.kernels.portable cimport (COMPENSATED_ROUNDINGS, Sum, add_product, add_sum, add_term,
+                                        divide_by, divided, in_range, is_positive,
+                                        product_underflows, quotient, rounded, sum_of)
 from symcheck.kernels.tuning cimport MAX_SWEEPS, MIN_SWEEPS, SWEEP_ENTRIES, SWEEP_STATES
 from symcheck.kernels.rounding cimport (EXTRA_ROUNDINGS, UNDERFLOW_MARGIN, UNIT_ROUNDOFF,
                                         error_of_sum, round_down, round_up)
@@ -33,20 +36,20 @@ cdef bint eliminate_block(EquationBlock block):
     cdef double factor, error
     cdef bint out_of_range = False
     cdef int64_t updates = 0
-    cdef long double total, lo, hi
+    cdef Sum total, lo, hi
     block.start_bounds()
     with nogil:
         for i in range(n):
             for e in range(block.row_ptr[i], block.row_ptr[i + 1]):
                 matrix[i, block.indices[e]] += block.data[e]
         for k in range(n - 1, -1, -1):
-            total = exit_mass[k]
+            total = sum_of(exit_mass[k])
             for j in range(k):
-                total = total + matrix[k, j]
-            if total <= 0.0:
+                total = add_term(total, matrix[k, j])
+            if not is_positive(total):
                 with gil:
                     return False
-            pivot[k] = <double>total
+            pivot[k] = rounded(total)
             for i in range(k):
                 if matrix[i, k] > 0.0:
                     factor = matrix[i, k] / pivot[k]
@@ -61,17 +64,20 @@ cdef bint eliminate_block(EquationBlock block):
                     if (factor < DBL_MIN or (exit_mass[i] < DBL_MIN and exit_mass[k] > 0.0)
                             or (block.constant_low[i] < DBL_MIN and block.constant_low[k] > 0.0)):
                         out_of_range = True
-        error = (10.0 * updates + 10.0 * n + 20.0) * UNIT_ROUNDOFF
+        error = (10.0 * updates + (10.0 + COMPENSATED_ROUNDINGS) * n + 20.0) * UNIT_ROUNDOFF
         for k in range(n):
-            lo = block.constant_low[k]
-            hi = block.constant_high[k]
+            lo = sum_of(block.constant_low[k])
+            hi = sum_of(block.constant_high[k])
             for j in range(k):
-                lo = lo + <long double>matrix[k, j] * block.bounds[j, 0]
-                hi = hi + <long double>matrix[k, j] * block.bounds[j, 1]
-            block.bounds[k, 0] = <double>(lo / pivot[k])
-            block.bounds[k, 1] = <double>(hi / pivot[k])
-            if (lo > 0.0 and block.bounds[k, 0] < DBL_MIN) or (block.bounds[k, 1] > DBL_MAX
-                                                               and hi <= DBL_MAX):
+                lo = add_product(lo, matrix[k, j], block.bounds[j, 0])
+                hi = add_product(hi, matrix[k, j], block.bounds[j, 1])
+                if (product_underflows(matrix[k, j], block.bounds[j, 0])
+                        or product_underflows(matrix[k, j], block.bounds[j, 1])):
+                    out_of_range = True
+            block.bounds[k, 0] = divided(lo, pivot[k])
+            block.bounds[k, 1] = divided(hi, pivot[k])
+            if ((is_positive(lo) and block.bounds[k, 0] < DBL_MIN)
+                    or (block.bounds[k, 1] > DBL_MAX and in_range(hi))):
                 out_of_range = True
         for k in range(n):
             block.bounds[k, 0] = block.bounds[k, 0] * (1.0 - error)
@@ -117,7 +123,7 @@ cdef class ComponentSolver(Equations):
         cdef double* base = &x[0, 0]
         cdef double lo, hi, loop, margin, best_lo = 0.0, best_hi = 0.0, a
         cdef int32_t c
-        cdef long double total
+        cdef Sum total
         cdef bint infinite = False, constants = self.constant_low is not None
         for r in range(first, last):
             lo = self.constant_low[r] if constants else 0.0
@@ -133,16 +139,16 @@ cdef class ComponentSolver(Equations):
                     lo = lo + a * y[0]
                     hi = hi + a * y[1]
             if loop > 0.0 or self.normalise:
-                total = self.exit_mass[r] if self.exit_mass is not None else 0.0
+                total = sum_of(self.exit_mass[r] if self.exit_mass is not None else 0.0)
                 for k in range(indptr[r], indptr[r + 1]):
                     if indices[k] != s:
-                        total = total + data[k]
-                if total <= 0.0:
+                        total = add_term(total, data[k])
+                if not is_positive(total):
                     if hi > 0.0:
                         infinite = infinite or self.mode != 1
                     continue
-                lo = <double>(lo / total)
-                hi = <double>(hi / total)
+                lo = divide_by(lo, total)
+                hi = divide_by(hi, total)
             margin = error_of_sum(indptr[r + 1] - indptr[r])
             lo = round_down(lo, margin)
             hi = round_up(hi, margin)
