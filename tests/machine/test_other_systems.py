@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
+
+from symcheck import operating_system
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
 
@@ -18,15 +23,15 @@ for name in ("SIGALRM", "SIGHUP", "SIGUSR1", "SIGCHLD", "SIGPIPE", "ITIMER_REAL"
              "alarm", "pause", "pthread_kill", "pthread_sigmask", "sigwait", "sigpending", "siginterrupt"):
     for module in (signal, _signal):
         vars(module).pop(name, None)
-for name in ("fork", "forkpty", "killpg", "getpgid", "setpgid", "setsid", "sysconf", "sched_getaffinity",
-             "getuid", "geteuid", "mkfifo", "nice", "getloadavg", "wait3", "wait4", "uname"):
+for name in ("fork", "forkpty", "killpg", "getpgid", "setpgid", "setsid", "sched_getaffinity",
+             "getuid", "geteuid", "mkfifo", "nice", "getloadavg", "wait3", "wait4"):
     vars(os).pop(name, None)
 """
 
 COMMANDS = [
     *(f"die/die.pm die/die.pctl {engine}" for engine in ("", "-ex", "-s", "-h", "-m", "-exact")),
-    "die/die.pm -pf 'P=? [ F d=k ]' -const k=1:6 -exportresults stdout:csv",
-    "die/die.pm -pf 'P=? [ F d=k ]' -const k=1:6 -jobs 2",
+    "die/die.pm -pf 'const int k; P=? [ F d=k ]' -const k=1:6 -exportresults stdout:csv",
+    "die/die.pm -pf 'const int k; P=? [ F d=k ]' -const k=1:6 -jobs 2",
     "die/die.pm -pf 'P>=1/6 [ F d=6 ]'",
     "die/die.pm -pf 'P=? [ F d=6 ]' -sim -simsamples 1000 -simseed 1",
     "die/die.pm -simpath 5 stdout -simseed 1",
@@ -106,3 +111,10 @@ def test_lines_of_a_batch_run_in_new_processes_without_fork(tmp_path: Path) -> N
     out, _ = python(WITHOUT_POSIX + code, "-batch", str(lines), status=1)
     assert "Result: 1/6" in out
     assert "2 lines, 1 with exit status 0, 1 with exit status 2" in out
+
+
+def test_the_size_of_memory_without_posix(monkeypatch: pytest.MonkeyPatch) -> None:
+    """dd uses `os.sysconf` itself where it has CUDD, so the runs above have it."""
+    monkeypatch.delattr(os, "sysconf")
+    assert operating_system.size_of_page() == 4096
+    assert operating_system.physical_memory() == 4 << 30
