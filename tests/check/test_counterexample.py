@@ -384,6 +384,35 @@ def test_pictures_show_all_paths():
     assert one.count("#b3261e") < both.count("#b3261e")
 
 
+def test_pictures_emphasise_the_action_of_a_path():
+    """Both actions lead to x=1, and only one belongs to the strategy."""
+    text = """mdp module m x:[0..2];
+      [a] x=0 -> 0.9:(x'=1)+0.1:(x'=2); [b] x=0 -> 0.5:(x'=1)+0.5:(x'=2); [] x>0 -> true; endmodule"""
+    model = symcheck.loads(text)
+    found = model.check("P<=0.6 [ F x=1 ]").counterexample()
+    picture = view.state_graph(model, path=found)
+    red = {(e.source, e.target, e.label) for e in picture.edges if e.emphasis == "path"}
+    assert {label for _, _, label in red} == {"a", "0.9"}
+    assert picture.legend == "red: on a path"
+
+
+def test_pictures_leave_out_what_is_the_same_in_all_states(tmp_path):
+    names = "abcdefgh"
+    variables = " ".join(f"{n}:[0..1];" for n in names)
+    text = f"dtmc module m {variables} [] a=0 -> 0.5:(a'=1)+0.5:true; [] a=1&h=0 -> (h'=1); [] h=1 -> true; endmodule"
+    model = symcheck.loads(text)
+    found = model.check("P<=0.7 [ F h=1 ]").counterexample()
+    picture = view.state_graph(model, path=found)
+    assert picture.nodes[0].label == "a=0, h=0"
+    assert "in all states: b=0, c=0, d=0, e=0, f=0, g=0" in picture.legend
+    found.save(tmp_path / "c.dot")
+    dot = (tmp_path / "c.dot").read_text()
+    assert '[label="(a=1, h=1)", peripheries=2]' in dot
+    assert '[label=" 0.5 "]' in dot
+    assert "so the property is false\\nbold: the first state" in dot
+    assert found.paths[0].steps == (0.5, 1.0)
+
+
 def test_many_variables_are_shown_where_they_change():
     names = "abcdefgh"
     variables = " ".join(f"{n}:[0..1];" for n in names)

@@ -156,9 +156,17 @@ def test_a_result_without_a_strategy_is_refused() -> None:
         view.state_graph(model, strategy=result)
 
 
+def test_random_choices_have_their_probabilities() -> None:
+    text = "mdp module m x:[0..2]; [a] x=0 -> (x'=1); [b] x=0 -> (x'=2); [] x>0 -> true; endmodule"
+    model = symcheck.loads(text, strategy=True)
+    result = model.check("multi(P>=0.25 [ F x=1 ], P>=0.75 [ F x=2 ])")
+    picture = view.state_graph(model, strategy=result)
+    assert {e.label for e in picture.edges if e.emphasis == "chosen"} >= {"a (0.25)", "b (0.75)"}
+
+
 def test_labels_inside_a_rank_do_not_end_graphviz() -> None:
     """All states are initial, hence in one rank, and Graphviz 14 fails on labels there."""
     text = "dtmc module m x : [0..40]; [] true -> 0.5:(x'=mod(x+1,41))+0.25:(x'=mod(x+7,41))+0.25:(x'=0); endmodule"
     picture = view.state_graph(symcheck.loads(text + " init true endinit"))
-    assert "xlabel" in picture.dot
+    assert "rank=same" not in picture.dot
     assert picture.svg.count('class="node"') == 41

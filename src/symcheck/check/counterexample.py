@@ -39,12 +39,14 @@ class LikelyPath(Sequence[State]):
         probability: the product of the probabilities of the steps; a Fraction in rational
             arithmetic. With a bound on time, that of taking these steps in time, from below.
         reward: what the path earns, for a bound on an expected reward or time; otherwise None.
+        steps: the probability of each step.
     """
 
     states: tuple[State, ...]
     actions: tuple[str, ...]
     probability: float | Fraction
     reward: float | Fraction | None = None
+    steps: tuple[float | Fraction, ...] = ()
 
     @overload
     def __getitem__(self, index: int) -> State: ...
@@ -228,6 +230,7 @@ class Counterexample:
                     **({} if p.reward is None else {"reward": _plain(p.reward)}),
                     "states": [dict(state) for state in p.states],
                     "actions": list(p.actions),
+                    "steps": [_plain(step) for step in p.steps],
                 }
                 for p in self.paths
             ],
@@ -241,17 +244,30 @@ class Counterexample:
         states = {s.number: s for path in self.paths for s in path}
         first = {path[0].number for path in self.paths}
         last = {path[-1].number for path in self.paths}
-        lines = ["digraph counterexample {", "  node [shape=box, style=rounded];"]
+        # Of many variables, only those are shown that differ.
+        names = list(next(iter(states.values()), ()))
+        if len(names) > _MANY_VARIABLES and len(states) > 1:
+            values = [tuple(state.values()) for state in states.values()]
+            columns = zip(names, zip(*values, strict=True), strict=True)
+            names = [name for name, column in columns if len(set(column)) > 1]
+        legend = f"{self.summary}\nbold: the first state; two lines: the last one"
+        lines = [
+            "digraph counterexample {",
+            f'  label="{_quoted(legend)}"; fontname="sans-serif"; fontsize=10;',
+            '  node [shape=box, style=rounded, fontname="sans-serif", fontsize=11];',
+            '  edge [fontname="sans-serif", fontsize=9];',
+        ]
         for number, state in sorted(states.items()):
             shape = ", peripheries=2" if number in last else ""
             shape += ", penwidth=2" if number in first else ""
-            lines.append(f'  {number} [label="{_quoted(repr(state))}"{shape}];')
-        actions = {
-            (a.number, b.number): action
+            text = ", ".join(f"{name}={format_value(state[name])}" for name in names)
+            lines.append(f'  {number} [label="{_quoted(f"({text})")}"{shape}];')
+        edges = {
+            (a.number, b.number, f"{action} {float(p):.4g}".strip())
             for path in self.paths
-            for (a, b), action in zip(pairwise(path), path.actions, strict=True)
+            for (a, b), action, p in zip(pairwise(path), path.actions, path.steps, strict=True)
         }
-        lines += [f'  {a} -> {b} [label="{_quoted(x)}"];' for (a, b), x in sorted(actions.items())]
+        lines += [f'  {a} -> {b} [label=" {_quoted(text)} "];' for a, b, text in sorted(edges)]
         return "\n".join([*lines, "}", ""])
 
     def with_commands(self, commands: CommandSet | None, note: str) -> Counterexample:
@@ -285,7 +301,7 @@ def _plain(value: float | Fraction) -> float | str:
 
 
 def _quoted(text: str) -> str:
-    return text.replace("\\", "\\\\").replace('"', '\\"')
+    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
 
 
 def _write(text: str, path: Path) -> None:

@@ -307,8 +307,18 @@ class ChoiceGraph:
             distance[frontier] = step
         return distance
 
-    def text(self, state: Sequence[bool | int], *, named: bool, width: int) -> str:
-        """A state in lines of `width` values: 's=0, !b', or without names '0, f'."""
+    def text(
+        self,
+        state: Sequence[bool | int],
+        *,
+        named: bool,
+        width: int,
+        shown: Sequence[int] | None = None,
+    ) -> str:
+        """A state in lines of `width` values: 's=0, !b', or without names '0, f'.
+
+        shown: the numbers of the values; None: all.
+        """
         short = {True: "t", False: "f"}
         texts = (
             [short[v] if isinstance(v, bool) else str(v) for v in state]
@@ -318,6 +328,7 @@ class ChoiceGraph:
                 for n, v in zip((*self.names, "memory"), state, strict=False)
             ]
         )
+        texts = texts if shown is None else [texts[i] for i in shown]
         lines = [
             (", " if named else ",").join(texts[i : i + width]) for i in range(0, len(texts), width)
         ]

@@ -112,21 +112,25 @@ class Picture:
             lines.append("  rankdir=LR; nodesep=0.12;")
         if self.legend or self.keys:
             lines.append(f'  label={self._label}; fontname="sans-serif"; fontsize=9;')
-        for n in self.nodes:
+        # Graphviz takes an edge for one that leads back depending on the order of the nodes.
+        for n in sorted(self.nodes, key=lambda n: n.layer if n.layer >= 0 else len(self.layers)):
             fill = f', fillcolor="{n.fill}"' if n.fill else ""
             lines.append(
                 f"  {_quoted(n.name)} [label={_quoted(n.label)}, {_STYLES[n.kind]}{fill}];"
             )
+        layer = {n.name: n.layer for n in self.nodes}
+        # An edge with a label needs room along its length, and has none within a rank.
+        loose = {
+            layer[e.source]
+            for e in self.edges
+            if e.label and e.source != e.target and layer[e.source] == layer[e.target]
+        }
         for number, name in enumerate(self.layers):
             members = " ".join(f"{_quoted(n.name)};" for n in self.nodes if n.layer == number)
-            if members:
+            if members and number not in loose:
                 lines.append(f"  {{ rank=same; {members} }}" + (f" // {name}" if name else ""))
-        layer = {n.name: n.layer for n in self.nodes}
         for edge in self.edges:
-            # Graphviz 14 ends with a failed assertion on some graphs with labels inside a rank.
-            flat = edge.source != edge.target and layer[edge.source] == layer[edge.target] >= 0
-            kind = "xlabel" if flat else "label"
-            label = f"{kind}={_quoted(_padded(edge.label))}" if edge.label else ""
+            label = f"label={_quoted(_padded(edge.label))}" if edge.label else ""
             classes = f"class={_quoted(edge.classes)}" if edge.classes else ""
             dashed = "style=dashed" if edge.dashed else ""
             parts = (label, dashed, _EMPHASES[edge.emphasis], classes)

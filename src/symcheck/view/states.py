@@ -12,6 +12,7 @@ from symcheck.check.counterexample import Counterexample
 from symcheck.check.result import Result
 from symcheck.engines.base import Engine, erased
 from symcheck.errors import UsageError
+from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Int64s
 from symcheck.view.choice_graph import (
     ChoiceGraph,
@@ -35,6 +36,9 @@ _NAMED = 40
 """States up to which each is labelled with the names of its variables."""
 _MOST_TRANSITIONS = 4000
 """Transitions that are drawn: Graphviz takes seconds for more, and lines cover each other."""
+_MANY_VARIABLES = 6
+"""With more variables than this, those with one value in all drawn states are in the legend."""
+PathTransition = tuple[int, int, str | None]
 _WIDE = 9
 """Layers with more states than this are drawn as columns: labels are wider than high."""
 
@@ -102,6 +106,7 @@ def state_graph(
         distance,
         numbers=None if values is None else [_value(v) for v in graph.numbers(values)],
         choices=None if chosen is None else _emphases(graph, chosen),
+        weights=None if chosen is None else chosen.weights,
         sets=coloured,
         steps=() if path is None else _steps(graph, path),
         marked=None if marked is None else graph.members(marked),
@@ -136,11 +141,25 @@ def _emphases(graph: ChoiceGraph, strategy: Strategy) -> Sequence[Emphasis]:
     return cast(Sequence[Emphasis], colours)
 
 
-def _steps(graph: ChoiceGraph, path: StatesOnPath | Counterexample) -> tuple[tuple[int, int], ...]:
-    """The transitions of a path, or of all paths of a counterexample."""
+def _steps(graph: ChoiceGraph, path: StatesOnPath | Counterexample) -> Sequence[PathTransition]:
+    """The transitions of a path, or of all paths of a counterexample, with their actions."""
     if isinstance(path, Counterexample):
-        return tuple((graph.number(a), graph.number(b)) for a, b in path.steps)
-    return tuple(pairwise(graph.number(s) for s in path))
+        found = {
+            (graph.number(a), graph.number(b), action)
+            for each in path.paths
+            for (a, b), action in zip(pairwise(each), each.actions, strict=True)
+        }
+        return sorted(found)
+    numbers = [graph.number(s) for s in path]
+    return [(a, b, None) for a, b in pairwise(numbers)]
+
+
+def _varying(states: Sequence[Sequence[bool | int]]) -> Sequence[int] | None:
+    """The numbers of the variables that differ among states of many variables; None: all."""
+    if len(states) < 2 or len(states[0]) <= _MANY_VARIABLES:
+        return None
+    columns = zip(*states, strict=True)
+    return [i for i, column in enumerate(columns) if any(x != column[0] for x in column)]
 
 
 def _value(value: object) -> str:
@@ -156,8 +175,9 @@ def draw_states(
     *,
     numbers: Sequence[str] | None = None,
     choices: Sequence[Emphasis] | None = None,
+    weights: Numbers | None = None,
     sets: Mapping[str, Bools] | None = None,
-    steps: Sequence[tuple[int, int]] = (),
+    steps: Sequence[PathTransition] = (),
     marked: Bools | None = None,
     names: bool | None = None,
     title: str = "states",
@@ -172,21 +192,30 @@ def draw_states(
         distance: the layer of each state of the graph; -1: in no layer.
         numbers: a text for each state of the graph, below its label.
         choices: per row, whether a strategy takes it; "" where its choice does not matter.
+        weights: per row, the probability with which a randomised strategy takes it.
         sets: states in a colour.
-        steps: transitions of a path.
+        steps: transitions of a path, with their actions; None for any action.
         marked: states in green.
         names: write the names of variables; None: up to 40 states.
         title: the caption.
     """
     is_mdp = graph.matrix.groups is not None
     named = len(drawn) <= _NAMED if names is None else names
+    shown = _varying([graph.valuations[s] for s in drawn.tolist()]) if named else None
     spread = 2 if is_mdp else 1
     layer = {s: spread * int(distance[s]) for s in drawn.tolist()}
     keys = _colours(sets or {})
     nodes, edges, outside = [], [], 0
-    taken = set(steps)
+    taken: dict[tuple[int, int], set[str | None]] = {}
+    for s, t, action_taken in steps:
+        taken.setdefault((s, t), set()).add(action_taken)
+
+    def on_path(s: int, t: int, action: str) -> bool:
+        actions = taken.get((s, t), set())
+        return bool(actions) and (not is_mdp or None in actions or action in actions)
+
     for s in drawn.tolist():
-        label = graph.text(graph.valuations[s], named=named, width=3 if named else 8)
+        label = graph.text(graph.valuations[s], named=named, width=3 if named else 8, shown=shown)
         if numbers is not None:
             label += f"\n{numbers[s]}"
         fill = next((c for c, (_, members) in keys.items() if members[s]), "")
@@ -195,27 +224,30 @@ def draw_states(
         for number, choice in enumerate(graph.choices(s)):
             emphasis: Emphasis = "" if choices is None else choices[choice.row]
             source, row = f"s{s}", f"r{choice.row}"
+            action = choice.action
+            if weights is not None and emphasis and 0 < weights[choice.row] < 1:
+                action = f"{action} ({number_text(weights[choice.row])})".strip()
             # A choice with one successor is an edge; one with several leads to a point.
             inside = any(t in layer for t, _ in choice.successors)
             if is_mdp and inside and len(choice.successors) > 1:
                 source = f"c{s}_{number}"
                 nodes.append(Node(source, "", layer[s] + 1 if layer[s] >= 0 else -1, "choice"))
-                on_path = any((s, t) in taken for t, _ in choice.successors)
-                lead: Emphasis = "path" if on_path else emphasis
-                edges.append(Edge(f"s{s}", source, choice.action, False, lead, row))
+                leads = any(on_path(s, t, choice.action) for t, _ in choice.successors)
+                lead: Emphasis = "path" if leads else emphasis
+                edges.append(Edge(f"s{s}", source, action, False, lead, row))
             rest = 0.0
             for t, p in choice.successors:
                 if t not in layer:
                     rest += float(p)
                     continue
-                text = choice.action if is_mdp and source == f"s{s}" else number_text(p)
+                text = action if is_mdp and source == f"s{s}" else number_text(p)
                 text = f"{text} {of_chain[t]}" if of_chain.get(t) else text
-                kind: Emphasis = "path" if (s, t) in taken else emphasis
+                kind: Emphasis = "path" if on_path(s, t, choice.action) else emphasis
                 edges.append(Edge(source, f"s{t}", text, False, kind, f"{row} t{t}"))
             if rest:
                 outside += 1
                 nodes.append(Node(f"m{choice.row}", "…", -1, "root"))
-                text = choice.action if is_mdp and source == f"s{s}" else number_text(rest)
+                text = action if is_mdp and source == f"s{s}" else number_text(rest)
                 edges.append(Edge(source, f"m{choice.row}", text, True, emphasis, row))
     widest = max(np.unique([d for d in layer.values() if d >= 0], return_counts=True)[1], default=0)
     depth = max(layer.values(), default=0) + spread
@@ -224,7 +256,15 @@ def draw_states(
         tuple(nodes),
         tuple(edges),
         ("",) * depth,
-        _legend(graph, named=named, outside=outside, strategy=choices is not None),
+        _legend(
+            graph,
+            drawn,
+            named=named,
+            outside=outside,
+            strategy=choices is not None,
+            shown=shown,
+            path=bool(steps),
+        ),
         tuple((colour, name) for colour, (name, _) in keys.items()),
         sideways=int(widest) > _WIDE,
     )
@@ -243,7 +283,16 @@ def _kind(graph: ChoiceGraph, state: int, marked: Bools | None) -> Kind:
     return "initial" if graph.initial[state] else "state"
 
 
-def _legend(graph: ChoiceGraph, *, named: bool, outside: int, strategy: bool) -> str:
+def _legend(
+    graph: ChoiceGraph,
+    drawn: Int64s,
+    *,
+    named: bool,
+    outside: int,
+    strategy: bool,
+    shown: Sequence[int] | None,
+    path: bool,
+) -> str:
     """What the states and edges mean, as far as it is not obvious."""
     parts = []
     if not named:
@@ -254,6 +303,12 @@ def _legend(graph: ChoiceGraph, *, named: bool, outside: int, strategy: bool) ->
         )
         names = [", ".join(graph.names[i : i + 12]) for i in range(0, len(graph.names), 12)]
         parts.append("states are (" + ",\n".join(names) + f"){truths}")
+    if shown is not None:
+        first = graph.valuations[int(drawn[0])]
+        same = [i for i in range(len(first)) if i not in set(shown)]
+        text = graph.text(first, named=True, width=8, shown=same)
+        parts += [f"in all states: {text}"] if same else []
     parts += ["bold: the choices of the strategy"] if strategy else []
+    parts += ["red: on a path"] if path else []
     parts += ["dashed: to states that are not drawn"] if outside else []
     return "\n".join(parts)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from itertools import pairwise
 
 import numpy as np
@@ -14,6 +15,7 @@ from symcheck.engines.base import erased
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.states import State
+from symcheck.matrices.rows import SparseMatrix
 from symcheck.numerics.likeliest_paths import FoundPath
 from symcheck.semantics.interpreter import choices
 from symcheck.syntax.ast import ModelType
@@ -48,9 +50,21 @@ def named_paths(question: Question, paths: Sequence[FoundPath]) -> tuple[LikelyP
             ),
             path.probability,
             None if question.reward is None else question.reward(path),
+            tuple(
+                _step(question.problem.matrix, row, target)
+                for row, target in zip(path.rows, path.states[1:], strict=True)
+            ),
         )
         for path, of_path in zip(paths, of_model, strict=True)
     )
+
+
+def _step(matrix: SparseMatrix, row: int, target: int) -> float | Fraction:
+    """The probability with which a row leads to a state."""
+    part = slice(int(matrix.indptr[row]), int(matrix.indptr[row + 1]))
+    place = int(np.flatnonzero(matrix.indices[part] == target)[0])
+    found: float | Fraction = matrix.data[part].tolist()[place]
+    return found
 
 
 @dataclass(frozen=True)
