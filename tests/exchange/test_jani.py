@@ -13,6 +13,7 @@ from generate import random_property
 from symcheck.cli import main
 from symcheck.errors import SymcheckError, UnsupportedError
 from symcheck.syntax.jani.read import read_jani
+from symcheck.syntax.operators import Function, Operator
 
 MODELS = Path(__file__).parents[2] / "models"
 CASES = [
@@ -131,6 +132,23 @@ def test_random_models_keep_their_values(kind, seed, tmp_path):
     except UnsupportedError as error:
         pytest.skip(str(error))
     assert_same(found, [expected])
+
+
+@pytest.mark.parametrize("operator", [*Operator, *Function])
+def test_every_operator_is_written(operator, tmp_path):
+    if isinstance(operator, Function):
+        expression = f"{operator.value}({', '.join(['x', '2'][: operator.arity or 2])})"
+    elif operator.is_logical:
+        expression = f"x=1 {operator.value} x=2"
+    else:
+        expression = f"x {operator.value} 2"
+    bound = "" if isinstance(operator, Operator) and operator.is_boolean else ">=1"
+    model = symcheck.loads(
+        f'dtmc module m x : [1..2]; [] true -> (x\'=3-x); endmodule label "a" = ({expression}){bound};'
+    )
+    symcheck.export(model, str(tmp_path / "m.jani"))
+    again = symcheck.load(tmp_path / "m.jani")
+    assert again.labels["a"].count == model.labels["a"].count
 
 
 def test_the_command_line_writes_the_selected_properties(tmp_path, capsys):

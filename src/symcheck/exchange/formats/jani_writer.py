@@ -293,7 +293,7 @@ class _Writer:
                 return _binary("=", self.expression(left), self.expression(right))
             case Binary(Operator.POWER, left, right):
                 return _binary("pow", self.expression(left), self.expression(right))
-            case Binary(operator, left, right):
+            case Binary(operator, left, right) if operator in _OPERATORS:
                 return _binary(_OPERATORS[operator], self.expression(left), self.expression(right))
             case Conditional(condition, then, otherwise):
                 return {
@@ -307,7 +307,7 @@ class _Writer:
                 return {"op": "floor", "exp": half}
             case Call(Function.FLOOR | Function.CEIL as function, (operand,)):
                 return {"op": _FUNCTIONS[function], "exp": self.expression(operand)}
-            case Call(function, operands):
+            case Call(function, operands) if function in _FUNCTIONS:
                 name = _FUNCTIONS[function]
                 return reduce(
                     lambda a, b: _binary(name, a, b), [self.expression(x) for x in operands]
