@@ -97,7 +97,8 @@ def _comparison(seconds: DataFrame, memory: DataFrame, states: Series) -> list[s
     return [
         *lines,
         "",
-        "Ratios are geometric means of symcheck divided by the peer; differences are medians.",
+        "Ratios are geometric means of symcheck divided by the peer; differences are medians. With "
+        "--skip-larger, a tool is not tried on larger instances than one that exceeded a limit.",
     ]
 
 
@@ -114,13 +115,14 @@ def _lists(frame: DataFrame, solved: DataFrame, seconds: DataFrame) -> list[str]
     ours = set(solved[solved["tool"] == OURS]["task"])
     tried = set(frame[frame["tool"] == OURS]["task"])
     others = set(solved[solved["tool"] != OURS]["task"])
+    beside = set(frame[frame["tool"] != OURS]["task"])
     wrong = frame[frame["verdict"] == "wrong"]
     peers = [tool for tool in seconds if tool != OURS]
     ratio = (seconds[OURS] / seconds[peers].min(axis=1)) if peers and OURS in seconds else None
     lists = {
         "Wrong": [f"{r.task} ({r.tool}: {r.value})" for r in wrong.itertuples()],
         "Solved by a peer and not by symcheck": sorted((others & tried) - ours),
-        "Solved by symcheck and by no peer": sorted(ours - others) if peers else [],
+        "Solved by symcheck and by no peer that was tried": sorted((ours & beside) - others),
     }
     if ratio is not None:
         slow = ratio[ratio > 1].sort_values(ascending=False)
