@@ -21,7 +21,28 @@ from symcheck.semantics.model import BoundModel, BoundReward
 from symcheck.semantics.rewards import Reward, reward_items
 from symcheck.syntax.ast import ModelType
 
-__all__ = ["SuccessorGenerator", "Successors"]
+__all__ = ["Choices", "SuccessorGenerator", "Successors"]
+
+
+@dataclass(frozen=True, eq=False)
+class Choices:
+    """The choices of n states and their branches, in the order of the model.
+
+    Attributes:
+        ends: int64[n], the end of the choices of each state.
+        branch_ends: int64[choices], the end of the branches of each choice.
+        weights: float64[branches]; rates in a CTMC, else probabilities within the choice.
+        targets: uint64[branches, words], packed states.
+        rewards: float64[choices], the transition reward of each choice.
+        deadlocks: int64[d], which states have only a loop of weight 1 without a reward.
+    """
+
+    ends: Int64s
+    branch_ends: Int64s
+    weights: Floats
+    targets: Rows
+    rewards: Floats
+    deadlocks: Int64s
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +101,8 @@ class SuccessorGenerator:
             state_rewards(self._model, self._layout.unpack(rows[i]))
         return rewards
 
-    def successors(self, rows: Rows) -> Successors:
-        """All branches of packed states (uint64[n, words]).
+    def choices(self, rows: Rows) -> Choices:
+        """The choices of packed states (uint64[n, words]).
 
         Raises:
             ModelFault: the model breaks a rule in one of the states.
@@ -90,12 +111,7 @@ class SuccessorGenerator:
         if arrays is None:
             self._raise_fault(rows, fault, status)
         choice_ends, branch_ends, actions, weights, targets, dead = arrays
-        offsets = np.append(np.int64(0), branch_ends[choice_ends - 1])
         choices = np.diff(choice_ends, prepend=0)
-        if self._model.type is not ModelType.CTMC:
-            weights /= np.repeat(choices, np.diff(offsets))
-        deadlocks = np.zeros(len(rows), np.bool_)
-        deadlocks[dead] = True
         rewards = np.zeros(len(branch_ends))
         rewarded = np.ones(len(branch_ends), np.bool_)
         rewarded[choice_ends[dead] - 1] = False
@@ -105,13 +121,23 @@ class SuccessorGenerator:
             rewards[chosen] = code.run_packed(self._layout, rows[states])
             for i in states[~np.isfinite(rewards[chosen])]:
                 self._raise_fault(rows, i, 0)
-        return Successors(
-            offsets,
-            weights,
-            targets,
-            np.repeat(rewards, np.diff(branch_ends, prepend=0)),
-            deadlocks,
-        )
+        return Choices(choice_ends, branch_ends, weights, targets, rewards, dead)
+
+    def successors(self, rows: Rows) -> Successors:
+        """All branches of packed states (uint64[n, words]).
+
+        Raises:
+            ModelFault: the model breaks a rule in one of the states.
+        """
+        found = self.choices(rows)
+        offsets = np.append(np.int64(0), found.branch_ends[found.ends - 1])
+        weights = found.weights
+        if self._model.type is not ModelType.CTMC:
+            weights /= np.repeat(np.diff(found.ends, prepend=0), np.diff(offsets))
+        deadlocks = np.zeros(len(rows), np.bool_)
+        deadlocks[found.deadlocks] = True
+        rewards = np.repeat(found.rewards, np.diff(found.branch_ends, prepend=0))
+        return Successors(offsets, weights, found.targets, rewards, deadlocks)
 
     def _raise_fault(self, rows: Rows, state: int, status: int) -> NoReturn:
         raise_model_fault(self._model, self._layout.unpack(rows[state]), status)

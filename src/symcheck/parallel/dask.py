@@ -14,7 +14,7 @@ from symcheck.errors import UsageError
 from symcheck.machine import limit_memory, used_data
 from symcheck.parallel import tuning
 
-__all__ = ["Client", "Cluster", "connect", "do_on_cluster"]
+__all__ = ["Client", "Cluster", "connect", "do_on_cluster", "limit_worker"]
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -63,13 +63,13 @@ def do_on_cluster(function: Callable[[T], R], task: T) -> R:
     A worker with several threads does one task at a time: the loops of Python do not run in
     parallel, and a limit of memory is that of a process.
     """
-    _limit_worker()
+    limit_worker()
     with _ONE_TASK:
         return function(task)
 
 
 @lru_cache(maxsize=1)
-def _limit_worker() -> None:
+def limit_worker() -> None:
     """Let an allocation beyond the limit of the worker fail, before Dask kills the process.
 
     The error is then a row, and the worker goes on with other tasks.
