@@ -62,8 +62,8 @@ def _uncompressed(data: bytes, suffix: str, path: str | Path) -> bytes:
 
     try:
         return gzip.decompress(data) if suffix == ".gz" else lzma.decompress(data)
-    except (EOFError, zlib.error, lzma.LZMAError, gzip.BadGzipFile) as error:
-        raise UsageError(f"cannot read {path}: not a whole {suffix} file: {error}") from None
+    except (EOFError, zlib.error, lzma.LZMAError, gzip.BadGzipFile):
+        raise UsageError(f"cannot read {path}: not a whole {suffix} file") from None
 
 
 @contextmanager

@@ -57,6 +57,8 @@ def run(state: RunState) -> int:
         # No error: scripts give one list of constants to many models.
         hint = f" ({warning.hint})" if warning.hint else ""
         state.output.warn(f"-const: {warning.message}{hint}")
+    if (a.properties or a.pf) and not (properties.file.properties or properties.unparsed):
+        state.output.warn(f"{a.properties or '-pf'} has no property")
     of_model = {n: given[n] for n in split.of_model}
     _note_unused_switches(state, _facts(a, model, properties, of_model))
     indices = _selected_properties(properties.file, a.prop)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import cast
 
@@ -9,6 +10,7 @@ from lark import Token
 
 from symcheck.errors import Diagnostic, Source, Span
 from symcheck.syntax.grammars import Language
+from symcheck.syntax.hints import meant
 from symcheck.syntax.operators import Operator, function_hint
 from symcheck.syntax.recovery import FOREIGN, RESERVED, Fault
 
@@ -144,6 +146,10 @@ def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
     if special is not None:
         return special
     if fault.mended is not None:
+        if len(fault.before) > 1 and fault.before[-2].value == "rewards":
+            named = _last_span(source, fault)
+            message = "the name of these rewards needs quotes"
+            return Diagnostic(message, named, "quotes", f'write "{fault.last}"')
         missing = f"'{language.spelling[fault.mended]}'"
         where = f"before {_found(found)}" if found else "at the end of the text"
         at = max(fault.previous - 1, 0)
@@ -154,7 +160,11 @@ def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
             f"put {missing} here",
         )
     message = f"unexpected {_found(found)}; expected {_listed(expected, language)}"
-    hint = _unclosed(fault, source, expected) or _keyword(found, expected, language)
+    hint = (
+        meant(fault, source, language)
+        or _unclosed(fault, source, expected)
+        or _keyword(found, expected, language)
+    )
     return Diagnostic(message, _span(source, fault), "syntax", hint)
 
 
@@ -278,13 +288,24 @@ def _lexical(fault: Fault, source: Source) -> Diagnostic | None:
     if character == ".":
         return Diagnostic("a number does not end with a point", span, "number", "write 1.0 or 1")
     name = repr(character) if not character.isprintable() else f"'{character}'"
+    if character == "@" and not text[:start].strip():
+        message = "this is no model in the PRISM language"
+        return Diagnostic(
+            message, span, "model", "the name of a file in the DRN format ends in .drn"
+        )
     hint = "names are made of plain letters, digits and _" if character.isalpha() else None
+    if character == "'":
+        hint = 'names of labels stand in double quotes: "name"'
     return Diagnostic(
         f"{name} (U+{ord(character):04X}) has no place in the language", span, "character", hint
     )
 
 
 def _reserved(word: str, span: Span) -> Diagnostic:
+    rest = span.source.text[span.end :]
+    if word in ("int", "bool", "double") and re.match(r"\s+\w+\s*[:;]", rest):
+        message = f"'{word}' does not begin the declaration of a variable"
+        return Diagnostic(message, span, "reserved", _VARIABLE)
     return Diagnostic(
         f"'{word}' is a reserved word", span, "reserved", f"choose another name, such as {word}_"
     )
@@ -317,7 +338,9 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
         if "INTEGER" in expected:
             return wrong("an expression is missing before '->'", _COMMAND, 2)
         if "RPAR" not in expected:
-            return wrong("'->' has no place here", "implication is written =>", 2)
+            rewards = any(word.value == "rewards" for word in fault.before)
+            hint = "a reward is guard : value;" if rewards else "implication is written =>"
+            return wrong("'->' has no place here", hint, 2)
     if two[:1] == "'":
         if _in_command(fault) and not _has(fault.after, "->"):
             return wrong("'->' is missing between the guard and the updates", _COMMAND)
@@ -471,6 +494,7 @@ _DOUBLED = {
     "<>": ("'<>' is not an operator of paths", "eventually is written F"),
     "/*": ("this comment cannot be read", "comments start with // and end with the line"),
 }
+_VARIABLE = "a variable is declared as name : [low..high] or name : bool"
 _COMMAND = "a command is [action] guard -> updates;"
 _UPDATE = "an update is true, (x'=…), or probability : (x'=…)"
 _STATE_OPERATORS = _set("P Pmin Pmax R Rmin Rmax A E S")

@@ -44,6 +44,11 @@ def choose_model_file(a: Arguments) -> str:
         if a.model is not None and _ends(a.model, _MODEL_ENDINGS):
             raise UsageError(f"'{a.model}' and -import… both name a model to read")
         a.model, a.properties = None, a.model
+    for file in (a.model, a.properties):
+        if file is not None and "[" in file and not Path(file).exists():
+            raise UsageError(
+                f"cannot read {file}: there is no such file\n  hint: -pf '{file}' checks a property"
+            )
     if a.model is not None and not _ends(a.model, _MODEL_ENDINGS):
         if a.properties is not None and _ends(a.properties, _MODEL_ENDINGS):
             raise UsageError(

@@ -135,6 +135,7 @@ NEEDS_OF_OPTIONS: Mapping[str, Needs] = {
     "-method": _NUMBERS._replace(all_of=(f"{PROPERTY}|-steadystate",)),
     "-fair": _PROPERTY._replace(all_of=(PROPERTY, MDP)),
     "-bisim": _PROPERTY,
+    "-nostates": _PROPERTY,
     "-ltl2datool": _PROPERTY,
     "-ltl2dasyntax": Needs(("-ltl2datool",), note=True),
 }

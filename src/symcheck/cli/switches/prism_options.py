@@ -196,5 +196,7 @@ def _is_number(word: str) -> bool:
 def _hint(word: str, known: Mapping[str, int]) -> str:
     from difflib import get_close_matches
 
+    if word.lstrip("-").partition("=")[0] == "engine":
+        return "-ex, -s, -h and -m choose an engine; "
     near = get_close_matches(word, known, 1, 0.75)
     return f"did you mean {near[0]}? " if near else ""

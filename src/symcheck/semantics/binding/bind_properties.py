@@ -369,6 +369,6 @@ class _Properties:
             "unknown-label",
             f'unknown label or property "{node.name}"',
             node.span,
-            suggest(node.name, self.texts.known()),
+            suggest(node.name, self.texts.known()) or f'declare it: label "{node.name}" = …;',
         )
         return None

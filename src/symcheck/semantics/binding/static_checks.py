@@ -107,7 +107,8 @@ def _declared(
 def _check(checked: CheckedProgram) -> None:
     program, report, typer = checked.program, checked.table.report, checked.root.typer()
     if not program.modules:
-        report.input("no-module", "a model needs at least one module", program.span)
+        hint = "" if program.span.source.text.strip() else "the text is empty"
+        report.input("no-module", "a model needs at least one module", program.span, hint or None)
     check_constants(checked.root, program.constants)
     for formula in program.formulas:
         # The type of an unused formula is not checked.
