@@ -229,6 +229,18 @@ def test_what_has_no_strategy(tmp_path):
         symcheck.induced_chain(model, model.check(GOAL.format("max")))
 
 
+@pytest.mark.parametrize("engine", ["sparse", "mtbdd"])
+def test_a_file_for_a_model_without_room_for_its_rows_is_refused_at_once(
+    engine, tmp_path, monkeypatch
+):
+    (tmp_path / "s.txt").write_text("(0,false)=safe\n")
+    model = symcheck.loads(ROBOT, engine=engine)
+    assert model.engine.states > 1
+    monkeypatch.setenv("SYMCHECK_MEMORY", "0")
+    with pytest.raises(UnsupportedError, match=r"a strategy from a file.*the rows of all"):
+        symcheck.load_strategy(model, tmp_path / "s.txt")
+
+
 def test_equal_actions_need_indices(tmp_path):
     text = "mdp module m x:[0..1]; [a] x=0 -> true; [a] x=0 -> (x'=1); [a] x=1 -> true; endmodule"
     model = symcheck.loads(text)

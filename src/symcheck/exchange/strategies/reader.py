@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from symcheck.api import Model
+from symcheck.check.strategies.to_explicit import check_rows_fit
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.finite_memory import Decisions, finite_memory_strategy
 from symcheck.engines.explicit.strategy import Strategy
@@ -50,7 +51,8 @@ def load_strategy(model: Model, file: str | Path) -> Strategy:
     Raises:
         SyntaxFault: the file is faulty; the error names the place.
         UsageError: the file cannot be read.
-        UnsupportedError: the model is no MDP, or the file does not say how the memory changes.
+        UnsupportedError: the model is no MDP, its rows do not fit into memory, or the file does not
+            say how the memory changes.
 
     Examples:
         >>> import symcheck
@@ -61,8 +63,12 @@ def load_strategy(model: Model, file: str | Path) -> Strategy:
     kind = model.bound.type
     if kind is not ModelType.MDP:
         raise UnsupportedError(f"strategies exist only for MDPs, and this model is a {kind.name}")
-    engine = build(model.bound, replace(model.options, engine="explicit"))
-    explicit = engine.capability(ExplicitEngine)
+    # Diagrams count the states quickly, so that a model whose rows do not fit is refused at once.
+    check_rows_fit(model.engine, "a strategy from a file needs")
+    explicit = model.engine.capability(ExplicitEngine)
+    if explicit is None:
+        rows = build(model.bound, replace(model.options, engine="explicit"))
+        explicit = rows.capability(ExplicitEngine)
     assert explicit is not None
     groups = explicit.matrix.groups
     assert groups is not None
