@@ -71,9 +71,10 @@ def _leave(message: str, status: int) -> NoReturn:
 def _limit_time(words: list[str]) -> None:
     """Start the time limit, which counts from here on, before the imports of a run.
 
-    Without an interval timer it starts after them.
+    Without an interval timer it starts after them. In a batch, it is that of each line.
     """
-    if not hasattr(_signal, "setitimer"):
+    in_batch = any(w.lstrip("-").partition("=")[0] == "batch" for w in words if w[:1] == "-")
+    if in_batch or not hasattr(_signal, "setitimer"):
         return
     for switch, value in pairwise(words):
         if switch in ("-timeout", "--timeout"):

@@ -26,7 +26,7 @@ from typing import NoReturn, TextIO
 from symcheck.cli.output import fail
 from symcheck.cli.switches.arguments import parse_arguments
 from symcheck.errors import SymcheckError, UsageError
-from symcheck.operating_system import CAN_FORK, set_alarm
+from symcheck.operating_system import CAN_FORK
 
 __all__ = ["is_batch", "run_batch"]
 
@@ -60,7 +60,6 @@ def run_batch(words: Sequence[str], run: Run) -> int:
         UsageError: the command line is wrong, or the file cannot be read.
         OutputError: the output cannot be written.
     """
-    set_alarm(0)  # -timeout holds for each line
     name, common = _split(words)
     statuses: Counter[int] = Counter()
     with _opened(name) as file, _Child().forwarding() as child:

@@ -26,6 +26,7 @@ from symcheck.experiments.rows import Row, constant_text, row_of
 from symcheck.experiments.table import Experiment
 from symcheck.options import OptionValues, make_options
 from symcheck.parallel.dask import Cluster
+from symcheck.parallel.deferral import deferred_signals
 from symcheck.parallel.workers import Lost, Workers
 from symcheck.semantics.binding.bind import needed_constants, split_constants
 from symcheck.syntax.declarations import PropertiesFile
@@ -132,8 +133,7 @@ def experiment(
     varying = tuple(n for n, given in values.items() if len(given) > 1)
     complete = True
 
-    def report(new: Mapping[tuple[int, int], Row]) -> None:
-        finished.update(new)
+    def tell(new: Mapping[tuple[int, int], Row]) -> None:
         if progress is not None and new:
             progress(Progress(len(finished), len(rows), tuple(new.values())))
 
@@ -141,7 +141,8 @@ def experiment(
         journal = None
         if resume is not None:
             journal = stack.enter_context(opened(resume, experiment_description(whole, file)))
-            report({p: journal.rows[k] for p, k in keys.items() if k in journal.rows})
+            finished |= {p: journal.rows[k] for p, k in keys.items() if k in journal.rows}
+            tell(finished)
         tasks = []
         for c, choice in enumerate(choices):
             indices = tuple(i for i in range(len(instances)) if (c, i) not in finished)
@@ -158,12 +159,15 @@ def experiment(
                 c, instance = tasks[t]
                 pairs = [(c, i) for i in instance.properties]
                 if isinstance(result, Lost):  # no fault of the instance: not in the file
-                    report({p: replace(rows[p], error=str(result)) for p in pairs})
-                    continue
-                new = dict(zip(pairs, result, strict=True))
-                if journal is not None:
-                    journal.append({keys[p]: row for p, row in new.items()})
-                report(new)
+                    new = {p: replace(rows[p], error=str(result)) for p in pairs}
+                    finished |= new
+                else:
+                    new = dict(zip(pairs, result, strict=True))
+                    with deferred_signals():  # the result has what the file has
+                        if journal is not None:
+                            journal.append({keys[p]: row for p, row in new.items()})
+                        finished |= new
+                tell(new)
         except (KeyboardInterrupt, Interrupted):
             complete = False
     return Experiment(tuple(finished[p] for p in rows if p in finished), varying, complete)

@@ -65,10 +65,8 @@ class ProcessPool(ProcessPoolExecutor):
         for worker in workers:  # a compiled loop does not notice
             worker.join(max(0.0, end - monotonic()))
             worker.kill()
-        # A message that a worker was sending or receiving has no end: the threads of the pool would
-        # wait for it.
+        # A message that a worker was sending has no end: the thread of the pool would wait for it.
         self._result_queue._writer.close()  # type: ignore[attr-defined]
-        self._call_queue._reader.close()  # type: ignore[attr-defined]
         self.shutdown(cancel_futures=True)
 
 
