@@ -11,7 +11,7 @@ from random import Random
 from checking import engine_of
 from symcheck.errors import InputError
 
-__all__ = ["Generated", "bound_models", "random_model", "random_property"]
+__all__ = ["Generated", "bound_models", "random_copies", "random_model", "random_property"]
 
 _WEIGHTS = {
     1: ("1",),
@@ -170,3 +170,22 @@ def _bound(rng: Random, kind: str) -> str:
     if kind == "ctmc":
         return rng.choice(("<=0.5", "<2", ">=1", "[0.5,2]", "[1,1]", "=0.3", ">0"))
     return rng.choice(("<=0", "<=2", "<5", ">=1", ">2", "[1,3]", "=2", "<=20"))
+
+
+def random_copies(rng: Random, kind: str) -> tuple[str, str]:
+    """A model of copies of one module, which share a variable, and a property of all of them."""
+    copies = rng.randint(2, 4)
+    variables = [("x0", 2), ("y0", 1), ("g", 2)]
+    text = [kind, "global g : [0..2];", "module m0", "x0 : [0..2]; y0 : [0..1];"]
+    text += [_command(rng, kind, variables[:2], variables) for _ in range(rng.randint(2, 4))]
+    if kind != "dtmc" or rng.random() < 0.5:
+        text.append(f"[] g<2 & {_condition(rng, variables)} -> (g'=g+1);")
+    text += [f"[go] {_condition(rng, variables)} -> (x0'=0);", "endmodule"]
+    for i in range(1, copies):
+        text.append(f"module m{i} = m0 [ x0=x{i}, y0=y{i} ] endmodule")
+    total = "+".join(f"x{i}" for i in range(copies))
+    text.append(f"rewards {total}>1 : {total}; [go] true : 1; endrewards")
+    goal = f"{total}>={rng.randint(1, 2 * copies)}"
+    optimum = rng.choice(("min", "max")) if kind == "mdp" else ""
+    asked = rng.choice((f"P{optimum}=? [ F {goal} ]", f"R{optimum}=? [ C<=3 ]"))
+    return "\n".join(text), asked

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from inspect import Parameter, signature
 from os import PathLike
 from pathlib import Path
@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, TypeVar, Unpack, cast
 from symcheck.check.checker import check
 from symcheck.check.property_instance import (
     PropertyInstance,
+    observations_up_to_symmetry,
     property_instances,
     reduced,
     shared_quotient,
@@ -201,9 +202,9 @@ class Model:
     ) -> Model:
         """The model on which properties are checked.
 
-        It is smaller with the options `reduce` and `stop_at_targets`. Under fairness it is the
-        model itself, because which strategies are fair depends on the states. Exploration stops at
-        targets only if neither strategies nor values in all states are asked for.
+        It is smaller with the options `reduce`, `stop_at_targets` and `symmetry`. Under fairness it
+        is the model itself, because which strategies are fair depends on the states. The last two
+        are used only if neither strategies nor values in all states are asked for.
 
         Args:
             instances: the properties.
@@ -211,20 +212,25 @@ class Model:
                 path, and explore all states.
         """
         options = self.options
-        stops = options.stop_at_targets and not (
-            keep_steps or options.everywhere or options.strategy
-        )
-        if options.fairness or not (options.reduce or stops) or self.bound.builder is not None:
+        only_values = not (keep_steps or options.everywhere or options.strategy)
+        stops = options.stop_at_targets and only_values
+        exchanges = options.symmetry and only_values
+        if not (options.reduce or stops or exchanges):
+            return self
+        if options.fairness or self.bound.builder is not None:
             return self
         key = tuple((p.file, p.index, *p.constants.items(), keep_steps) for p in instances)
         if key not in self._reduced_models:
             self._reduced_models.clear()
             smaller = stopped(self.bound, instances) if stops else self.bound
-            partial, reduction = smaller is not self.bound, None
+            stopped_early, reduction = smaller is not self.bound, None
             if options.reduce:
                 reduction = reduced(smaller, instances, keep_steps=keep_steps)
                 smaller = reduction.model
-            elif not partial:
+            if exchanges:
+                observed = partial(observations_up_to_symmetry, instances=instances)
+                smaller = replace(smaller, observed=observed)
+            if smaller is self.bound:
                 return self
             self._reduced_models[key] = ReducedModel(
                 self.program,
@@ -234,7 +240,7 @@ class Model:
                 self.observer,
                 smaller,
                 reduction,
-                partial,
+                stopped_early,
             )
         return self._reduced_models[key]
 
@@ -648,7 +654,7 @@ class ReducedModel(Model):
     """A model with fewer states, and the same values of some properties in its initial states.
 
     Attributes:
-        smaller: the bound model.
+        smaller: the bound model. It may let a state represent those that symmetries make of it.
         reduction: how variables whose values are not read again are reset; None without `reduce`.
         partial: whether exploration stops where the properties are decided.
     """

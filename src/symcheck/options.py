@@ -131,6 +131,7 @@ def _choice(noun: str, names: Sequence[str], metavar: str = "NAME") -> ValueType
 
 
 _FLAG = ValueType("True or False", lambda value: isinstance(value, bool))
+_FLAG_OR_NONE = ValueType("True, False or None", lambda value: value in (None, True, False))
 _TEXT = ValueType(
     "a text, or None", lambda value: value is None or isinstance(value, str), str, "PROGRAM"
 )
@@ -343,6 +344,15 @@ class Options:
         "The number of states is then that of a part of the model.",
         _switch("nostates", "explore the states that the properties need, not all of them", True),
     )
+    symmetry: bool | None = _option(
+        None,
+        _FLAG_OR_NONE,
+        "model",
+        "Explore one state for all that exchanging equal components makes of it; values are those "
+        "at initial states. None: on the command line if nothing shows other states, else not.",
+        _switch("symmetry", "explore one of the states that equal components make", True),
+        _switch("nosymmetry", "explore every state", False),
+    )
     order: tuple[str, ...] | None = _option(
         None,
         _ORDER,
@@ -395,6 +405,7 @@ class OptionValues(TypedDict, total=False):
     check_sums: bool
     reduce: bool
     stop_at_targets: bool
+    symmetry: bool | None
     order: tuple[str, ...] | None
     max_memory: int | None
     time_limit: float | None

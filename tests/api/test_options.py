@@ -103,6 +103,8 @@ SWITCHES = [
     ("-noprobchecks", "check_sums", False),
     ("-reduce", "reduce", True),
     ("-nostates", "stop_at_targets", True),
+    ("-symmetry", "symmetry", True),
+    ("-nosymmetry", "symmetry", False),
     ("-order x,y", "order", ("x", "y")),
     ("-cuddmaxmem 1.5m", "max_memory", 3 << 19),
     ("-timeout 2m", "time_limit", 120),

@@ -23,33 +23,13 @@ DIE, GAME = MODELS / "die/die.pm", MODELS / "gambler/stakes.nm"
 PARSER = make_parser()
 DECLARED = {name: needs for name, needs in PARSER.needs.items() if needs != ALWAYS}
 
-EVERYWHERE = [
-    "-pf",
-    "-const",
-    "-dtmc",
-    "-ctmc",
-    "-mdp",
-    "-importmodel",
-    "-importtrans",
-    "-importstrat",
-    "-v",
-    "-nobuild",
-    "-batch",
-    "-help",
-    "-completion",
-    "-version",
-    "-javaversion",
-    "-scheduler",
-    "-exact",
-    "-fixdl",
-    "-nofixdl",
-    "-noprobchecks",
-    "-reduce",
-    "-cuddmaxmem",
-    "-timeout",
-    "-relative",
-    "-nofair",
-]
+EVERYWHERE = (
+    *("-pf", "-const", "-dtmc", "-ctmc", "-mdp", "-importmodel", "-importtrans", "-importstrat"),
+    *("-v", "-nobuild", "-batch", "-help", "-completion", "-version", "-javaversion"),
+    *("-scheduler", "-exact", "-fixdl", "-nofixdl", "-noprobchecks", "-reduce", "-symmetry"),
+    "-nostates",
+    *("-nosymmetry", "-cuddmaxmem", "-timeout", "-relative", "-nofair"),
+)
 """Switches that have an effect in every run, or say themselves why not. Some set a default."""
 
 VALUE_OF = {

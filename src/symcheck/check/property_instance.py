@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, TypeVar
 
 from symcheck.constant_values import ConstantValue, GivenConstants, combinations
 from symcheck.semantics.binding.bind import BoundProperty, bind_property, needed_constants
-from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression
+from symcheck.semantics.model import BoundModel, Observations
+from symcheck.syntax.ast import Expression, Name, PathQuantifier
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.printer import pretty
+from symcheck.syntax.traversal import nodes
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
@@ -23,7 +24,14 @@ if TYPE_CHECKING:
 V = TypeVar("V", bound=ConstantValue)
 Derivation = Callable[[BoundModel], BoundModel]
 
-__all__ = ["PropertyInstance", "property_instances", "reduced", "shared_quotient", "stopped"]
+__all__ = [
+    "PropertyInstance",
+    "observations_up_to_symmetry",
+    "property_instances",
+    "reduced",
+    "shared_quotient",
+    "stopped",
+]
 
 
 @dataclass(frozen=True)
@@ -137,6 +145,23 @@ def stopped(model: BoundModel, instances: Sequence[PropertyInstance]) -> BoundMo
     if states is None:
         return model
     return replace(stop_at(model, states), derivation=partial(stopped, instances=instances))
+
+
+def observations_up_to_symmetry(
+    model: BoundModel, instances: Sequence[PropertyInstance]
+) -> Observations | None:
+    """What properties read of a model, if their values at the initial states are enough.
+
+    None if a result contains states, as the witnesses of E and A do.
+    """
+    from symcheck.semantics.reduction.reset_dead_variables import observe
+
+    bound = [instance.bind(model) for instance in instances]
+    formulas = [p.formula for p, _ in bound if p.fault is None]
+    if any(isinstance(node, PathQuantifier) for f in formulas for node in nodes(f)):
+        return None
+    labels = {n: x for _, own in bound for n, x in own.items()}
+    return observe(model, formulas, {**labels, "init": Name('"init"')})
 
 
 def shared_quotient(

@@ -132,16 +132,23 @@ def _bound_model(state: RunState, model: Model, instances: Sequence[PropertyInst
     """
     a = state.arguments
     state.output.model(model.bound, {n: str(v) for n, v in model.given_constants.items()})
-    if state.options.fairness and state.options.reduce:
+    options = state.options
+    if options.fairness and options.reduce:
         state.output.warn("-reduce is not used: which strategies are fair depends on the states")
     keep_steps = bool(a.transient is not None or a.steadystate or a.simpath or a.step or a.exports)
-    stops = state.options.stop_at_targets
-    whole = model.with_options(stop_at_targets=False) if stops and a.needs_model else model
+    if a.needs_model:
+        if options.symmetry:
+            state.output.warn("-symmetry is not used: more than values at initial states is asked")
+        whole = model.with_options(stop_at_targets=False, symmetry=False)
+    elif options.symmetry is None and options.engine == "auto" and not options.bisim:
+        whole = model.with_options(symmetry=True)
+    else:
+        whole = model
     reduced = whole.reduced_for(instances, keep_steps=keep_steps)
     partial = isinstance(reduced, ReducedModel) and reduced.partial
     if isinstance(reduced, ReducedModel) and reduced.reduction is not None:
         state.output.line(f"Reduction:   {reduced.reduction}")
-    if stops and not partial:
+    if options.stop_at_targets and not partial:
         state.output.line(
             "Note: -nostates has no effect: what is asked for may need every state of the model"
         )

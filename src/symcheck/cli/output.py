@@ -12,6 +12,7 @@ from symcheck import __version__
 from symcheck.check.result import Estimate, Result
 from symcheck.check.testing.property_tests import PropertyTests
 from symcheck.engines.base import Engine
+from symcheck.engines.capabilities import RepresentsOrbits
 from symcheck.engines.selection import Choice
 from symcheck.errors import OutputError, SymcheckError
 from symcheck.semantics.expressions.literals import format_value
@@ -88,18 +89,27 @@ class Output:
     ) -> None:
         """Counts of a built model, or of the part that the properties need."""
         initial = engine.initial.count
+        explored = engine.capability(RepresentsOrbits)
+        whole = None if explored is None else explored.represented
         self.line()
         self.line(
             f"Engine:      {engine.name}"
             + (f" (chosen automatically: {choice.reason})" if choice is not None else "")
         )
         part = "; only those that the properties need" if partial else ""
-        self.line(f"States:      {engine.states} ({initial} initial{part})")
-        self.line(f"Transitions: {engine.transitions}")
+        if whole is None:
+            self.line(f"States:      {engine.states} ({initial} initial{part})")
+            self.line(f"Transitions: {engine.transitions}")
+        else:
+            self.line(f"States:      {whole.states} ({whole.initial} initial{part})")
+            self.line(f"Symmetry:    {'; '.join(map(str, whole.symmetries))}")
+            self.line(
+                f"  {engine.states} states and {engine.transitions} transitions represent them"
+            )
         if engine.model.type.value == "mdp":
             self.line(f"Choices:     {engine.choices}")
         self.line(f"Time for model construction: {seconds:.3f} seconds.")
-        deadlocks = engine.deadlocks.count
+        deadlocks = engine.deadlocks.count if whole is None else whole.deadlocks
         if deadlocks:
             self.warn(
                 f"deadlocks were given self-loops in {_count(deadlocks, 'state')}, "

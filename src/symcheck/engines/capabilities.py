@@ -18,6 +18,7 @@ from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
     from symcheck.explicit.explored import ExploredModel
+    from symcheck.explicit.orbits import Represented
 
 __all__ = [
     "Capable",
@@ -27,6 +28,7 @@ __all__ = [
     "HasImportedStates",
     "HasMatrix",
     "HasRationalTwin",
+    "RepresentsOrbits",
 ]
 
 
@@ -60,6 +62,13 @@ class HasExploredModel(Protocol):
 
     explored: ExploredModel
     """States, rows, rewards and actions as arrays."""
+
+
+class RepresentsOrbits(Protocol):
+    """States may stand for others that symmetries make of them."""
+
+    represented: Represented | None
+    """The counts of the whole model; None if every state is explored."""
 
 
 class HasActions(Protocol):

@@ -29,8 +29,11 @@ def _auto(model: BoundModel, options: Options, observer: Observer | None) -> Eng
 def _explicit(model: BoundModel, options: Options, observer: Observer | None) -> Engine:
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.explicit.build import explore
+    from symcheck.semantics.reduction.symmetry import observed_symmetries
 
-    return erased(ExplicitEngine(explore(model, options, observer)))
+    symmetries = observed_symmetries(model)
+    explored = explore(model, options, observer, symmetries=symmetries)
+    return erased(ExplicitEngine(explored, represented=explored.represented))
 
 
 def _exact(model: BoundModel, options: Options, _: Observer | None) -> Engine:

@@ -20,7 +20,7 @@ A wrong guess therefore costs a bounded share of the run, and the explored state
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from math import prod
@@ -37,6 +37,7 @@ from symcheck.syntax.traversal import names, nodes
 if TYPE_CHECKING:
     from symcheck.explicit.build import Exploration
     from symcheck.semantics.model import BoundModel
+    from symcheck.semantics.reduction.symmetry import Symmetry
     from symcheck.symbolic.model import StateSpace, Transitions
     from symcheck.symbolic.reachability.search import SearchState
 
@@ -128,12 +129,21 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
     """
     from symcheck.explicit.build import Exploration
     from symcheck.kernels.explore.breadth_first import malloc_trim
+    from symcheck.semantics.reduction.symmetry import observed_symmetries
 
     exploration = Exploration(model, options)
     with _diagrams_need_less(model):
-        if exploration.run(tuning.SMALL_MODEL_STATES) or _explore_sparse_model(exploration):
+        if not exploration.run(tuning.SMALL_MODEL_STATES):
+            symmetries = observed_symmetries(model)
+            if symmetries:
+                exploration = Exploration(model, options, symmetries=symmetries)
+                exploration.run(_states_up_to_symmetry(symmetries), observer)
+        if exploration.complete or _explore_sparse_model(exploration):
             return _explicit_engine(
-                exploration, observer, f"the model has only {exploration.progress.states:,} states"
+                exploration,
+                observer,
+                f"the model has only {exploration.progress.states:,} states"
+                + (" up to symmetry" if exploration.orbits is not None else ""),
             )
     if _is_unbounded(model):
         exploration.run(None, observer)
@@ -243,6 +253,12 @@ def _state_capacity(exploration: Exploration) -> int:
     return int(tuning.EXPLORATION_MEMORY_SHARE * memory * progress.states / max(progress.memory, 1))
 
 
+def _states_up_to_symmetry(symmetries: Sequence[Symmetry]) -> int:
+    """States up to which a model with these symmetries is explored before diagrams are tried."""
+    permutations = prod(s.order for s in symmetries)
+    return min(tuning.SYMMETRIC_STATES, tuning.SYMMETRIC_STATES_PER_PERMUTATION * permutations)
+
+
 class _TooManyTransitionsError(Exception):
     """The model has too many transitions for the first explicit exploration."""
 
@@ -289,7 +305,8 @@ def _explicit_engine(exploration: Exploration, observer: Observer | None, reason
     from symcheck.engines.explicit.engine import ExplicitEngine
 
     _report_choice(observer, "explicit", reason)
-    return erased(ExplicitEngine(exploration.finish()))
+    explored = exploration.finish()
+    return erased(ExplicitEngine(explored, represented=explored.represented))
 
 
 def _explore_symbolically(model: BoundModel, options: Options, lookups: int | None) -> StateSpace:

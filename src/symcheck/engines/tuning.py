@@ -17,6 +17,13 @@ that many states in half a second."""
 SPARSE_MODEL_TRANSITIONS = 4_000_000
 """Transitions at which the first exploration stops: with more, diagrams are tried first."""
 
+SYMMETRIC_STATES = 10_000_000
+"""States up to which a model with symmetries is explored before diagrams are tried: csma with 4
+stations and K=4 has 133,301,572 states and 5.6 million up to symmetry."""
+
+SYMMETRIC_STATES_PER_PERMUTATION = 250_000
+"""The same per permutation: few permutations save little, and diagrams may do better."""
+
 INITIAL_CANDIDATES = 10_000_000
 """Valuations that explicit exploration may try to find the initial states of `init … endinit`."""
 

@@ -28,6 +28,7 @@ from symcheck.explicit import tuning
 from symcheck.explicit.faults import raise_model_fault
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
+from symcheck.explicit.orbits import StateOrbits
 from symcheck.explicit.states import Rows, StateLayout, StateTable
 from symcheck.explicit.tables import tables, total_reward
 from symcheck.kernels.explore.breadth_first import Explorer, Outcome, malloc_trim
@@ -36,6 +37,7 @@ from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.options import Options
 from symcheck.semantics import state_faults
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.reduction.symmetry import Symmetry
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["Exploration", "ExplorationObserver", "ExplorationProgress", "explore"]
@@ -90,12 +92,15 @@ class Exploration:
     Args:
         seed: packed states (`layout`) known to be reachable, from which the search starts besides
             the initial ones.
+        symmetries: of the model. If there are some, one state of each orbit is explored.
     """
 
     model: BoundModel
     options: Options
     seed: Rows | None = None
+    symmetries: tuple[Symmetry, ...] = ()
     layout: StateLayout = field(init=False)
+    orbits: StateOrbits | None = field(init=False, repr=False)
     _explorer: Explorer = field(init=False, repr=False)
     _max_memory: float = field(init=False, repr=False)
     _seconds: float = field(default=0.0, init=False)
@@ -112,9 +117,13 @@ class Exploration:
             else self.options.max_memory
         )
         self.layout = StateLayout.of(self.model.variables)
+        self.orbits = StateOrbits.of(self.layout, self.symmetries)
         self._initial = initial_rows(self.model, self.layout)
+        if self.orbits is not None:
+            self._initial = self.orbits.representatives(self._initial)
         self._explorer = Explorer(
-            tables(self.model, self.layout, check_sums=self.options.check_sums)
+            tables(self.model, self.layout, check_sums=self.options.check_sums),
+            None if self.orbits is None else self.orbits.compiled,
         )
         self._explorer.add(self._initial)
         if self.seed is not None:
@@ -257,6 +266,7 @@ class Exploration:
             choice_rewards,
             levels,
             self._seconds,
+            self.orbits,
         )
 
     def _check_deadlocks(self, states: StateTable, deadlocks: Int64s) -> None:
@@ -319,6 +329,7 @@ def explore(
     options: Options,
     observer: ExplorationObserver | None = None,
     seed: Rows | None = None,
+    symmetries: tuple[Symmetry, ...] = (),
 ) -> ExplicitModel:
     """The reachable states and transitions of a model, breadth first.
 
@@ -326,6 +337,7 @@ def explore(
         options: limits of time (seconds) and memory (bytes of the search's arrays), and checks.
         observer: is called with the progress about every 50 ms.
         seed: packed states that another search has reached already.
+        symmetries: of the model; if there are some, one state of each orbit is explored.
 
     Returns:
         The model; probabilities are floating-point numbers.
@@ -341,6 +353,6 @@ def explore(
         >>> list(model.states), model.matrix.entries
         ([(0,), (1,), (2,), (3,)], 4)
     """
-    exploration = Exploration(model, options, seed)
+    exploration = Exploration(model, options, seed, symmetries)
     exploration.run(None, observer)
     return exploration.finish()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from symcheck.explicit.compile import compile_expression
+from symcheck.explicit.orbits import Represented, StateOrbits
 from symcheck.explicit.states import StateTable
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.expressions.vectorised import Column
@@ -30,6 +31,8 @@ class ExplicitModel:
             (rate), summed over the row.
         levels: number of breadth-first levels, the initial states included.
         seconds: duration of the exploration.
+        orbits: if not None, the states are representatives of these orbits, and the matrix leads
+            to the representatives of successors.
     """
 
     model: BoundModel
@@ -42,6 +45,7 @@ class ExplicitModel:
     choice_rewards: list[Floats]
     levels: int = 0
     seconds: float = 0.0
+    orbits: StateOrbits | None = None
 
     def __repr__(self) -> str:
         m = self.matrix
@@ -58,6 +62,17 @@ class ExplicitModel:
         """Memory of all arrays, in bytes."""
         rewards = sum(r.nbytes for r in (*self.state_rewards, *self.choice_rewards))
         return self.states.rows.nbytes + self.matrix.nbytes + self.choice_actions.nbytes + rewards
+
+    @property
+    def represented(self) -> Represented | None:
+        """The counts of the whole model; None if every state is explored."""
+        if self.orbits is None:
+            return None
+        rows = self.states.rows
+        states, initial, deadlocks = map(
+            self.orbits.count, (rows, rows[self.initial], rows[self.deadlocks])
+        )
+        return Represented(states, initial, deadlocks, self.orbits.symmetries)
 
     def evaluate(self, expression: Expression) -> Column:
         """The value of an expression over the variables in each state.

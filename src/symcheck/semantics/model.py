@@ -21,6 +21,7 @@ __all__ = [
     "BoundRewards",
     "BoundUpdate",
     "Event",
+    "Observations",
     "Value",
     "Variable",
 ]
@@ -119,6 +120,21 @@ class Event:
     participants: tuple[tuple[BoundCommand, ...], ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Observations:
+    """What properties read of a model.
+
+    Attributes:
+        expressions: state expressions.
+        rewards: they read rewards.
+        steps: they may count steps.
+    """
+
+    expressions: tuple[Expression, ...]
+    rewards: bool
+    steps: bool = True
+
+
 @dataclass(frozen=True, repr=False)
 class BoundModel:
     """A model whose state space can be built.
@@ -130,6 +146,9 @@ class BoundModel:
         derivation: of a transformed model (such as a reduced one), the function that transforms
             another bound model of the same text in the same way.
         builder: of a model without a text, the function that builds its engine from options.
+        observed: if not None, only values at the initial states are asked for; then one state may
+            represent all that a symmetry makes of it. The function gives what the properties read
+            of a model, None if that is more than such values.
     """
 
     program: Program
@@ -145,6 +164,9 @@ class BoundModel:
     system: Composition | None = None
     derivation: Callable[[BoundModel], BoundModel] | None = field(default=None, compare=False)
     builder: Callable[..., object] | None = field(default=None, compare=False)
+    observed: Callable[[BoundModel], Observations | None] | None = field(
+        default=None, compare=False
+    )
 
     def __repr__(self) -> str:
         """A summary on one line."""

@@ -211,7 +211,7 @@ def add_output(parser: SwitchParser) -> None:
     )
     parser.add(
         "counterexample",
-        needs=Needs((PROPERTY,), not_with=("-sim", "-nobuild", "-resume", COMPARE)),
+        needs=Needs((PROPERTY,), not_with=("-resume",), model=True),
         action="store_true",
         help="show why a bound P<=p [...] or R<=r [F ...] is false or true: likeliest paths, and "
         "few commands",

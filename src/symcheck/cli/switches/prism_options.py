@@ -42,6 +42,7 @@ _GROUPS: tuple[tuple[str, int, str], ...] = (
     ("sbl sbmax gsl sorl gsmax sormax cuddepsilon ddextrastatevars ddextraactionvars", 1, _STORAGE),
     ("pathviaautomata nodasimplify simmanual ng", 0, _OTHER),
     ("aroptions sumroundoff", 1, _OTHER),
+    ("symm", 1, "symmetric modules are found automatically; -nosymmetry explores every state"),
 )
 _WITHOUT_EFFECT: Mapping[str, tuple[int, str]] = {
     name: (count, why) for names, count, why in _GROUPS for name in names.split()
@@ -58,8 +59,6 @@ _PARAMETRIC_SWITCHES = (
 
 _REFUSED: Mapping[str, str] = {
     **dict.fromkeys(_PARAMETRIC_SWITCHES.split(), _PARAMETRIC),
-    "symm": "symmetry reduction is not supported; "
-    "-bisim checks on the quotient by strong bisimulation",
     "importpepa": "PEPA is not supported: models are in the PRISM language",
     "exportmrmc": "MRMC's formats are not supported; "
     "-exportmodel writes .tra .lab .srew .trew .drn and .umb",

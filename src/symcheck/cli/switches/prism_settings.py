@@ -57,7 +57,6 @@ _HONOURED: Mapping[str, tuple[str, Callable[[str], list[str]]]] = {
 """Default of a setting, and the switches for another value."""
 
 _REFUSED: Mapping[str, tuple[str, str]] = {
-    "prism.symmRedParams": ("", "symmetry reduction is not supported; -bisim finds symmetries"),
     "prism.param.enabled": ("false", "parametric model checking is not supported"),
     "prism.exportIterations": ("false", "iterations are not exported"),
     "prism.exportParetoFilename": ("", "-exportresults FILE writes the points"),
@@ -66,6 +65,7 @@ _REFUSED: Mapping[str, tuple[str, str]] = {
 """Default of a setting that asks for something else, and why it is refused."""
 
 _METHODS: Mapping[str, str] = {
+    "prism.symmRedParams": "",
     "prism.linEqMethod": "Jacobi",
     "prism.linEqMethodParam": "0.9",
     "prism.mdpSolnMethod": "Value iteration",

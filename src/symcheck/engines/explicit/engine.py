@@ -18,7 +18,13 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.engines import tuning
 from symcheck.engines.base import Automaton, Number, require_expression
-from symcheck.engines.capabilities import Capable, HasActions, HasExploredModel, HasMatrix
+from symcheck.engines.capabilities import (
+    Capable,
+    HasActions,
+    HasExploredModel,
+    HasMatrix,
+    RepresentsOrbits,
+)
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.base import Numeric
 from symcheck.engines.explicit.full_matrix import FullMatrix
@@ -26,6 +32,7 @@ from symcheck.engines.explicit.graph import ExplicitGraph
 from symcheck.engines.explicit.rational_values import RationalValues
 from symcheck.engines.linear_system import LinearSystem, Preprocessing, refuse_infinite_minimum
 from symcheck.explicit.explored import ExploredModel
+from symcheck.explicit.orbits import Represented
 from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
@@ -39,12 +46,13 @@ __all__ = ["ExplicitEngine", "ExplicitSystem"]
 
 
 @dataclass(frozen=True)
-class ExplicitEngine(Capable, HasMatrix, HasExploredModel, HasActions):
+class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, HasActions):
     """An explored model as an engine."""
 
     explored: ExploredModel
     name: str = "explicit"
     has_rows: bool = True
+    represented: Represented | None = None
 
     @property
     def exact(self) -> bool:

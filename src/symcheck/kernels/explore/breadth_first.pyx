@@ -21,6 +21,7 @@ from symcheck.kernels.tuning cimport (BATCH_STATES, BATCH_SUCCESSORS, CLOCK_INTE
                                       LINEAR_SCAN_ENTRIES)
 
 include "_csr_builder.pxi"
+include "_orbits.pxi"
 include "_state_table.pxi"
 include "_successors.pxi"
 
@@ -49,6 +50,7 @@ cdef class Explorer:
 
     Args:
         tables: see `symcheck.explicit.tables.Tables`.
+        orbits: if given, states are replaced by the representatives of their orbits.
     Raises:
         MemoryError: memory ended.
     """
@@ -58,9 +60,11 @@ cdef class Explorer:
     cdef readonly long long explored, level, level_end, fault_state
     cdef readonly int fault_status
     cdef Expander expander
+    cdef Orbits orbits
     cdef Buffer ids
 
-    def __cinit__(self, tables):
+    def __cinit__(self, tables, Orbits orbits: Orbits | None = None):
+        self.orbits = orbits
         self.expander = Expander(tables)
         self.rows = self.expander.rows
         self.states = StateSet(tables.words)
@@ -151,6 +155,8 @@ cdef class Explorer:
         if reserve(&self.ids, n * 4):
             return 1
         ids = <int32_t*> self.ids.data
+        if self.orbits is not None:
+            self.orbits.represent_rows(<uint64_t*> self.expander.targets.data, n)
         status = self.states.insert(<const uint64_t*> self.expander.targets.data, n, ids)
         if status:
             return status

@@ -18,7 +18,14 @@ from functools import partial
 from functools import reduce as fold
 from itertools import starmap
 
-from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Event, Variable
+from symcheck.semantics.model import (
+    BoundCommand,
+    BoundModel,
+    BoundUpdate,
+    Event,
+    Observations,
+    Variable,
+)
 from symcheck.semantics.reduction.control_locations import Location, Locations, control_variables
 from symcheck.semantics.reduction.live_variables import Liveness, is_safe, liveness
 from symcheck.semantics.reduction.stutter_reduction import counts_steps, reduce_stutter_steps
@@ -38,27 +45,12 @@ from symcheck.syntax.ast import (
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import Tree, children, nodes, transform
 
-__all__ = ["Observations", "Reduction", "expanded", "observe", "reduce"]
+__all__ = ["Reduction", "expanded", "observe", "reduce"]
 
 _KEPT_BY_BISIMULATION = {"min", "max", "range", "forall", "exists"}
 _TRUE = Literal(True, Type.BOOL)
 _MAX_CONDITION_LOCATIONS = 40
 """Do not reset a variable if the condition would list more locations or values."""
-
-
-@dataclass(frozen=True, slots=True)
-class Observations:
-    """The observations of properties.
-
-    Attributes:
-        expressions: state expressions whose values they read.
-        rewards: they read rewards.
-        steps: they may count steps.
-    """
-
-    expressions: tuple[Expression, ...]
-    rewards: bool
-    steps: bool = True
 
 
 def observe(
@@ -67,7 +59,8 @@ def observe(
     """The observations of bound formulas.
 
     Args:
-        labels: labels of the properties file.
+        labels: labels of the properties file. If "init" is among them, the initial states may be
+            asked for; else who asks for them observes all variables.
     """
     result: list[Expression] = []
     formulas = tuple(formulas)
@@ -93,7 +86,9 @@ def _seen(formula: Expression, labels: Mapping[str, Expression]) -> Iterator[Exp
                 yield None
             case _:
                 below = tuple(nodes(node))
-                if any(isinstance(n, LabelReference) and n.name == "init" for n in below):
+                if "init" not in labels and any(
+                    isinstance(n, LabelReference) and n.name == "init" for n in below
+                ):
                     yield None
                 elif _is_state_expression(below):
                     yield expanded(node, labels)  # type: ignore[arg-type]

@@ -1,0 +1,125 @@
+"""Orbits of states under the symmetries of a model: their representatives and their sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import factorial
+
+import numpy as np
+
+from symcheck.explicit import tuning
+from symcheck.explicit.states import Rows, StateLayout
+from symcheck.kernels.explore.breadth_first import Component, Orbits, Piece
+from symcheck.matrices.rows import Int64s
+from symcheck.semantics.reduction.symmetry import Symmetry
+
+__all__ = ["Represented", "StateOrbits"]
+
+_WORD = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Represented:
+    """The numbers of states, initial states and deadlocks that representatives stand for."""
+
+    states: int
+    initial: int
+    deadlocks: int
+    symmetries: tuple[Symmetry, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class StateOrbits:
+    """The orbits of packed states under symmetries on disjoint sets of variables.
+
+    Attributes:
+        symmetries: those whose components fit into a key of 64 bits; of a ring, all components
+            together.
+        compiled: replaces states by their representatives.
+    """
+
+    layout: StateLayout
+    symmetries: tuple[Symmetry, ...]
+    compiled: Orbits
+
+    @staticmethod
+    def of(layout: StateLayout, symmetries: Sequence[Symmetry]) -> StateOrbits | None:
+        """The orbits; None if no symmetry can be used."""
+        usable = tuple(s for s in symmetries if _fits(layout, s))
+        if not usable:
+            return None
+        groups = [
+            (s.is_ring, _width(layout, s), [_pieces(layout, c) for c in s.components])
+            for s in usable
+        ]
+        return StateOrbits(layout, usable, Orbits(groups, layout.words))
+
+    def representatives(self, rows: Rows) -> Rows:
+        """The representatives of states, each once, in lexicographic order: uint64[n, words]."""
+        rows = np.array(rows, np.uint64, order="C")
+        self.compiled.represent(rows)
+        return np.ascontiguousarray(np.unique(rows, axis=0))
+
+    def count(self, rows: Rows) -> int:
+        """The number of states in the orbits of some representatives."""
+        total = 0
+        for start in range(0, len(rows), tuning.VALUATIONS_PER_BLOCK):
+            block = rows[start : start + tuning.VALUATIONS_PER_BLOCK]
+            sizes = np.ones(len(block), np.int64)
+            for symmetry in self.symmetries:
+                sizes *= self._sizes(block, symmetry)
+            for size, states in zip(*np.unique(sizes, return_counts=True), strict=True):
+                total += int(size) * int(states)
+        return total
+
+    def _sizes(self, rows: Rows, symmetry: Symmetry) -> Int64s:
+        """The number of states that one symmetry makes of each representative: int64[n]."""
+        n = len(symmetry.components)
+        keys = np.stack([self._keys(rows, c) for c in symmetry.components])
+        if symmetry.is_ring:
+            sizes = np.full(len(rows), n, np.int64)
+            for period in (d for d in range(n - 1, 0, -1) if n % d == 0):
+                sizes[(np.roll(keys, period, axis=0) == keys).all(axis=0)] = period
+            return sizes
+        keys.sort(axis=0)
+        same, permutations = np.ones(len(rows), np.int64), np.ones(len(rows), np.int64)
+        for before, after in pairwise(keys):
+            same = np.where(before == after, same + 1, 1)
+            permutations *= same
+        return factorial(n) // permutations
+
+    def _keys(self, rows: Rows, component: Sequence[int]) -> Rows:
+        """The local states of a component as numbers: uint64[n]."""
+        keys = np.zeros(len(rows), np.uint64)
+        for variable in component:
+            _, word, shift, bits = map(np.uint64, self.layout.fields[variable].tolist())
+            mask = (np.uint64(1) << bits) - np.uint64(1)
+            keys = keys << bits | rows[:, word] >> shift & mask
+        return keys
+
+
+def _width(layout: StateLayout, symmetry: Symmetry) -> int:
+    """Bits of a component."""
+    return int(sum(layout.fields[v][3] for v in symmetry.components[0]))
+
+
+def _fits(layout: StateLayout, symmetry: Symmetry) -> bool:
+    copies = len(symmetry.components) if symmetry.is_ring else 1
+    return 0 < _width(layout, symmetry) * copies <= _WORD
+
+
+def _pieces(layout: StateLayout, component: Sequence[int]) -> Component:
+    """Where a packed state has the bits of a component (see `Orbits`); adjacent ones are joined."""
+    pieces: list[Piece] = []
+    position = 0
+    for variable in reversed(component):
+        _, word, shift, bits = layout.fields[variable].tolist()
+        if pieces and pieces[-1][:2] == (word, shift - pieces[-1][2]):
+            _, low, below, at = pieces.pop()
+            pieces.append((word, low, below + bits, at))
+        elif bits:
+            pieces.append((word, shift, bits, position))
+        position += bits
+    return tuple(pieces)
