@@ -132,7 +132,6 @@ def test_several_vectors_are_written(tmp_path):
         (["-exportjani", "x.jani:rows"], "'rows' is no option of a JANI file"),
         (["-exportiterations"], "-exportpage FILE plays them"),
         (["-exportprodvector", "v"], "-exportprodtrans"),
-        (["-importresults", "r.csv"], "-exportresults writes them"),
     ],
 )
 def test_what_is_not_honoured_is_an_error(words, message, tmp_path, capsys, monkeypatch):

@@ -27,7 +27,6 @@ EVERYWHERE = (
     *("-pf", "-const", "-dtmc", "-ctmc", "-mdp", "-importmodel", "-importtrans", "-importstrat"),
     *("-v", "-nobuild", "-batch", "-help", "-completion", "-version", "-javaversion"),
     *("-scheduler", "-exact", "-fixdl", "-nofixdl", "-noprobchecks", "-reduce", "-symmetry"),
-    "-nostates",
     *("-nosymmetry", "-cuddmaxmem", "-timeout", "-relative", "-nofair"),
 )
 """Switches that have an effect in every run, or say themselves why not. Some set a default."""

@@ -34,6 +34,8 @@ def run(state: RunState) -> int:
     Raises SymcheckError for faults of the run as a whole.
     """
     a = state.arguments
+    if a.importresults is not None:
+        return _import_results(state, a.importresults)
     source = choose_model_file(a)
     exports.check_targets(a)
     peer = None
@@ -71,6 +73,40 @@ def run(state: RunState) -> int:
             state.output.tests(state.report())
     state.output.end()
     return 3 if state.lost else 1 if state.failures else 0
+
+
+_WITH_IMPORTED_RESULTS = ("-importresults", "-exportresults", "-mainlog", "-v", "-timeout")
+
+
+def _import_results(state: RunState, file: str) -> int:
+    """Read the results of another run; they are written as those of this run, or printed.
+
+    Raises UsageError.
+    """
+    a = state.arguments
+    others = [given.written for n, given in a.given.items() if n not in _WITH_IMPORTED_RESULTS]
+    others = [*filter(None, (a.model, a.properties)), *others]
+    if others:
+        raise UsageError(
+            f"{others[0]} has no effect: -importresults reads finished results, and checks nothing"
+        )
+    from symcheck.experiments.table import Experiment
+
+    state.output.header([f'Reading results file "{file}"'])
+    try:
+        experiment = Experiment.load(file)
+    except UsageError as error:
+        raise UsageError(f"-importresults: {error}") from None
+    state.rows, state.varying = list(experiment), experiment.varying
+    if not state.rows:
+        state.output.warn(f"{file} has no results")
+    elif a.exportresults is None:
+        from symcheck.experiments.prism_tables import render
+
+        state.output.line()
+        state.output.line(render(state.rows, state.varying, ["text"]).rstrip())
+    state.output.end()
+    return 0
 
 
 def _check_instances(

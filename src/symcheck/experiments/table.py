@@ -32,6 +32,22 @@ class Experiment(Sequence[Row]):
     varying: tuple[str, ...] = ()
     complete: bool = True
 
+    @classmethod
+    def load(cls, path: str | Path) -> Experiment:
+        """Read a table that `save` or -exportresults has written: .csv, .json, a data frame.
+
+        The constants with several values are the `varying` ones.
+
+        Raises:
+            UsageError: the file cannot be read, or has another form.
+        """
+        from symcheck.experiments.reader import read_rows
+
+        rows = tuple(read_rows(path))
+        names = dict.fromkeys(n for r in rows for n in r.constants)
+        values = {n: {r.constants[n] for r in rows if n in r.constants} for n in names}
+        return cls(rows, tuple(n for n in names if len(values[n]) > 1))
+
     @overload
     def __getitem__(self, index: int) -> Row: ...
     @overload

@@ -98,6 +98,7 @@ class Arguments(argparse.Namespace):
     exportsteadystate: str | None
     verbose: bool
     exportresults: str | None
+    importresults: str | None
     jobs: int
     scheduler: str | None
     resume: str | None

@@ -171,6 +171,13 @@ def add_output(parser: SwitchParser) -> None:
         "(default), csv, matrix, dataframe, comment, json ('stdout' for FILE prints)",
     )
     parser.add(
+        "importresults",
+        needs=Needs(not_with=(BATCH, COMPARE)),
+        metavar="FILE",
+        help="read results that -exportresults has written (.csv, .json, PRISM's data frame), and "
+        "print them or write them with -exportresults; there is no model",
+    )
+    parser.add(
         "jobs",
         needs=Needs((f"{VALUES}|-sim",), not_with=("-step", "-scheduler", COMPARE), note=True),
         metavar="N",

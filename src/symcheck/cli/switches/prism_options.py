@@ -65,7 +65,6 @@ _REFUSED: Mapping[str, str] = {
     "exportunordered": "exports are always in the order of rows",
     "exportiterations": "iterations are not exported; -exportpage FILE plays them, and in the "
     "library an observer receives each",
-    "importresults": "results cannot be imported; -exportresults writes them",
     "exportprodvector": "values in a product with an automaton are not exported; -exportprodtrans "
     "and -exportprodstates write the product, -exportvector the values in the model",
     "exporttarget": "targets are not exported; -exportlabels exports labels",
