@@ -130,7 +130,8 @@ def test_several_vectors_are_written(tmp_path):
         (["-exportmodel", "x.umb:zip"], "unknown option 'zip'"),
         (["-exportmodel", "x.jani:precision=3"], "'precision=3' is no option of a JANI file"),
         (["-exportjani", "x.jani:rows"], "'rows' is no option of a JANI file"),
-        (["-exportiterations"], "-exportpage FILE plays them"),
+        (["-exportiterations", "i.html"], "-exportpage iterations.html plays them"),
+        (["-exportiterations", "missing/i.csv"], "-exportiterations: there is no folder"),
         (["-exportprodvector", "v"], "-exportprodtrans"),
     ],
 )

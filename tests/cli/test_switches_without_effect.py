@@ -45,6 +45,7 @@ VALUE_OF = {
     "-exportpage": "p.html",
     "-exportcounterexample": "c.txt",
     "-exportpareto": "p.csv",
+    "-exportiterations": "i.csv",
     "-exportstrat": "s.txt",
     "-exportmodel": "m.tra",
     "-exportrewards": "r.srew r.trew",

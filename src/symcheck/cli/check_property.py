@@ -33,6 +33,7 @@ from symcheck.whole_file import is_output_fault
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
     from symcheck.engines.explicit.strategy import Strategy
+    from symcheck.exchange.iterations import IterationLog
     from symcheck.simulate.statistics import Plan
 
 __all__ = ["check_property", "internal_error", "report_unbuilt_model", "report_unparsed"]
@@ -63,11 +64,12 @@ def check_property(
     state.output.property(instance.text, bound.name, of_model, of_property)
     row = row_of(instance, of_model)
     outcome: Result | SymcheckError
+    iterations = _iteration_log(state.arguments)
     try:
         if plan is not None:
             outcome = model.estimate_instance(instance, plan, state.workers)
         else:
-            outcome = model.check_instance(instance, shared=shared)
+            outcome = model.check_instance(instance, shared=shared, observer=iterations)
         state.output.result(outcome, state.options.method)
     except (ResourceError, OutputError, MemoryError):
         raise
@@ -89,6 +91,8 @@ def check_property(
             build_seconds=state.build_seconds,
         )
     state.rows.append(row)
+    if iterations is not None:
+        _write_iterations(state, iterations, varying)
     if isinstance(outcome, Result):
         _write_files(state.arguments, state.output, outcome, varying)
         _write_product(state, model, instance, varying)
@@ -178,6 +182,28 @@ def _write_front(path: str, output: Output, result: Result) -> None:
         return
     write_text(path, [front_text(result.front, check_front_file(path))], output.out)
     output.exported(path)
+
+
+def _iteration_log(a: Arguments) -> IterationLog | None:
+    """What receives the iterations of a property, if they are to be written."""
+    if a.exportiterations is None:
+        return None
+    from symcheck.exchange.iterations import IterationLog
+
+    return IterationLog()
+
+
+def _write_iterations(state: RunState, log: IterationLog, varying: ConstantTexts) -> None:
+    """Write the iterations of a property, also of one that ended with an error."""
+    from symcheck.exchange.iterations import check_iterations_file, iterations_text
+    from symcheck.exchange.text import write_text
+
+    if not log.rows:
+        state.output.warn("-exportiterations: this property was checked without iterations")
+        return
+    path = instance_path(state.arguments.exportiterations or "", varying)
+    write_text(path, [iterations_text(log.rows, check_iterations_file(path))], state.output.out)
+    state.output.exported(path)
 
 
 def _explain(a: Arguments, output: Output, result: Result, varying: ConstantTexts) -> None:

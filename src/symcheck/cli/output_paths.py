@@ -65,6 +65,16 @@ def check_files(a: Arguments) -> None:
             check_front_file(a.exportpareto)
         except UsageError as error:
             raise UsageError(f"-exportpareto: {error}") from None
+    if a.exportiterations is not None:
+        from symcheck.exchange.iterations import check_iterations_file
+
+        try:
+            check_iterations_file(a.exportiterations)
+        except UsageError as error:
+            raise UsageError(
+                f"-exportiterations: {error}\n  hint: -exportiterations iterations.csv; "
+                "-exportpage iterations.html plays them"
+            ) from None
     if a.exporttests is not None:
         from symcheck.check.testing.property_tests import check_report_file
 

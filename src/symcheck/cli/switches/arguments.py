@@ -110,6 +110,7 @@ class Arguments(argparse.Namespace):
     exportprodtrans: str | None
     exportprodstates: str | None
     exportpareto: str | None
+    exportiterations: str | None
     nobuild: bool
     test: bool
     testall: bool

@@ -243,6 +243,13 @@ def add_output(parser: SwitchParser) -> None:
         help="write the Pareto front of a multi(...) query: .csv (vertices) or .json (also its "
         "half-spaces); 'stdout' prints",
     )
+    parser.add(
+        "exportiterations",
+        needs=Needs((PROPERTY,), ("-nobuild", "-sim", "-scheduler", "-resume", COMPARE, BATCH)),
+        metavar="FILE",
+        help="write each iteration of the numerical methods of a property: .csv or .json "
+        "(-exportpage plays them)",
+    )
     parser.add("nobuild", action="store_true", help="only read the model")
     parser.add(
         "test",

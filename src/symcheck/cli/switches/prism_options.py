@@ -63,8 +63,6 @@ _REFUSED: Mapping[str, str] = {
     "exportmrmc": "MRMC's formats are not supported; "
     "-exportmodel writes .tra .lab .srew .trew .drn and .umb",
     "exportunordered": "exports are always in the order of rows",
-    "exportiterations": "iterations are not exported; -exportpage FILE plays them, and in the "
-    "library an observer receives each",
     "exportprodvector": "values in a product with an automaton are not exported; -exportprodtrans "
     "and -exportprodstates write the product, -exportvector the values in the model",
     "exporttarget": "targets are not exported; -exportlabels exports labels",
