@@ -116,6 +116,17 @@ def test_a_save_that_fails_leaves_nothing(cache: Path, monkeypatch: pytest.Monke
     assert not list(cache.iterdir())
 
 
+@pytest.mark.parametrize(
+    ("word", "reserved"),
+    [
+        *dict.fromkeys(("module", "init", "endinit", "P", "Pmax", "filter", "floor"), True).items(),
+        *dict.fromkeys(("x", "initial", "endings", "Pmaximal", "mini", "T", "e_1"), False).items(),
+    ],
+)
+def test_the_grammar_says_which_words_are_reserved(word: str, reserved: bool) -> None:
+    assert grammars.load("prism").reserves(word) is reserved
+
+
 def test_two_processes_at_once(cache: Path) -> None:
     runs = [
         subprocess.Popen([sys.executable, "-c", PARSE], stdout=subprocess.PIPE, text=True)

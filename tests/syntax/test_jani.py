@@ -176,6 +176,21 @@ def test_what_accumulates_is_what_is_asked(tmp_path):
     assert found == pytest.approx(kinds | {"both": 2.5}, abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("operator", "expected"), [("≥", True), (">", True), ("≤", False), ("<", False), ("=", False)]
+)
+def test_two_values_are_compared(tmp_path, operator, expected):
+    """Neither is a constant, so none of them is a threshold."""
+    three, one = ({"op": "Pmax", "exp": {"op": "F", "exp": binary(o, "d", 3)}} for o in "≥=")
+    asked = {
+        "plain": filtered(binary(operator, three, one)),
+        "scaled": filtered(binary(operator, three, binary("*", 2, one))),
+    }
+    properties = [{"name": n, "expression": e} for n, e in asked.items()]
+    found = values(tmp_path, MODELS["die"] | {"properties": properties})
+    assert found == {"plain": expected, "scaled": expected}
+
+
 def test_steps_are_counted_by_the_number_1(tmp_path):
     def steps(**more):
         return {"op": "Emax", "exp": 1, "accumulate": ["steps"], **more}

@@ -9,6 +9,7 @@ analyses the grammar.
 from __future__ import annotations
 
 import os
+import re
 import sys
 from contextlib import suppress
 from dataclasses import dataclass
@@ -46,6 +47,19 @@ class Language:
             for terminal in self.parser.terminals
             if isinstance(terminal.pattern, lark.lexer.PatternStr)
         }
+
+    def reserves(self, word: str) -> bool:
+        """Whether a word is no name: a keyword, or a function if a parenthesis follows."""
+        return self._reserved.match(f"{word}(") is not None
+
+    @cached_property
+    def _reserved(self) -> re.Pattern[str]:
+        patterns = (
+            f"(?:{terminal.pattern.to_regexp()})"
+            for terminal in self.parser.terminals
+            if terminal.name not in ("NAME", "FOREIGN")
+        )
+        return re.compile(rf"(?:{'|'.join(patterns)})(?=\(\Z)")
 
 
 def load(name: str) -> Language:

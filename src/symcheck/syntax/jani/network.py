@@ -10,6 +10,7 @@ from functools import cached_property
 from symcheck.errors import Span
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Name, Type
 from symcheck.syntax.declarations import Constant, VariableDeclaration
+from symcheck.syntax.grammars import load
 from symcheck.syntax.jani.expressions import (
     ONE,
     TRUE,
@@ -51,12 +52,6 @@ _OTHER_TYPES = {
     "pha": "probabilistic hybrid automata",
     "sha": "stochastic hybrid automata",
 }
-_RESERVED_WORDS = (
-    "A C E F G I P R S U W X Pmax Pmin Rmax Rmin bool clock const ctmc double dtmc endinit "
-    "endinvariant endmodule endrewards endsystem false filter floor ceil round pow mod log "
-    "formula func global init int invariant label max mdp min module nondeterministic prob "
-    "probabilistic pta rate rewards stochastic system true"
-)
 
 
 class UniqueNames:
@@ -68,7 +63,7 @@ class UniqueNames:
     def take(self, proposal: str) -> str:
         """The wanted name if it is free and valid, or else one that is close to it."""
         name = re.sub(r"\W|[^\x00-\x7f]", "_", proposal)
-        if not name or name[0].isdigit() or name in _RESERVED_WORDS.split():
+        if not name or name[0].isdigit() or load("prism").reserves(name):
             name = f"_{name}"
         free, number = name, 1
         while free in self._taken:
@@ -261,8 +256,6 @@ class _NetworkReader:
         self.transients: dict[str, Transient] = {}
         self.functions: dict[str, FunctionDefinition] = {}
         self.boolean: set[str] = set()
-        self.open = False
-        """Whether a variable has no initial value, so that it may have any."""
 
     def read(self) -> Network:
         root = self.root
@@ -360,7 +353,6 @@ class _NetworkReader:
                     f"the variable '{identifier}' has one bound only",
                     "give both bounds, or none",
                 )
-            self.open |= value is None
             first, last = (None if b is None else reader.read(b) for b in (low, high))
             span = node["name"].span
             result.append(VariableDeclaration(name, kind, first, last, value, span=span))
@@ -436,7 +428,6 @@ class _NetworkReader:
         if len(locations) > 1:
             location_variable = Name(self.unique.take(f"{module}_location"))
             first = Literal(starts[0], Type.INT) if len(starts) == 1 else None
-            self.open |= first is None
             last = Literal(len(locations) - 1, Type.INT)
             span = node["locations"].span
             at = VariableDeclaration(location_variable.name, Type.INT, ZERO, last, first, span=span)

@@ -47,7 +47,7 @@ from symcheck.syntax.jani.json_tree import Json
 from symcheck.syntax.jani.network import Network
 from symcheck.syntax.jani.rewards import RewardRequest, has_branching_rewards, is_additive
 from symcheck.syntax.operators import Operator
-from symcheck.syntax.traversal import names, substitute
+from symcheck.syntax.traversal import names, nodes, substitute
 
 __all__ = ["FILTERS", "PropertyReader", "default_requests", "state_labels"]
 
@@ -91,6 +91,12 @@ def default_requests(network: Network) -> dict[str, RewardRequest]:
     }
 
 
+def _has_measure(expression: Expression) -> bool:
+    """Whether a value is to be computed for it."""
+    measures = (ProbabilityOperator, RewardOperator, SteadyState)
+    return any(isinstance(node, measures) for node in nodes(expression))
+
+
 @dataclass(frozen=True)
 class PropertyReader(ExpressionReader):
     """Reads properties, and notes the reward structures that they need.
@@ -120,11 +126,11 @@ class PropertyReader(ExpressionReader):
         if operator in OPERATORS and OPERATORS[operator].is_comparison:
             for side, other in (("left", "right"), ("right", "left")):
                 if _operator(node[side]) in _MEASURES:
-                    sign = OPERATORS[operator]
-                    if sign in (Operator.EQ, Operator.NE):
+                    sign, threshold = OPERATORS[operator], self.read(node[other])
+                    if sign in (Operator.EQ, Operator.NE) or _has_measure(threshold):
                         break  # the two values are compared
                     sign = sign if side == "left" else sign.mirrored
-                    bound = Bound(sign, self.read(node[other]), span=node.span)
+                    bound = Bound(sign, threshold, span=node.span)
                     return self._measure(node[side], bound)
         if operator in _MEASURES:
             return self._measure(node, None)
