@@ -233,6 +233,12 @@ def test_a_page(die, capsys):
         ("-exportpage", "page.pdf", "-exportpage: 'page.pdf' is no HTML file"),
         ("-exportpage", "nowhere/page.html", "-exportpage: there is no folder 'nowhere'"),
         ("-exportstrat", "s.txt:type=action", "-exportstrat: cannot read 'type=action'"),
+        (
+            "-exportstrat",
+            "best.foo",
+            "the extension '.foo' names no kind of strategy file\n  hint:",
+        ),
+        ("-exportstrat", "best.tar.gz", "the extension '.tar' names no kind of strategy file"),
     ],
 )
 def test_a_faulty_target_is_found_before_the_model_is_read(

@@ -313,13 +313,17 @@ def test_saved_settings(queue, capsys):
     assert (status, "Engine:      mtbdd" in out) == (0, True)
     assert "Note: prism.linEqMethod has no effect: the method is chosen by structure" in out
     assert "Engine:      sparse" in run(capsys, *words, "-s")[1]
+    file.write_text("prism.maxItres=5\nprism.compact=false\nprism.fau.delta=0.1\nlog.font=Sans\n")
+    notes = [line for line in run(capsys, *words)[1].splitlines() if line.startswith("Note")]
+    assert notes == ["Note: prism.maxItres has no effect: there is no such setting of PRISM"]
 
 
 @pytest.mark.parametrize(
     ("line", "message"),
     [
         ("prism.param.enabled=true", ":9: prism.param.enabled=true: parametric model checking"),
-        ("prism.symmRedParams=1 2", "symmetry reduction is not supported"),
+        ("prism.exportIterations=true", "-exportiterations FILE writes iterations"),
+        ("prism.exportParetoFileName=front", "-exportpareto FILE writes the front"),
         ("prism.fairness=perhaps", "there is no such value of this setting"),
         ("storm.engine=dd", "there is no such setting of PRISM"),
         ("prism.termCritParam=two", "-epsilon: 'two' is not a number"),

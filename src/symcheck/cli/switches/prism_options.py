@@ -141,6 +141,7 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
             saved = read_settings(path)
             settings += saved.words
             without |= dict.fromkeys(saved.without_effect, _METHODS)
+            without |= dict.fromkeys(saved.unknown, "there is no such setting of PRISM")
         elif name in _REFUSED:
             raise UsageError(f"-{name}: {_REFUSED[name]}")
         else:

@@ -20,11 +20,12 @@ class SavedSettings:
     """The settings of a file.
 
     words: the switches that they amount to. without_effect: the names of those that change nothing
-    here.
+    here. unknown: the names `prism.…` that are not known.
     """
 
     words: tuple[str, ...]
     without_effect: tuple[str, ...]
+    unknown: tuple[str, ...] = ()
 
 
 def _with_value(switch: str) -> Callable[[str], list[str]]:
@@ -58,8 +59,9 @@ _HONOURED: Mapping[str, tuple[str, Callable[[str], list[str]]]] = {
 
 _REFUSED: Mapping[str, tuple[str, str]] = {
     "prism.param.enabled": ("false", "parametric model checking is not supported"),
-    "prism.exportIterations": ("false", "iterations are not exported"),
-    "prism.exportParetoFilename": ("", "-exportresults FILE writes the points"),
+    "prism.exportIterations": ("false", "-exportiterations FILE writes iterations"),
+    "prism.exportParetoFilename": ("", "-exportpareto FILE writes the front"),
+    "prism.exportParetoFileName": ("", "-exportpareto FILE writes the front"),
     "prism.exportAdv": ("None", "-exportadv FILE and -exportadvmdp FILE write an adversary"),
 }
 """Default of a setting that asks for something else, and why it is refused."""
@@ -82,10 +84,24 @@ _METHODS: Mapping[str, str] = {
     "prism.preRel": "true",
     "prism.sumRoundOff": "1.0E-5",
     "prism.doSSDetect": "true",
+    "prism.multiMaxIters": "50",
     "prism.multiMaxPoints": "50",
     "prism.paretoEpsilon": "0.01",
 }
 """Settings of the way of computing, with their defaults: results are certified here."""
+
+_STORAGE = (
+    *("compact", "doReorder", "reorderOptions", "explodeBits", "globalizeVariables"),
+    *("cuddEpsilon", "cuddMaxGrowth", "ddExtraStateVars", "ddExtraActionVars", "ddsanity"),
+    *("numSBLevels", "SBMaxMem", "numSORLevels", "SORMaxMem", "extraDDInfo", "extraReachInfo"),
+    *("sccMethod", "sccMethodExplicit", "ecMethod", "ptaMethod", "arOptions", "pathViaAutomata"),
+    *("noDaSimplify", "exportAdvFilename", "boundsViaCounters", "allowLTL2WDBA"),
+    *("gridResolution", "heuristic", "javaMaxMem", "javaStack"),
+)
+"""Settings `prism.…` of how PRISM stores or prepares something, or details of those above."""
+
+_GROUPS = ("prism.param.", "prism.fau.")
+"""Groups of settings that are details of those above."""
 
 _WINDOWS = ("gui", "log", "model", "prism", "properties", "property", "simulator")
 """What the names of settings begin with."""
@@ -100,6 +116,7 @@ def read_settings(path: str) -> SavedSettings:
         raise UsageError(f"-settings: cannot read '{path}': {reason}") from None
     words: list[str] = []
     ignored: list[str] = []
+    unknown: list[str] = []
     for number, line in enumerate(text.splitlines(), 1):
         name, equals, value = (part.strip() for part in line.partition("="))
         if not equals or name.startswith("#"):
@@ -117,9 +134,13 @@ def read_settings(path: str) -> SavedSettings:
             default, reason = _REFUSED[name]
             if not _same(value, default):
                 raise UsageError(f"{where}: {reason}")
-        elif name in _METHODS and not _same(value, _METHODS[name]):
-            ignored.append(name)
-    return SavedSettings(tuple(words), tuple(ignored))
+        elif name in _METHODS:
+            if not _same(value, _METHODS[name]):
+                ignored.append(name)
+        elif name.startswith("prism.") and not name.startswith(_GROUPS):
+            if name.removeprefix("prism.") not in _STORAGE:
+                unknown.append(name)
+    return SavedSettings(tuple(words), tuple(ignored), tuple(unknown))
 
 
 def _same(value: str, default: str) -> bool:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TextIO
 
 import numpy as np
@@ -34,6 +35,9 @@ __all__ = [
     "write_strategy",
     "write_strategy_files",
 ]
+
+_TEXT = ("", ".txt", ".strat", ".adv", ".dat", ".res", ".log")
+"""The extensions of a list of decisions."""
 
 KINDS = ("actions", "indices", "induced", "dot")
 
@@ -66,7 +70,7 @@ def strategy_target(argument: str) -> StrategyTarget:
     has the states that are not reached.
 
     Raises:
-        UsageError: an option is unknown.
+        UsageError: an option is unknown, or there is no type and the extension names none.
     """
     path, colon, text = argument.rpartition(":")
     if not colon or "=" not in text:
@@ -77,7 +81,7 @@ def strategy_target(argument: str) -> StrategyTarget:
     options = dict(part.partition("=")[::2] for part in text.split(",") if part)
     # This option merges states with equal observations, and applies to POMDPs only.
     options.pop("obs", None)
-    kind = options.pop("type", "dot" if name.endswith(".dot") else "actions")
+    kind = options.pop("type", None) or _kind(name)
     if kind == "actions" and _parts(path):
         kind = "induced"
     mode = options.pop("mode", "reduce")
@@ -94,6 +98,23 @@ def strategy_target(argument: str) -> StrategyTarget:
         )
         raise UsageError(f"-exportstrat: cannot read '{text}'\n  hint: {known}")
     return StrategyTarget(path, kind, reach == "true", mode == "restrict", states == "true")
+
+
+def _kind(name: str) -> str:
+    """The kind that the extension of a file names. Raises UsageError."""
+    extension = Path(name).suffix.lower()
+    if extension == ".dot":
+        return "dot"
+    if _parts(name):
+        return "induced"
+    if extension not in _TEXT:
+        known = ", ".join(("FILE", *(f"FILE{e}" for e in _TEXT if e)))
+        raise UsageError(
+            f"-exportstrat: '{name}': the extension '{extension}' names no kind of strategy file"
+            f"\n  hint: {known} write the actions, FILE.dot the graph, FILE.tra and FILE.all the "
+            f"induced chain, '{name}:type=actions' the actions under any name"
+        )
+    return "actions"
 
 
 def _parts(path: str) -> list[str]:
