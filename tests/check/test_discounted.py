@@ -150,5 +150,5 @@ def test_a_ctmc_has_none():
 
 
 def test_simulation_refuses_them():
-    with pytest.raises(UnsupportedError, match="without -sim"):
+    with pytest.raises(UnsupportedError, match="without sampling"):
         symcheck.loads(FLIP).estimate("R=? [ C discount=0.5 ]")

@@ -46,7 +46,7 @@ def _bound() -> symcheck.BoundModel:
         ),
         ("symcheck.exchange.api_io.read_files", lambda: symcheck.load_explicit("die.all")),
         ("symcheck.simulate.steps.Steps.start", lambda: symcheck.load(DIE).simulate(3)),
-        ("symcheck.simulate.check.Sampler", lambda: symcheck.load(DIE).estimate("P=? [ F d=6 ]")),
+        ("symcheck.simulate.samples.Sampler", lambda: symcheck.load(DIE).estimate("P=? [ F d=6 ]")),
     ],
 )
 def test_memory_that_arrays_lack(

@@ -10,9 +10,11 @@ from typing import Never
 import numpy as np
 import pytest
 
+import symcheck
 from checking import check_text, engine_of
 from generate import random_model, random_property
 from symcheck.check.result import Exact, Result, Statistical
+from symcheck.cli import main
 from symcheck.errors import (
     NameFault,
     NumericalError,
@@ -130,7 +132,7 @@ def test_okamoto_number_of_samples() -> None:
 
 def test_apmc_needs_a_bound_on_rewards() -> None:
     formula = 'R{"tosses"}=? [ C<=5 ]'
-    with pytest.raises(UsageError, match="simmaxrwd"):
+    with pytest.raises(UsageError, match="most"):
         sample(DIE, formula, method="apmc")
     with pytest.raises(NumericalError, match="outside of"):
         sample(DIE, formula, method="apmc", most=2.0)
@@ -175,7 +177,7 @@ def test_a_threshold_within_the_interval_is_an_error() -> None:
 
 def test_paths_that_are_too_long_are_an_error() -> None:
     walk = "dtmc module m x:int init 0; [] true -> 0.5:(x'=x+1)+0.5:(x'=x-1); endmodule"
-    with pytest.raises(NumericalError, match="simpathlen"):
+    with pytest.raises(NumericalError, match="max_steps"):
         sample(walk, "P=? [ F x=50 ]", samples=50, max_steps=100)
 
 
@@ -192,11 +194,11 @@ def test_a_closed_class_without_the_target_ends_a_path() -> None:
 @pytest.mark.parametrize(
     ("formula", "advice"),
     [
-        ("S=? [ x=0 ]", "without -sim"),
+        ("S=? [ x=0 ]", "without sampling"),
         ("R=? [ S ]", "C<=k or I=k"),
         ("R=? [ C ]", "C<=k or I=k"),
         ("P=? [ G F x=0 ]", "X, F, G, U, W and R"),
-        ("P=? [ F P>0.5 [ X x=0 ] ]", "without -sim"),
+        ("P=? [ F P>0.5 [ X x=0 ] ]", "without sampling"),
         ("filter(max, P=? [ F x=0 ], x=1)", "a single P, R or T operator"),
         ("1 - P=? [ F x=0 ]", "a single P, R or T operator"),
     ],
@@ -272,3 +274,13 @@ def test_a_lost_batch_is_an_error() -> None:
 
     with pytest.raises(ResourceError, match="its process was killed"):
         sample(DIE, "P=? [ F d=6 ]", Workers(1, Dead()), samples=5000)
+
+
+def test_the_library_names_parameters_and_the_command_line_switches(tmp_path, capsys):
+    text = "dtmc module m x : [0..1]; [] x=0 -> 0.5:(x'=1) + 0.5:true; endmodule"
+    with pytest.raises(UsageError, match="choose a larger 'samples'"):
+        symcheck.loads(text).estimate("P=? [ F x=1 ]", samples=1)
+    (tmp_path / "m.pm").write_text(text)
+    words = ["-pf", "P=? [ F x=1 ]", "-sim", "-simsamples", "1"]
+    assert main([str(tmp_path / "m.pm"), *words]) == 1
+    assert "choose a larger -simsamples" in capsys.readouterr().out

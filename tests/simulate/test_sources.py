@@ -105,7 +105,7 @@ def test_refusals(tmp_path):
     model = read(DTMC, tmp_path)
     with pytest.raises(NameFault, match="none"):
         model.estimate('P=? [ F "none" ]')
-    with pytest.raises(UnsupportedError, match="-exact"):
+    with pytest.raises(UnsupportedError, match="rational arithmetic"):
         model.with_options(exact=True).estimate('P=? [ F "end" ]')
     (tmp_path / "d.tra").write_text("2 1\n0 1 1\n")
     with pytest.raises(ModelFault, match="deadlock"):

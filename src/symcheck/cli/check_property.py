@@ -18,6 +18,7 @@ from symcheck.cli.input.properties import UnparsedProperty
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import ConstantTexts, instance_path
 from symcheck.cli.run_state import RunState
+from symcheck.cli.simulation.sampling import in_switches
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import (
     InternalError,
@@ -77,6 +78,8 @@ def check_property(
         if memory_ended(error) or (isinstance(error, OSError) and is_output_fault(error)):
             raise
         outcome = error if isinstance(error, SymcheckError) else internal_error(error)
+        if plan is not None:
+            outcome = in_switches(outcome)
         state.output.error(outcome)
         state.failures += not state.testing
         row = replace(row, error=error_text(outcome))

@@ -69,7 +69,10 @@ def _targets(a: Arguments, varying: ConstantTexts = NO_CONSTANTS) -> list[Target
     for kind, argument in a.exports:
         if kind == "model":
             source = a.model or a.importmodel or a.importtrans or "model"
-            targets += parse_target(argument, source, options)
+            try:
+                targets += parse_target(argument, source, options)
+            except UsageError as error:
+                raise UsageError(f"-exportmodel: {error}") from None
         elif argument:
             path, overrides = file_options(argument, options)
             if kind == "jani":

@@ -81,13 +81,14 @@ def check_by_sampling(
     monitor, reward, bound = _read_operator(model, formula)
     if model.type is ModelType.MDP and bound is not None:
         raise UnsupportedError(
-            "-sim does not decide thresholds of an mdp: a threshold must hold for all strategies, "
-            "and sampling follows one, the uniform strategy; without -sim the threshold is decided"
+            "sampling does not decide thresholds of an mdp: a threshold must hold for all "
+            "strategies, and sampling follows one, the uniform strategy; without sampling it is "
+            "decided"
         )
     if model.exact:
         raise UnsupportedError(
-            "-sim cannot be combined with -exact: sampling estimates values, and -exact computes "
-            "them in rational arithmetic"
+            "sampling estimates values, and rational arithmetic (exact) computes them: one of the "
+            "two has to go"
         )
     seed = used_seed(plan.seed)
     sampled = SampledProperty(
@@ -126,13 +127,13 @@ def _read_operator(
             return reward_monitor(path, model), Time(), bound
         case ConditionalProbability():
             raise UnsupportedError(
-                "-sim does not estimate conditional probabilities; without -sim they are computed "
-                "numerically"
+                "sampling does not estimate conditional probabilities; without it they are "
+                "computed numerically"
             )
         case ExpressionNode():
             raise UnsupportedError(
-                f"-sim supports a single P, R or T operator, not '{pretty(formula)}'; "
-                "without -sim it is checked numerically"
+                f"sampling supports a single P, R or T operator, not '{pretty(formula)}'; "
+                "without sampling it is checked numerically"
             )
         case _:
             assert_never(formula)
@@ -174,7 +175,7 @@ def _verdict(interval: IntervalEstimate, bound: Bound) -> bool:
         raise NumericalError(
             f"the threshold {threshold:g} lies within the interval [{interval.lower:.6g}, "
             f"{interval.upper:.6g}] estimated from {interval.samples} samples, so it is not "
-            "decided; take more samples (-simsamples), or check without -sim"
+            "decided; take more samples ('samples'), or check without sampling"
         )
     return _compare(interval.mean, bound)
 
@@ -182,7 +183,7 @@ def _verdict(interval: IntervalEstimate, bound: Bound) -> bool:
 def _decide_by_test(samples: Samples, plan: Plan, bound: Bound | None, probability: bool) -> Result:
     if bound is None or not probability:
         raise UnsupportedError(
-            "-simmethod sprt decides thresholds on probabilities only (P>=0.5 [ … ]); ci, aci and "
+            "the method sprt decides thresholds on probabilities only (P>=0.5 [ … ]); ci, aci and "
             "apmc estimate values"
         )
     threshold = _threshold(bound)

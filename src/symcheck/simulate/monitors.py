@@ -244,9 +244,9 @@ def _monitor(form: NormalForm, model: BoundModel, *, negative: bool) -> Monitor:
             return _UntilMonitor(left, right, *_time_bounds(only_window(extent), model), negative)
         case Connected() | NextState() | UntilReached():
             raise UnsupportedError(
-                "-sim does not support path formulas with several temporal operators (general "
+                "sampling does not support path formulas with several temporal operators (general "
                 "LTL); it supports X, F, G, U, W and R over state formulas, with or without "
-                "bounds; without -sim the formula is checked numerically"
+                "bounds; without sampling the formula is checked numerically"
             )
         case _:
             assert_never(form)
@@ -283,20 +283,20 @@ def reward_monitor(query: RewardQuery, model: BoundModel) -> Monitor:
             return _ReachabilityMonitor(target.formula)
         case DiscountedReward() | CostBoundedReward():
             raise UnsupportedError(
-                "-sim does not estimate discounted rewards and rewards within a cost; without -sim "
-                "they are computed numerically"
+                "sampling does not estimate discounted rewards and rewards within a cost; without "
+                "sampling they are computed numerically"
             )
         case SteadyStateReward() | TotalReward():
             raise UnsupportedError(
-                "-sim does not estimate R [ "
+                "sampling does not estimate R [ "
                 f"{'S' if isinstance(query, SteadyStateReward) else 'C'} ], which depends on "
-                "infinite paths; C<=k or I=k with a large k approximates it, and without -sim it "
-                "is computed numerically"
+                "infinite paths; C<=k or I=k with a large k approximates it, and without sampling "
+                "it is computed numerically"
             )
         case ExpressionNode() | UnaryTemporal() | BinaryTemporal():
             raise UnsupportedError(
-                "-sim estimates expectations with C<=k, with I=k and until states are reached "
-                "(F states); without -sim, those until a path formula is satisfied are computed "
+                "sampling estimates expectations with C<=k, with I=k and until states are reached "
+                "(F states); without it, those until a path formula is satisfied are computed "
                 "numerically"
             )
         case _:

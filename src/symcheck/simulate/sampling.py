@@ -58,9 +58,9 @@ class Sampler:
         self._initial: Rows = self.source.initial
         if len(self._initial) != 1:
             raise UnsupportedError(
-                "-sim samples paths from one initial state, and this model has "
+                "sampling starts paths from one initial state, and this model has "
                 f"{len(self._initial)}; restrict init … endinit to one state, or check without "
-                "-sim, which gives the range over all initial states"
+                "sampling, which gives the range over all initial states"
             )
 
     def sample(self, first: int, count: int) -> Batch:
@@ -120,6 +120,6 @@ class Sampler:
     def _too_long(self, undecided: int, count: int) -> NumericalError:
         return NumericalError(
             f"{undecided} of {count} sampled paths are undecided after {self.max_steps} steps, and "
-            "an estimate without them would be biased: allow longer paths with -simpathlen, bound "
-            "the property (such as F<=k), or check it without -sim"
+            "an estimate without them would be biased: allow longer paths ('max_steps'), bound "
+            "the property (such as F<=k), or check it without sampling"
         )

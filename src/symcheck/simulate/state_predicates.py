@@ -85,13 +85,13 @@ def _compile_expression(
     for node in nodes(formula):
         if isinstance(node, StateOperator):
             raise UnsupportedError(
-                "-sim does not estimate nested operators (paths would have to be sampled from "
-                "every state of a path); without -sim the property is checked numerically"
+                "sampling does not estimate nested operators (paths would have to be sampled from "
+                "every state of a path); without sampling the property is checked numerically"
             )
         if isinstance(node, LabelReference):
             raise UnsupportedError(
-                f'-sim reads the label "{node.name}" only under ! & | => <=>; without -sim it may '
-                "stand anywhere"
+                f'sampling reads the label "{node.name}" only under ! & | => <=>; without '
+                "sampling it may stand anywhere"
             )
     code = compile_expression(formula, model)
     return lambda rows, _: np.asarray(code.run_packed(layout, rows), np.bool_)

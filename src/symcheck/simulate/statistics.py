@@ -1,7 +1,7 @@
 """Confidence intervals (CI, ACI, APMC) and Wald's sequential probability ratio test (SPRT).
 
 The confidence of an interval is the probability with which it contains the true value; `error` is 1
-minus the confidence, and is the argument of -simconf.
+minus the confidence, and is the parameter `error`.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def estimate(samples: Samples, plan: Plan, *, probability: bool) -> IntervalEsti
     """
     if plan.samples is not None and plan.error is not None and plan.width is not None:
         raise UsageError(
-            "at most two of -simsamples, -simconf and -simwidth (-simapprox) may be given: the "
+            "at most two of 'samples', 'error' and 'width' may be given: the "
             "third follows from them"
         )
     if plan.method == "apmc":
@@ -118,7 +118,7 @@ def _estimate_to_width(
         if needed > _MAX_SAMPLES:
             raise NumericalError(
                 f"a half width of {width:g} needs more than {_MAX_SAMPLES:,} samples; choose a "
-                "larger -simwidth"
+                "larger 'width'"
             )
         values = np.concatenate([values, samples.sample(needed - len(values))])
 
@@ -127,7 +127,7 @@ def _interval(values: Floats, plan: Plan, probability: bool) -> IntervalEstimate
     """The interval of CI or ACI."""
     n = len(values)
     if n < 2:
-        raise UsageError("an interval needs at least two samples: choose a larger -simsamples")
+        raise UsageError("an interval needs at least two samples: choose a larger 'samples'")
     mean = float(np.mean(values))
     if not isfinite(mean):
         return IntervalEstimate(mean, mean, mean, 1.0, n)
@@ -179,7 +179,7 @@ def _apmc(samples: Samples, plan: Plan, probability: bool) -> IntervalEstimate:
     """
     if not probability and plan.most is None:
         raise UsageError(
-            "-simmethod apmc needs an upper bound on the reward of a path: give it with -simmaxrwd"
+            "the method apmc needs an upper bound on the reward of a path: give 'most'"
         )
     scale = 1.0 if probability else plan.most or 1.0
     count, error, width = (
@@ -198,7 +198,7 @@ def _apmc(samples: Samples, plan: Plan, probability: bool) -> IntervalEstimate:
             width = sqrt(log(2 / error) / (2 * count))
     if count > _MAX_SAMPLES:
         raise NumericalError(
-            f"this accuracy needs {count:,} samples; choose a larger -simapprox or -simconf"
+            f"this accuracy needs {count:,} samples; choose a larger 'width' or 'error'"
         )
     values = samples.sample(count)
     mean = float(np.mean(values))
@@ -207,7 +207,7 @@ def _apmc(samples: Samples, plan: Plan, probability: bool) -> IntervalEstimate:
     if float(np.max(values)) > scale or float(np.min(values)) < 0:
         raise NumericalError(
             f"a sampled path has reward {float(np.max(values)):g}, outside of [0, {scale:g}] given "
-            "by -simmaxrwd: the error bound does not hold"
+            "by 'most': the error bound does not hold"
         )
     return IntervalEstimate(mean, mean - width * scale, mean + width * scale, 1 - error, count)
 
@@ -232,9 +232,9 @@ def sequential_test(samples: Samples, plan: Plan, threshold: float) -> tuple[boo
     high, low = threshold + width, threshold - width
     if high > 1 or low < 0 or (low == 0 and high == 1):
         raise UsageError(
-            f"-simmethod sprt distinguishes {low:g} from {high:g} here, which are not both "
-            f"probabilities: -simwidth must be at most {min(threshold, 1 - threshold):g}; "
-            "thresholds 0 and 1 are decided without -sim"
+            f"the method sprt distinguishes {low:g} from {high:g} here, which are not both "
+            f"probabilities: 'width' must be at most {min(threshold, 1 - threshold):g}; "
+            "thresholds 0 and 1 are decided without sampling"
         )
     hit_term = log(high / low) if low > 0 else np.inf
     miss_term = log((1 - high) / (1 - low)) if high < 1 else -np.inf
@@ -250,5 +250,5 @@ def sequential_test(samples: Samples, plan: Plan, threshold: float) -> tuple[boo
         ratio, used = float(log_ratios[-1]), used + len(values)
     raise NumericalError(
         f"{used} samples do not decide whether the probability is above {threshold:g}; choose a "
-        "larger -simsamples"
+        "larger 'samples'"
     )

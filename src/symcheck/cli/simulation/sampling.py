@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from symcheck.api import Model
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path
 from symcheck.cli.switches.arguments import Arguments
-from symcheck.errors import UsageError
+from symcheck.errors import NumericalError, SymcheckError, UsageError
 
 if TYPE_CHECKING:  # the simulator is imported where it is used: most runs do without
     from symcheck.simulate.path import Path
     from symcheck.simulate.path_options import PathOptions
     from symcheck.simulate.statistics import Plan
 
-__all__ = ["sampling_plan", "write_path"]
+__all__ = ["in_switches", "sampling_plan", "write_path"]
+
+_SWITCHES = {
+    "samples": "-simsamples",
+    "error": "-simconf",
+    "width": "-simwidth",
+    "most": "-simmaxrwd",
+    "max_steps": "-simpathlen",
+}
+"""The switches of the parameters of the library."""
 
 _WARNINGS = {
     "loop": "Deterministic loop detected after {n} steps "
@@ -24,6 +34,14 @@ _WARNINGS = {
     "length": "the path was stopped after {n} steps (-simpathlen allows more).",
 }
 """Why a path ended before it had the length that was asked for."""
+
+
+def in_switches(error: SymcheckError) -> SymcheckError:
+    """An error of sampling with the names of switches for those of parameters."""
+    if not isinstance(error, UsageError | NumericalError):
+        return error
+    message = re.sub(rf"'({'|'.join(_SWITCHES)})'", lambda name: _SWITCHES[name[1]], str(error))
+    return type(error)(message)
 
 
 def sampling_plan(a: Arguments) -> Plan:
