@@ -214,7 +214,7 @@ class Model:
         options = self.options
         only_values = not (keep_steps or options.everywhere or options.strategy)
         stops = options.stop_at_targets and only_values
-        exchanges = options.symmetry and only_values
+        exchanges = options.symmetry and only_values and bool(instances)
         if not (options.reduce or stops or exchanges):
             return self
         if options.fairness or self.bound.builder is not None:
