@@ -8,6 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 COMPILED := $(shell find src -name '*.pyx' -o -name '*.pxd' -o -name '*.pxi')
 STAMP := $(VENV)/.stamp
+SOURCES := src tests benchmarks docs models/*/*.py setup.py stubs.py
 
 .PHONY: demo study growth test check docs format clean
 
@@ -27,8 +28,8 @@ test: $(STAMP)-test
 	$(BIN)/python -m pytest -n auto -q
 
 check: $(STAMP)-check
-	$(BIN)/ruff check src tests benchmarks setup.py stubs.py
-	$(BIN)/ruff format --check src tests benchmarks setup.py stubs.py
+	$(BIN)/ruff check $(SOURCES)
+	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/mkdocs build --quiet
@@ -38,8 +39,8 @@ docs: $(STAMP)-check
 	$(BIN)/mkdocs build
 
 format: $(STAMP)-check
-	$(BIN)/ruff check --fix src tests benchmarks setup.py stubs.py
-	$(BIN)/ruff format src tests benchmarks setup.py stubs.py
+	$(BIN)/ruff check --fix $(SOURCES)
+	$(BIN)/ruff format $(SOURCES)
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

@@ -1,4 +1,7 @@
-"""The figures of the tutorial: `python docs/make_figures.py [FOLDER]` (extras `plot` and `view`); into docs/figures by default."""
+"""The figures of the tutorial: `python docs/make_figures.py [FOLDER]`, docs/figures by default.
+
+It needs the extras `plot` and `view`.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +46,12 @@ def bound(name: str) -> symcheck.BoundModel:
 def die_states() -> Any:
     """The die as a state graph."""
     die = symcheck.load(ROOT / "models" / "die" / "die.pm")
-    picture = view.state_graph(die, values=die.check("P=? [ F d=6 ]"), sets={"six": "d=6"}, title="the die, with probabilities of a six")
+    picture = view.state_graph(
+        die,
+        values=die.check("P=? [ F d=6 ]"),
+        sets={"six": "d=6"},
+        title="the die, with probabilities of a six",
+    )
     return picture.draw()
 
 
@@ -66,14 +74,20 @@ def search() -> Any:
     """Nodes and states while the philosophers are explored."""
     symbolic = symcheck.build(bound("dining/dining.nm"), Options())
     frames = list(teach.frontiers(symbolic))
-    return view.plot_search((f.iteration for f in frames), title="three philosophers, breadth first")
+    return view.plot_search(
+        (f.iteration for f in frames), title="three philosophers, breadth first"
+    )
 
 
 def bounds() -> Any:
     """Interval iteration on a fair game of the gambler."""
     engine = symcheck.load(ROOT / "models" / "gambler" / "gambler.pm").engine
-    seen = teach.until_trace(engine, engine.all, engine.where(parse_expression("money=20")), Options(method="interval"))
-    axes = view.plot_bounds(seen.steps[:600], state=4, truth=0.25, title="the gambler wins 20, starting with 5")
+    seen = teach.until_trace(
+        engine, engine.all, engine.where(parse_expression("money=20")), Options(method="interval")
+    )
+    axes = view.plot_bounds(
+        seen.steps[:600], state=4, truth=0.25, title="the gambler wins 20, starting with 5"
+    )
     axes.set(xlim=(0, 600), ylabel="probability of winning")
     return axes
 
@@ -81,7 +95,8 @@ def bounds() -> Any:
 def blocks() -> Any:
     """The matrix of Herman's ring as blocks."""
     seen = teach.block_structure(construct(bound("herman/herman7.pm"), Options()), budget=1)
-    title = f"Herman's ring of 7: {len(seen.blocks)} distinct blocks, {len(seen.occurrences)} occurrences"
+    counts = f"{len(seen.blocks)} distinct blocks, {len(seen.occurrences)} occurrences"
+    title = f"Herman's ring of 7: {counts}"
     return view.plot_blocks(seen, title=title)
 
 
@@ -90,8 +105,16 @@ def orders() -> Any:
     model = symcheck.bind(symcheck.parse_model(PAIRS))
     pairs = ("a1", "b1", "a2", "b2", "a3", "b3")
     apart = ("a1", "a2", "a3", "b1", "b2", "b3")
-    tried = [("i", *pairs), (*pairs, "i"), ("i", *apart), (*apart, "i"), ("a1", "b1", "a2", "b2", "i", "a3", "b3")]
-    return view.plot_orders(list(teach.compare_orders(model, Options(), tried)), title="one model, five orders")
+    tried = [
+        ("i", *pairs),
+        (*pairs, "i"),
+        ("i", *apart),
+        (*apart, "i"),
+        ("a1", "b1", "a2", "b2", "i", "a3", "b3"),
+    ]
+    return view.plot_orders(
+        list(teach.compare_orders(model, Options(), tried)), title="one model, five orders"
+    )
 
 
 def page(folder: Path) -> None:
@@ -102,12 +125,24 @@ def page(folder: Path) -> None:
         return
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "die.html"
-        made = symcheck.load(ROOT / "models" / "die" / "die.pm").page(["P=? [ F d=6 ]", 'R{"tosses"}=? [ F "done" ]'])
+        made = symcheck.load(ROOT / "models" / "die" / "die.pm").page(
+            ["P=? [ F d=6 ]", 'R{"tosses"}=? [ F "done" ]']
+        )
         made.save(file)
         number = [show["name"] for show in made.data["shows"]].index("Interval iteration")
-        switches = ("--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1250,720")
+        switches = (
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--hide-scrollbars",
+            "--window-size=1250,720",
+        )
         profile, target = f"--user-data-dir={place}/profile", f"--screenshot={folder / 'page.png'}"
-        subprocess.run([chromium, *switches, profile, target, f"{file.as_uri()}#{number}.5"], check=True, capture_output=True)
+        subprocess.run(
+            [chromium, *switches, profile, target, f"{file.as_uri()}#{number}.5"],
+            check=True,
+            capture_output=True,
+        )
 
 
 FIGURES = {f.__name__: f for f in (die_states, die_diagrams, search, bounds, blocks, orders)}

@@ -1,7 +1,8 @@
 """Writes the model of a polling system with N stations: `python generate.py N > pollingN.sm`.
 
-O. C. Ibe and K. S. Trivedi: Stochastic Petri net models of polling systems. IEEE Journal on Selected Areas in Communications
-8(9), 1990. The language has no arrays, so that the stations are written out.
+O. C. Ibe and K. S. Trivedi: Stochastic Petri net models of polling systems. IEEE Journal on
+Selected Areas in Communications 8(9), 1990. The language has no arrays, so that the stations are
+written out.
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ def polling(stations: int) -> str:
         "",
     ]
     lines += [
-        f"module station{i} = station1 [ job1=job{i}, empty1=empty{i}, found1=found{i}, served1=served{i} ] endmodule"
+        f"module station{i} = station1 [ job1=job{i}, "
+        f"empty1=empty{i}, found1=found{i}, served1=served{i} ] endmodule"
         for i in range(2, stations + 1)
     ]
     waiting = "+".join(f"(job{i} ? 1 : 0)" for i in range(1, stations + 1))
@@ -57,7 +59,9 @@ def polling(stations: int) -> str:
 
 def main() -> None:
     """Print the model for the number of stations given on the command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("stations", type=int, help="number of stations, at least 2")
     arguments = parser.parse_args()
     if arguments.stations < 2:
