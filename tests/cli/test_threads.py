@@ -50,6 +50,28 @@ def test_the_time_limit_holds_in_a_thread(
     assert perf_counter() - started < 60  # and not hours
 
 
+TRACED = """
+import sys, threading
+from symcheck.cli import main
+for _ in range(3):
+    thread = threading.Thread(target=main, args=([sys.argv[1], "-timeout", "0.2", "-exact"],))
+    thread.start()
+    thread.join()
+sys.setprofile(lambda *_: None)
+print(len([str(i) for i in range(9)]))
+(lambda: print("traced"))()
+"""
+
+
+def test_a_time_limit_in_a_thread_leaves_python_as_it_was(tmp_path: Path) -> None:
+    """A request to raise that nobody receives would stop CPython 3.11 where calls are traced."""
+    file = tmp_path / "m.pm"
+    file.write_text(ENDLESS)
+    command = [sys.executable, "-c", TRACED, str(file)]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert run.stdout.endswith("traced\n")
+
+
 def test_the_time_limit_holds_beside_an_alarm_of_the_caller(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

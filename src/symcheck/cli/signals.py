@@ -79,7 +79,8 @@ class StopSignals:
         if self._timer is not None:
             self._over.set()
             self._timer.join()
-            _raise_in_thread(threading.get_ident(), None)
+            if self.signal is ALARM:
+                _take_pending_error()
         if threading.current_thread() is not threading.main_thread():
             return
         self._acknowledged = True
@@ -121,7 +122,7 @@ class StopSignals:
         while not self._over.wait(seconds):
             self.signal = self.signal or ALARM
             if not self._acknowledged:
-                _raise_in_thread(thread, KeyboardInterrupt)
+                _raise_in_thread(thread)
             seconds = _PATIENCE
 
     def acknowledge(self) -> None:
@@ -201,9 +202,23 @@ class StopSignals:
                 interrupt_main_thread(number)
 
 
-def _raise_in_thread(thread: int, error: type[BaseException] | None) -> None:
-    """Let a thread raise an error at its next instruction; None: not any more."""
+def _raise_in_thread(thread: int) -> None:
+    """Let a thread raise KeyboardInterrupt at one of its next instructions."""
     import ctypes  # takes milliseconds
 
-    given = None if error is None else ctypes.py_object(error)
+    given = ctypes.py_object(KeyboardInterrupt)
     ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), given)
+
+
+def _take_pending_error() -> None:
+    """Receive the error that may still be set for this thread.
+
+    It is replaced and raised here. Withdrawing it would leave CPython 3.11 looking for an error at
+    every call, and for ever where calls are traced.
+    """
+    try:
+        _raise_in_thread(threading.get_ident())
+        while True:
+            pass
+    except KeyboardInterrupt:
+        return
