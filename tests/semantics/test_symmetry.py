@@ -150,6 +150,63 @@ def test_values_are_those_of_the_whole_model(text: str, asked: str) -> None:
     assert smaller.check(asked).value == pytest.approx(whole.check(asked).value, rel=1e-6)
 
 
+STEPS = """mdp
+module a x1 : [0..3]; [] x1<3 -> 0.5:(x1'=x1+1) + 0.5:true; endmodule
+module b = a [ x1=x2 ] endmodule
+module c = a [ x1=x3 ] endmodule
+"""
+
+
+@pytest.mark.parametrize(
+    ("asked", "verdict"),
+    [
+        ("Pmax>=0.5 [ F<=1 x1+x2+x3=1 ]", True),
+        ("Pmax>0.5 [ F<=1 x1+x2+x3=1 ]", False),
+        ("Pmax>=0.5 [ F<=1 x1=1 ]", True),
+    ],
+)
+def test_rational_arithmetic_decides_on_representatives_too(asked: str, verdict: bool) -> None:
+    assert symcheck.loads(STEPS, engine="explicit", symmetry=True).check(asked).value is verdict
+
+
+def test_each_value_of_a_constant_has_its_own_labels() -> None:
+    file = properties_file(
+        'const int k; label "t" = (k=0 ? x3=3 : x1=3&x2=3&x3=3); P=? [ F<=6 "t" ];'
+    )
+    model = symcheck.loads(STEPS.replace("mdp", "dtmc"), engine="explicit", symmetry=True)
+    instances = model.instances(file, {"k": (0, 1)})
+    smaller = model.reduced_for(instances)
+    for instance in instances:
+        whole = model.with_options(symmetry=False).check_instance(instance).value
+        assert smaller.check_instance(instance).value == pytest.approx(whole, rel=1e-6)
+
+
+@pytest.mark.parametrize(("high", "represented"), [(2**31 - 2, 729), (2**32 - 1, 729)])
+def test_components_of_nearly_a_word(high: int, represented: int) -> None:
+    text = f"""dtmc
+    module a x1 : [0..{high}]; y1 : [0..{2**32 - 1}];
+      [] x1<2 -> 0.5:(x1'=x1+1) + 0.5:true;
+      [] y1<2 -> 0.5:(y1'=y1+1) + 0.5:true;
+      [] x1=2 & y1=2 -> true;
+    endmodule
+    module b = a [ x1=x2, y1=y2 ] endmodule
+    module c = a [ x1=x3, y1=y3 ] endmodule"""
+    asked = "P=? [ F x1=2&x2=2&x3=2 ]"
+    model = symcheck.loads(text)
+    smaller = explore(model.bound, Options(), symmetries=tuple(found(text, asked)))
+    counted = smaller.orbits.count(smaller.states.rows) if smaller.orbits else len(smaller.states)
+    assert counted == represented
+    assert (smaller.orbits is not None) == (high < 2**31)
+
+
+def test_sums_of_doubles_keep_their_order() -> None:
+    def asked(weight: str) -> list[Symmetry]:
+        return found(STEPS, f"Pmax=? [ F {weight}*x1+{weight}*x2+{weight}*x3>=3*{weight} ]")
+
+    assert asked("2")
+    assert not asked("0.1") or groups(STEPS, "Pmax=? [ F 0.1*x1+0.1*x2>=0.2 ]")
+
+
 def orbits(text: str, asked: str) -> tuple[int, int, int]:
     """States of the whole model, representatives, and the states that they represent."""
     model = symcheck.loads(text)

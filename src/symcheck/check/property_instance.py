@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeVar
 
 from symcheck.constant_values import ConstantValue, GivenConstants, combinations
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from symcheck.semantics.reduction.reset_dead_variables import Reduction
 
 V = TypeVar("V", bound=ConstantValue)
+NO_LABELS: Mapping[str, Expression] = MappingProxyType({})
 Derivation = Callable[[BoundModel], BoundModel]
 
 __all__ = [
@@ -115,11 +117,9 @@ def reduced(
         keep_steps: preserve the number of steps of each path even if no property counts steps, as
             distributions and exports need it.
     """
-    from symcheck.semantics.reduction.reset_dead_variables import observe, reduce
+    from symcheck.semantics.reduction.reset_dead_variables import reduce
 
-    bound = [instance.bind(model) for instance in instances]
-    labels = {n: x for _, members in bound for n, x in members.items()}
-    observed = observe(model, [p.formula for p, _ in bound if p.fault is None], labels)
+    observed = _observations(model, instances)
     reduction = reduce(model, replace(observed, steps=observed.steps or keep_steps))
     if model.derivation is None:
         return reduction
@@ -154,14 +154,34 @@ def observations_up_to_symmetry(
 
     None if a result contains states, as the witnesses of E and A do.
     """
+    formulas = [p.formula for p, _ in (i.bind(model) for i in instances) if p.fault is None]
+    if any(isinstance(node, PathQuantifier) for f in formulas for node in nodes(f)):
+        return None
+    return _observations(model, instances, {"init": Name('"init"')})
+
+
+def _observations(
+    model: BoundModel,
+    instances: Sequence[PropertyInstance],
+    further_labels: Mapping[str, Expression] = NO_LABELS,
+) -> Observations:
+    """What properties read of a model; those with a fault are not considered.
+
+    Labels of a properties file may depend on its constants: each instance has its own.
+    """
     from symcheck.semantics.reduction.reset_dead_variables import observe
 
     bound = [instance.bind(model) for instance in instances]
-    formulas = [p.formula for p, _ in bound if p.fault is None]
-    if any(isinstance(node, PathQuantifier) for f in formulas for node in nodes(f)):
-        return None
-    labels = {n: x for _, own in bound for n, x in own.items()}
-    return observe(model, formulas, {**labels, "init": Name('"init"')})
+    observed = [
+        observe(model, [property_.formula], {**labels, **further_labels})
+        for property_, labels in bound
+        if property_.fault is None
+    ]
+    return Observations(
+        tuple(dict.fromkeys(e for o in observed for e in o.expressions)),
+        any(o.rewards for o in observed),
+        not observed or any(o.steps for o in observed),
+    )
 
 
 def shared_quotient(

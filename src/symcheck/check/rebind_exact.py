@@ -49,10 +49,12 @@ def _exact_engine(context: Context) -> Engine:
 
 
 def _explored(context: Context) -> Engine:
-    from symcheck.engines.capabilities import HasRationalTwin
+    from symcheck.engines.capabilities import HasRationalTwin, RepresentsOrbits
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.engines.rational.explore import explore_exactly
     from symcheck.engines.registry import build
+    from symcheck.explicit.orbits import StateOrbits
+    from symcheck.explicit.states import StateLayout
 
     quotient = context.engine.capability(HasRationalTwin)
     if quotient is not None:
@@ -60,8 +62,16 @@ def _explored(context: Context) -> Engine:
     if context.engine.model.builder is not None:  # there is no text to bind again
         return build(context.engine.model, replace(context.options, exact=True))
     model = exactly_bound(context.engine.model)
+    orbits = None
+    represents = context.engine.capability(RepresentsOrbits)
+    if represents is not None and represents.represented is not None:
+        layout = StateLayout.of(model.variables)
+        orbits = StateOrbits.of(layout, represents.represented.symmetries)
     explored = explore_exactly(
-        model, check_sums=context.options.check_sums, limit=context.engine.states
+        model,
+        check_sums=context.options.check_sums,
+        limit=context.engine.states,
+        orbits=orbits,
     )
     if len(explored.states) != context.engine.states:
         raise UnsupportedError(

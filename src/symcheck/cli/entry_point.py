@@ -160,7 +160,10 @@ class _Session:
             try:
                 return self._run(words, stack)
             except BaseException as error:
-                self.signals.acknowledge()
+                try:
+                    self.signals.acknowledge()
+                except KeyboardInterrupt:  # the signal was repeated before
+                    self.signals.acknowledge()
                 with self._ending:
                     return self._status(error)
 

@@ -77,10 +77,7 @@ class StopSignals:
 
     def __exit__(self, *_: object) -> None:
         if self._timer is not None:
-            self._over.set()
-            self._timer.join()
-            if self.signal is ALARM:
-                _take_pending_error()
+            self._end_timer(self._timer)
         if threading.current_thread() is not threading.main_thread():
             return
         self._acknowledged = True
@@ -125,9 +122,33 @@ class StopSignals:
                 _raise_in_thread(thread)
             seconds = _PATIENCE
 
+    def _end_timer(self, timer: threading.Thread) -> None:
+        """End the timer, and receive the error that it may still have set for this thread.
+
+        A last one is set and raised here: withdrawing it would leave CPython 3.11 looking for an
+        error at every call, and for ever where calls are traced.
+        """
+        ended = False
+        while True:
+            try:
+                self._over.set()
+                timer.join()
+                ended = True
+                if self.signal is not ALARM:
+                    return
+                _raise_in_thread(threading.get_ident())
+                while True:
+                    pass
+            except KeyboardInterrupt:
+                if ended:
+                    return
+
     def acknowledge(self) -> None:
         """The signal has taken effect, and is not repeated."""
         self._acknowledged = True
+        if self._timer is not None:
+            self._end_timer(self._timer)
+            self._timer = None
 
     @contextmanager
     def writing(self) -> Iterator[None]:
@@ -208,17 +229,3 @@ def _raise_in_thread(thread: int) -> None:
 
     given = ctypes.py_object(KeyboardInterrupt)
     ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), given)
-
-
-def _take_pending_error() -> None:
-    """Receive the error that may still be set for this thread.
-
-    It is replaced and raised here. Withdrawing it would leave CPython 3.11 looking for an error at
-    every call, and for ever where calls are traced.
-    """
-    try:
-        _raise_in_thread(threading.get_ident())
-        while True:
-            pass
-    except KeyboardInterrupt:
-        return

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import factorial
+from math import factorial, prod
 
 import numpy as np
 
@@ -35,8 +35,7 @@ class StateOrbits:
     """The orbits of packed states under symmetries on disjoint sets of variables.
 
     Attributes:
-        symmetries: those whose components fit into a key of 64 bits; of a ring, all components
-            together.
+        symmetries: those whose components have fewer than 64 bits; of a ring, all together.
         compiled: replaces states by their representatives.
     """
 
@@ -62,16 +61,21 @@ class StateOrbits:
         self.compiled.represent(rows)
         return np.ascontiguousarray(np.unique(rows, axis=0))
 
+    def representative(self, state: tuple[bool | int, ...]) -> tuple[bool | int, ...]:
+        """The representative of a state, as the values of the variables."""
+        rows = self.layout.pack([np.array([int(value)]) for value in state])
+        self.compiled.represent(rows)
+        return self.layout.unpack(rows[0])
+
     def count(self, rows: Rows) -> int:
         """The number of states in the orbits of some representatives."""
         total = 0
         for start in range(0, len(rows), tuning.VALUATIONS_PER_BLOCK):
             block = rows[start : start + tuning.VALUATIONS_PER_BLOCK]
-            sizes = np.ones(len(block), np.int64)
-            for symmetry in self.symmetries:
-                sizes *= self._sizes(block, symmetry)
-            for size, states in zip(*np.unique(sizes, return_counts=True), strict=True):
-                total += int(size) * int(states)
+            sizes = [self._sizes(block, symmetry) for symmetry in self.symmetries]
+            distinct, states = np.unique(np.stack(sizes), axis=1, return_counts=True)
+            for factors, count in zip(distinct.T.tolist(), states.tolist(), strict=True):
+                total += prod(factors) * count
         return total
 
     def _sizes(self, rows: Rows, symmetry: Symmetry) -> Int64s:
@@ -107,7 +111,7 @@ def _width(layout: StateLayout, symmetry: Symmetry) -> int:
 
 def _fits(layout: StateLayout, symmetry: Symmetry) -> bool:
     copies = len(symmetry.components) if symmetry.is_ring else 1
-    return 0 < _width(layout, symmetry) * copies <= _WORD
+    return 0 < _width(layout, symmetry) * copies < _WORD
 
 
 def _pieces(layout: StateLayout, component: Sequence[int]) -> Component:

@@ -7,12 +7,13 @@ tests.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 import numpy as np
 
 from symcheck.errors import ModelFault, UnsupportedError
+from symcheck.explicit.orbits import StateOrbits
 from symcheck.matrices.numbers import Numbers, Rationals, rationals
 from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix
 from symcheck.semantics import state_faults
@@ -84,6 +85,7 @@ def explore_exactly(
     check_sums: bool = True,
     limit: int | None = None,
     observer: Callable[[int], None] | None = None,
+    orbits: StateOrbits | None = None,
 ) -> RationalModel:
     """Explore all reachable states, about 10 000 a second.
 
@@ -93,12 +95,15 @@ def explore_exactly(
         check_sums: check that probabilities sum to 1.
         limit: the greatest number of states; None for any number.
         observer: is told the number of explored states now and then.
+        orbits: if given, one state of each is explored.
 
     Raises:
         ModelFault: the model has a fault in some state.
         UnsupportedError: the model has more states than `limit`.
     """
-    initial = initial_states(model)
+    initial: Sequence[State] = initial_states(model)
+    if orbits is not None:
+        initial = sorted({orbits.representative(state) for state in initial})
     explored: dict[State, tuple[Row, ...]] = {}
     frontier = list(dict.fromkeys(initial))
     seen = set(frontier)
@@ -106,6 +111,8 @@ def explore_exactly(
         following: list[State] = []
         for state in frontier:
             rows = transitions(model, state, check_sums=check_sums)
+            if orbits is not None:
+                rows = tuple(_up_to_symmetry(row, orbits) for row in rows)
             explored[state] = rows
             for row in rows:
                 fresh = [t for _, t in row.branches if t not in seen]
@@ -117,6 +124,15 @@ def explore_exactly(
             observer(len(explored))
         frontier = following
     return _assemble(model, explored, initial, fix_deadlocks)
+
+
+def _up_to_symmetry(row: Row, orbits: StateOrbits) -> Row:
+    """A row whose branches lead to representatives, each once."""
+    sums: dict[State, Fraction | float] = {}
+    for probability, target in row.branches:
+        state = orbits.representative(target)
+        sums[state] = sums.get(state, 0) + probability
+    return replace(row, branches=tuple((p, state) for state, p in sums.items()))
 
 
 def _assemble(

@@ -32,7 +32,7 @@ from symcheck.semantics.model import (
     Variable,
 )
 from symcheck.semantics.reduction import tuning
-from symcheck.syntax.ast import Binary, Call, Expression, Literal, Name, Unary
+from symcheck.syntax.ast import Binary, Call, Expression, Literal, Name, Type, Unary
 from symcheck.syntax.operators import Function, Operator
 from symcheck.syntax.traversal import Tree, children, names, nodes, substitute
 
@@ -286,7 +286,7 @@ class _Verifier:
 class _NormalForms:
     """Numbers of expressions: two expressions with the same number have the same value.
 
-    Up to rounding: operands of sums and products may stand in another order.
+    Sums and products of doubles keep their order, because the rounding depends on it.
     """
 
     def __init__(self, variables: Sequence[Variable]) -> None:
@@ -294,6 +294,7 @@ class _NormalForms:
         self.numbers: dict[Hashable, int] = {}
         self.forms: list[tuple[Hashable, tuple[int, ...]]] = []  # by number: kind, operands
         self.expressions: list[Expression] = []  # by number: an expression of that form
+        self.doubles: set[int] = set()  # those whose values may be doubles
         self.supports: dict[int, set[str]] = {}
         self.known: dict[int, tuple[Expression, int]] = {}  # by id; the expression stays alive
 
@@ -320,14 +321,14 @@ class _NormalForms:
     def _number(self, node: Tree, below: list[int]) -> int:
         kind: Hashable
         match node:
-            case Binary(operator) if operator.is_associative:
+            case Binary(operator) if operator.is_associative and not self._may_round(node, below):
                 kind = operator
                 below = sorted(
                     part
                     for b in below
                     for part in (self.forms[b][1] if self.forms[b][0] is operator else (b,))
                 )
-            case Binary(operator) if operator in _COMMUTATIVE:
+            case Binary(operator) if operator in _COMMUTATIVE or operator.is_associative:
                 kind, below = operator, sorted(below)
             case Binary(operator) if operator in _MIRRORED:
                 kind, below = operator.mirrored, below[::-1]
@@ -345,10 +346,28 @@ class _NormalForms:
         key = (kind, tuple(below))
         if key not in self.numbers:
             assert isinstance(node, Expression)
+            if self._is_double(node, below):
+                self.doubles.add(len(self.forms))
             self.numbers[key] = len(self.forms)
             self.forms.append(key)
             self.expressions.append(node)
         return self.numbers[key]
+
+    def _is_double(self, node: Tree, below: Sequence[int]) -> bool:
+        match node:
+            case Literal(_, type_):
+                return type_ is Type.DOUBLE
+            case Binary(operator) if operator.is_boolean:
+                return False
+            case Binary(operator) if operator is Operator.DIVIDE:
+                return True
+            case Call(function) if function not in _UNORDERED_FUNCTIONS:
+                return True
+        return any(b in self.doubles for b in below)
+
+    def _may_round(self, node: Binary, below: Sequence[int]) -> bool:
+        """Whether the order of the operands of a sum or product may matter."""
+        return not node.operator.is_logical and any(b in self.doubles for b in below)
 
     def are_equal(self, a: int, b: int) -> bool:
         """Whether two forms have the same values; False also if that takes too long to decide."""
