@@ -141,7 +141,7 @@ def test_any_text_becomes_xml(tmp_path):
     ("words", "message"),
     [
         (["-testall", "-exporttests", "t.txt"], "neither .xml (JUnit) nor .json"),
-        (["-exporttests", "t.xml"], "add -testall"),
+        (["-exporttests", "t.xml"], "no effect without -test or -testall"),
         (["-testall", "-exporttests", "nowhere/t.xml"], "there is no folder 'nowhere'"),
     ],
 )

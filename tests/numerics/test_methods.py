@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from numerics.oracle import Row, System, brute_force, leaves, problem_of, solve_chain
-from symcheck.direction import Direction
+from symcheck.matrices.operators import BoundStep
 from symcheck.matrices.rows import Floats
 from symcheck.numerics import graph
 from symcheck.numerics.linear.methods import METHODS, solve_linear
@@ -314,23 +314,14 @@ class ProductsOnly:
     def multiply(self, x: Floats) -> Floats:
         return np.asarray(self.dense @ x)
 
-    def sweep(
-        self,
-        x: Floats,
-        constant: Floats,
-        direction: Direction | None,
-        rounding_error: float,
-        /,
-        *,
-        upper: bool,
-    ) -> None:
+    def sweep(self, x: Floats, step: BoundStep, /) -> None:
         """One step of a chain: what is better than the bounds replaces them."""
-        assert direction is None
-        step = self.dense @ x + constant
-        if upper:
-            np.minimum(x, step * (1.0 + rounding_error), out=x)
+        assert step.direction is None
+        values = self.dense @ x + step.constant
+        if step.upper:
+            np.minimum(x, values * (1.0 + step.rounding_error), out=x)
         else:
-            np.maximum(x, step * (1.0 - rounding_error), out=x)
+            np.maximum(x, values * (1.0 - step.rounding_error), out=x)
 
 
 @pytest.mark.parametrize("method", ["auto", "interval", "optimistic", "power"])

@@ -53,8 +53,6 @@ def _explored(context: Context) -> Engine:
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.engines.rational.explore import explore_exactly
     from symcheck.engines.registry import build
-    from symcheck.explicit.orbits import StateOrbits
-    from symcheck.explicit.states import StateLayout
 
     quotient = context.engine.capability(HasRationalTwin)
     if quotient is not None:
@@ -65,6 +63,9 @@ def _explored(context: Context) -> Engine:
     orbits = None
     represents = context.engine.capability(RepresentsOrbits)
     if represents is not None and represents.represented is not None:
+        from symcheck.explicit.orbits import StateOrbits
+        from symcheck.explicit.states import StateLayout
+
         layout = StateLayout.of(model.variables)
         orbits = StateOrbits.of(layout, represents.represented.symmetries)
     explored = explore_exactly(

@@ -11,7 +11,6 @@ from threading import Lock, Thread
 from time import perf_counter
 from typing import NoReturn, TextIO
 
-from symcheck.cli.batch import is_batch, run_batch
 from symcheck.cli.check_property import internal_error
 from symcheck.cli.output import LAST_WORDS, Output, fail
 from symcheck.cli.output_paths import check_files, check_results_file, write_results
@@ -53,8 +52,11 @@ def run_safely(words: Sequence[str] | None = None, started: float | None = None)
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
     started = perf_counter() if started is None else started
     sys.set_int_max_str_digits(0)  # rational results may be long
-    if is_batch(sys.argv[1:] if words is None else words):
-        return _run_batch(words)
+    if any("batch" in word for word in (sys.argv[1:] if words is None else words)):
+        from symcheck.cli.batch import is_batch
+
+        if is_batch(sys.argv[1:] if words is None else words):
+            return _run_batch(words)
     if words is not None:
         with ExitStack() as stack:
             return _Session(StopSignals(), started, own_process=False).run(words, stack)
@@ -75,6 +77,8 @@ def _run_process(words: Sequence[str], started: float) -> NoReturn:
 
 def _run_batch(words: Sequence[str] | None) -> int:
     """Run the lines of a batch. words: None for those of this process, which ends here."""
+    from symcheck.cli.batch import run_batch
+
     if words is None and isinstance(sys.stdout, TextIOWrapper):
         sys.stdout = _CheckedStream(sys.stdout)
     try:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NoReturn, assert_never
+from typing import TYPE_CHECKING, NoReturn, assert_never
 
 import numpy as np
 
@@ -28,7 +28,6 @@ from symcheck.explicit import tuning
 from symcheck.explicit.faults import raise_model_fault
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
-from symcheck.explicit.orbits import StateOrbits
 from symcheck.explicit.states import Rows, StateLayout, StateTable
 from symcheck.explicit.tables import tables, total_reward
 from symcheck.kernels.explore.breadth_first import Explorer, Outcome, malloc_trim
@@ -37,8 +36,11 @@ from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.options import Options
 from symcheck.semantics import state_faults
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.reduction.symmetry import Symmetry
 from symcheck.syntax.ast import ModelType
+
+if TYPE_CHECKING:
+    from symcheck.explicit.orbits import StateOrbits
+    from symcheck.semantics.reduction.symmetry import Symmetry
 
 __all__ = ["Exploration", "ExplorationObserver", "ExplorationProgress", "explore"]
 
@@ -117,7 +119,11 @@ class Exploration:
             else self.options.max_memory
         )
         self.layout = StateLayout.of(self.model.variables)
-        self.orbits = StateOrbits.of(self.layout, self.symmetries)
+        self.orbits = None
+        if self.symmetries:
+            from symcheck.explicit.orbits import StateOrbits
+
+            self.orbits = StateOrbits.of(self.layout, self.symmetries)
         self._initial = initial_rows(self.model, self.layout)
         if self.orbits is not None:
             self._initial = self.orbits.representatives(self._initial)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from symcheck.explicit.compile import compile_expression
-from symcheck.explicit.orbits import Represented, StateOrbits
 from symcheck.explicit.states import StateTable
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.expressions.vectorised import Column
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
+
+if TYPE_CHECKING:
+    from symcheck.explicit.orbits import Represented, StateOrbits
 
 __all__ = ["ExplicitModel"]
 
@@ -69,10 +72,7 @@ class ExplicitModel:
         if self.orbits is None:
             return None
         rows = self.states.rows
-        states, initial, deadlocks = map(
-            self.orbits.count, (rows, rows[self.initial], rows[self.deadlocks])
-        )
-        return Represented(states, initial, deadlocks, self.orbits.symmetries)
+        return self.orbits.represented(rows, rows[self.initial], rows[self.deadlocks])
 
     def evaluate(self, expression: Expression) -> Column:
         """The value of an expression over the variables in each state.

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import factorial, prod
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +14,9 @@ from symcheck.explicit import tuning
 from symcheck.explicit.states import Rows, StateLayout
 from symcheck.kernels.explore.breadth_first import Component, Orbits, Piece
 from symcheck.matrices.rows import Int64s
-from symcheck.semantics.reduction.symmetry import Symmetry
+
+if TYPE_CHECKING:
+    from symcheck.semantics.reduction.symmetry import Symmetry
 
 __all__ = ["Represented", "StateOrbits"]
 
@@ -77,6 +80,11 @@ class StateOrbits:
             for factors, count in zip(distinct.T.tolist(), states.tolist(), strict=True):
                 total += prod(factors) * count
         return total
+
+    def represented(self, states: Rows, initial: Rows, deadlocks: Rows) -> Represented:
+        """What representatives stand for, of which some are initial and some deadlocks."""
+        counts = self.count(states), self.count(initial), self.count(deadlocks)
+        return Represented(*counts, self.symmetries)
 
     def _sizes(self, rows: Rows, symmetry: Symmetry) -> Int64s:
         """The number of states that one symmetry makes of each representative: int64[n]."""

@@ -32,7 +32,6 @@ from symcheck.engines.explicit.graph import ExplicitGraph
 from symcheck.engines.explicit.rational_values import RationalValues
 from symcheck.engines.linear_system import LinearSystem, Preprocessing, refuse_infinite_minimum
 from symcheck.explicit.explored import ExploredModel
-from symcheck.explicit.orbits import Represented
 from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
@@ -41,6 +40,7 @@ from symcheck.syntax.ast import Expression, ModelType, Type
 
 if TYPE_CHECKING:
     from symcheck.engines.explicit.product import ExplicitProduct
+    from symcheck.explicit.orbits import Represented
 
 __all__ = ["ExplicitEngine", "ExplicitSystem"]
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from symcheck.errors import ModelFault, UnsupportedError
-from symcheck.explicit.orbits import StateOrbits
 from symcheck.matrices.numbers import Numbers, Rationals, rationals
 from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix
 from symcheck.semantics import state_faults
@@ -28,6 +28,9 @@ from symcheck.semantics.interpreter import (
 )
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, ModelType
+
+if TYPE_CHECKING:
+    from symcheck.explicit.orbits import StateOrbits
 
 __all__ = ["RationalModel", "StateList", "explore_exactly"]
 
