@@ -72,6 +72,7 @@ def test_modules_that_read_a_shared_variable_in_the_same_way_may_be_exchanged() 
 
 def test_conditions_are_compared_by_their_values_where_their_texts_differ() -> None:
     assert groups(COIN, 'Pmax=? [ F "done" & !"agree" ]')
+    assert groups(COIN, 'Pmax=? [ F "agree" & "done" ]')
 
 
 @pytest.mark.parametrize(

@@ -378,12 +378,21 @@ class _NormalForms:
             if isinstance(kind, Operator) and kind.is_associative:
                 one, other = Counter(below), Counter(others)
                 ones, rest = [*(one - other).elements()], [*(other - one).elements()]
-                if len(ones) == 1:
-                    return self.are_equal(ones[0], rest[0])
-                return self._have_equal_tables(self._joined(kind, ones), self._joined(kind, rest))
+                if len(ones) == 1 and self.are_equal(ones[0], rest[0]):
+                    return True
+                near = [*((one & other).elements())]
+                shared = self._sharing(near, [*ones, *rest])
+                return self._have_equal_tables(
+                    self._joined(kind, ones + shared), self._joined(kind, rest + shared)
+                )
             if all(map(self.are_equal, below, others)):
                 return True
         return self._have_equal_tables(self.expressions[a], self.expressions[b])
+
+    def _sharing(self, numbers: Sequence[int], others: Sequence[int]) -> list[int]:
+        """Those of some forms that read a variable of the others."""
+        read = set().union(*(names(self.expressions[n]) for n in others))
+        return [n for n in numbers if not read.isdisjoint(names(self.expressions[n]))]
 
     def _joined(self, operator: Operator, numbers: Sequence[int]) -> Expression:
         parts = (self.expressions[n] for n in numbers)
