@@ -390,9 +390,14 @@ class _NormalForms:
         return self._have_equal_tables(self.expressions[a], self.expressions[b])
 
     def _sharing(self, numbers: Sequence[int], others: Sequence[int]) -> list[int]:
-        """Those of some forms that read a variable of the others."""
+        """Those of some forms that read a variable of the others, or of each other."""
         read = set().union(*(names(self.expressions[n]) for n in others))
-        return [n for n in numbers if not read.isdisjoint(names(self.expressions[n]))]
+        support = {n: names(self.expressions[n]) for n in numbers}
+        known = -1
+        while known != len(read):
+            known = len(read)
+            read = read.union(*(s for s in support.values() if not read.isdisjoint(s)))
+        return [n for n in numbers if not read.isdisjoint(support[n])]
 
     def _joined(self, operator: Operator, numbers: Sequence[int]) -> Expression:
         parts = (self.expressions[n] for n in numbers)
