@@ -25,8 +25,12 @@ _ONE_TASK = Lock()
 class Cluster(Protocol):
     """What is needed of a `distributed.Client`."""
 
-    def get_executor(self) -> Executor:
-        """The cluster with the interface of `concurrent.futures`."""
+    def get_executor(self, *, pure: bool) -> Executor:
+        """The cluster with the interface of `concurrent.futures`.
+
+        Args:
+            pure: whether equal tasks are one task, which is cancelled and fails once for all.
+        """
         ...
 
 

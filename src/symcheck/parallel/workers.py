@@ -48,7 +48,7 @@ class Workers:
         if executor is None or isinstance(executor, Executor):
             self._executor = executor
         else:
-            self._executor = executor.get_executor()
+            self._executor = executor.get_executor(pure=False)
         self._pool: ProcessPool | None = None
 
     @property
@@ -62,8 +62,10 @@ class Workers:
         """Index and result of each task, in the order in which they are finished.
 
         When a process of this machine is killed, the tasks at work are repeated, each in a process
-        of its own, and the others follow in a new pool. A Dask cluster repeats them itself. To
-        close the generator abandons the other tasks.
+        of its own, and the others follow in a new pool. A Dask cluster repeats them itself; those
+        that it gives up are repeated one after another, because a task that only waited on a
+        killed worker counts as a failure there too. To close the generator abandons the other
+        tasks.
 
         Args:
             function: of a module, because processes look it up by its name.
@@ -73,9 +75,9 @@ class Workers:
             ResourceError: no processes can be started, or the connection to a cluster is lost.
             UsageError: the workers of a cluster lack symcheck, or have another version.
         """
-        if self._executor is not None:
-            if self._cluster:
-                function = partial(do_on_cluster, function)
+        if self._executor is not None and self._cluster:
+            yield from _on_cluster(self._executor, partial(do_on_cluster, function), tasks)
+        elif self._executor is not None:
             yield from _submitted(
                 self._executor, function, tasks, range(len(tasks)), max(len(tasks), 1)
             )
@@ -134,6 +136,18 @@ class Workers:
             self._end()
         else:
             self._kill()
+
+
+def _on_cluster(
+    executor: Executor, function: Callable[[T], R], tasks: Sequence[T]
+) -> Generator[tuple[int, R | Lost]]:
+    lost = []
+    for i, result in _submitted(executor, function, tasks, range(len(tasks)), max(len(tasks), 1)):
+        if isinstance(result, Lost):
+            lost.append(i)
+        else:
+            yield i, result
+    yield from _submitted(executor, function, tasks, lost, 1)
 
 
 def _submitted(
