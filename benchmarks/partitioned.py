@@ -36,7 +36,7 @@ def measured(model: symcheck.Model, workers: int) -> None:
         Client(cluster) as client,
     ):
         before = client.run(used)
-        distributed = explore_on_cluster(model.bound, client)
+        distributed = explore_on_cluster(model, client)
         explored = client.run(used)
         result = distributed.check(PROPERTY)
         after = client.run(used)

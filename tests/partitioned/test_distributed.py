@@ -69,7 +69,7 @@ def client() -> Iterator[Client]:
 def compare(model: symcheck.Model, client: Client, *formulas: str) -> None:
     """Sizes and values are those of the explicit engine."""
     explicit = model.with_options(engine="explicit")
-    distributed = explore_on_cluster(model.bound, client)
+    distributed = explore_on_cluster(model, client)
     assert distributed.states == explicit.engine.states
     assert distributed.transitions == explicit.engine.transitions
     for formula in formulas:
@@ -128,7 +128,7 @@ def test_the_partition_is_even() -> None:
 
 
 def test_bounds_are_proved_and_decided_values_exact(client: Client) -> None:
-    die = explore_on_cluster(symcheck.load(MODELS / "die" / "die.pm").bound, client)
+    die = explore_on_cluster(symcheck.load(MODELS / "die" / "die.pm"), client)
     result = die.check("P=? [ F d=6 ]")
     assert isinstance(result.accuracy, Certified)
     assert result.accuracy.lower <= 1 / 6 <= result.accuracy.upper
@@ -140,7 +140,7 @@ def test_bounds_are_proved_and_decided_values_exact(client: Client) -> None:
     "formula", ["P>0.5 [ F d=6 ]", "P=? [ F<=2 G d=0 ]", "P=? [ F>=2 d=6 ]", "P=? [ X d=6 ]"]
 )
 def test_other_properties_are_refused(formula: str, client: Client) -> None:
-    die = explore_on_cluster(symcheck.load(MODELS / "die" / "die.pm").bound, client)
+    die = explore_on_cluster(symcheck.load(MODELS / "die" / "die.pm"), client)
     with pytest.raises(UnsupportedError, match="a distributed model is checked for"):
         die.check(formula)
 
@@ -148,9 +148,16 @@ def test_other_properties_are_refused(formula: str, client: Client) -> None:
 def test_faults_of_the_model_are_told(client: Client) -> None:
     text = "dtmc module m x:[0..5]; [] x<5 -> (x'=x+1); endmodule"
     with pytest.raises(ModelFault, match=r"\(x=5\)"):
-        explore_on_cluster(symcheck.loads(text).bound, client, Options(fix_deadlocks=False))
+        explore_on_cluster(symcheck.loads(text, fix_deadlocks=False), client)
     with pytest.raises(ModelFault, match="range"):
-        explore_on_cluster(symcheck.loads(text.replace("x<5", "true")).bound, client)
+        explore_on_cluster(symcheck.loads(text.replace("x<5", "true")), client)
+
+
+def test_a_bound_model_has_options_of_its_own(client: Client) -> None:
+    bound = symcheck.loads("dtmc module m x:[0..5]; [] x<5 -> (x'=x+1); endmodule").bound
+    assert explore_on_cluster(bound, client).deadlocks == 1
+    with pytest.raises(ModelFault, match=r"\(x=5\)"):
+        explore_on_cluster(bound, client, Options(fix_deadlocks=False))
 
 
 def check_for_ever(model: DistributedModel) -> Never:
@@ -160,7 +167,7 @@ def check_for_ever(model: DistributedModel) -> Never:
 
 def test_a_killed_worker_is_an_error_and_the_next_run_is_right(client: Client) -> None:
     model = symcheck.loads(RETRANSMISSION)
-    distributed: DistributedModel = explore_on_cluster(model.bound, client)
+    distributed: DistributedModel = explore_on_cluster(model, client)
     pid = next(iter(client.run(os.getpid).values()))
     killer = Timer(0.2, os.kill, (pid, signal.SIGKILL))
     killer.start()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import assert_never
+from typing import Protocol, assert_never
 
 from symcheck.check.result import Certified, Exact, Result
 from symcheck.direction import Direction
@@ -46,8 +46,20 @@ _SUPPORTED = (
 )
 
 
+class LoadedModel(Protocol):
+    """A model with the constants and options that it is checked with, a `symcheck.Model`."""
+
+    @property
+    def bound(self) -> BoundModel:
+        """Constants evaluated, names resolved, types checked."""
+
+    @property
+    def options(self) -> Options:
+        """How the model is built and checked."""
+
+
 def explore_on_cluster(
-    model: BoundModel, cluster: Cluster, options: Options | None = None
+    model: LoadedModel | BoundModel, cluster: Cluster, options: Options | None = None
 ) -> DistributedModel:
     """Explore a model on the workers of a Dask cluster, each of which keeps a part of the states.
 
@@ -55,9 +67,9 @@ def explore_on_cluster(
     they find for each other.
 
     Args:
-        model: a DTMC, CTMC or MDP with commands and one initial state (`symcheck.load(…).bound`).
+        model: a DTMC, CTMC or MDP with commands and one initial state.
         cluster: a `distributed.Client`.
-        options: `fix_deadlocks` and `epsilon` are read.
+        options: `fix_deadlocks` and `epsilon` are read; None for those of the model.
 
     Raises:
         ModelFault: the model breaks a rule in a state.
@@ -72,15 +84,19 @@ def explore_on_cluster(
         >>> from distributed import Client
         >>> from symcheck.distributed import explore_on_cluster
         >>> with Client(n_workers=1, dashboard_address=":0") as client:
-        ...     die = explore_on_cluster(symcheck.load("models/die/die.pm").bound, client)
+        ...     die = explore_on_cluster(symcheck.load("models/die/die.pm"), client)
         ...     die.states, f"{die.check('P=? [ F d=6 ]').value:.6f}"
         (13, '0.166667')
     """
-    if model.builder is not None:
+    match model:
+        case BoundModel():
+            bound, chosen = model, options or Options()
+        case _:
+            bound, chosen = model.bound, options or model.options
+    if bound.builder is not None:
         raise UnsupportedError("only models with commands are explored on a cluster")
-    chosen = Options() if options is None else options
     started = perf_counter()
-    parts = Parts(model, cluster)
+    parts = Parts(bound, cluster)
     rounds, left = 0, True
     while left:
         left = any(parts.exchange(Part.receive, parts.call(Part.expand)))
@@ -91,7 +107,7 @@ def explore_on_cluster(
         examples = [text for part in parts.call(Part.deadlock_examples) for text in part]
         raise ModelFault(state_faults.deadlocks(examples, deadlocks))
     return DistributedModel(
-        model,
+        bound,
         chosen,
         parts,
         sum(c.states for c in counts),
