@@ -131,20 +131,19 @@ def _bound_model(state: RunState, model: Model, instances: Sequence[PropertyInst
     Raises InputError.
     """
     a = state.arguments
-    state.output.model(model.bound, {n: str(v) for n, v in model.given_constants.items()})
     options = state.options
+    # The options are chosen before the model is bound, because it is bound for its options.
+    if a.needs_model:
+        model = model.with_options(stop_at_targets=False, symmetry=False)
+    elif options.symmetry is None and options.engine == "auto" and not options.bisim:
+        model = model.with_options(symmetry=True)
+    state.output.model(model.bound, {n: str(v) for n, v in model.given_constants.items()})
+    if options.symmetry and a.needs_model:
+        state.output.warn("-symmetry is not used: more than values at initial states is asked")
     if options.fairness and options.reduce:
         state.output.warn("-reduce is not used: which strategies are fair depends on the states")
     keep_steps = bool(a.transient is not None or a.steadystate or a.simpath or a.step or a.exports)
-    if a.needs_model:
-        if options.symmetry:
-            state.output.warn("-symmetry is not used: more than values at initial states is asked")
-        whole = model.with_options(stop_at_targets=False, symmetry=False)
-    elif options.symmetry is None and options.engine == "auto" and not options.bisim:
-        whole = model.with_options(symmetry=True)
-    else:
-        whole = model
-    reduced = whole.reduced_for(instances, keep_steps=keep_steps)
+    reduced = model.reduced_for(instances, keep_steps=keep_steps)
     partial = isinstance(reduced, ReducedModel) and reduced.partial
     if isinstance(reduced, ReducedModel) and reduced.reduction is not None:
         state.output.line(f"Reduction:   {reduced.reduction}")
