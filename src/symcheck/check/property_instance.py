@@ -95,7 +95,7 @@ def property_instances(
         indices: the properties, from 0; None for all.
     """
     needed = needed_constants(program, file)
-    first = {name: labels[0] for name, labels in values.items()}
+    first = {name: of_constant[0] for name, of_constant in values.items()}
     return [
         PropertyInstance(file, i, {**first, **choice}, choice)
         for i in (range(len(file.properties)) if indices is None else indices)

@@ -253,7 +253,7 @@ def _explicit(given: ExplicitData, fix_deadlocks: bool) -> ImportedEngine:
     )
     return ImportedEngine(
         explored,
-        members={marks[name]: members_of_label for name, members_of_label in members.items()},
+        members={marks[name]: states for name, states in members.items()},
         entry_rewards=[None if r.entries is None else doubles(r.entries) for r in rewards],
         given=(fixed, rewards),
         contributions=given.contributions,

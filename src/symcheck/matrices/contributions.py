@@ -107,4 +107,4 @@ class TransitionParts:
         for entry, text in zip(self.entry.tolist(), self.texts(names), strict=True):
             if text:
                 actions[entry].append(text)
-        return [", ".join(actions) for actions in actions]
+        return [", ".join(names) for names in actions]

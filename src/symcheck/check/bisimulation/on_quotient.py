@@ -53,7 +53,7 @@ class SharedQuotient:
         quotient: the quotient.
         observed: the observations that it keeps.
         formulas: the number of formulas that it serves.
-        requests: the number of formulas of the run.
+        all_formulas: the number of formulas of the run.
         states: the number of states of the model.
         seconds: the time it took.
     """
@@ -61,16 +61,16 @@ class SharedQuotient:
     quotient: Quotient
     observed: AtomicObservations
     formulas: int
-    requests: int
+    all_formulas: int
     states: int
     seconds: float
 
     def __str__(self) -> str:
-        served = "all" if self.formulas == self.requests else f"{self.formulas} of"
+        served = "all" if self.formulas == self.all_formulas else f"{self.formulas} of"
         cost = f"{self.quotient.cost}; {self.seconds:.2f} s in all"
         return (
             f"{self.states} states -> {self.quotient.engine.states}, "
-            f"common to {served} {self.requests} properties ({cost})"
+            f"common to {served} {self.all_formulas} properties ({cost})"
         )
 
 

@@ -246,13 +246,13 @@ def _equations(
     )
     initial = int(np.flatnonzero(engine.to_bools(engine.initial))[0])
     kind = object if engine.exact else np.float64
-    earned = np.array(rewards, dtype=kind).reshape(-1, matrix.rows)
-    none = np.zeros_like(earned) if not engine.exact else 0 * earned
+    of_objectives = np.array(rewards, dtype=kind).reshape(-1, matrix.rows)
+    none = np.zeros_like(of_objectives) if not engine.exact else 0 * of_objectives
     flow = numerics.Flow(
         matrix,
         initial,
-        np.where(long_run[:, None], none, earned),
-        np.where(long_run[:, None], earned, none),
+        np.where(long_run[:, None], none, of_objectives),
+        np.where(long_run[:, None], of_objectives, none),
         stays,
         costless,
     )

@@ -326,8 +326,8 @@ class _Reader:
         states, rows = np.zeros((count, matrix.states)), np.zeros((count, matrix.rows))
         for i, rewards in enumerate(parts.state_rewards):
             states[: len(rewards), i] = rewards
-        earning = np.arange(matrix.rows) if type is ModelType.MDP else np.flatnonzero(counts)
-        for i, rewards in zip(earning.tolist(), parts.row_rewards, strict=True):
+        earning_rows = np.arange(matrix.rows) if type is ModelType.MDP else np.flatnonzero(counts)
+        for i, rewards in zip(earning_rows.tolist(), parts.row_rewards, strict=True):
             rows[: len(rewards), i] = rewards
         if type is ModelType.CTMC:
             rows *= np.bincount(
