@@ -8,6 +8,8 @@ The names here are looked up when they are used, so that importing symcheck cost
 
 from __future__ import annotations
 
+from symcheck.version import __version__ as __version__
+
 TYPE_CHECKING = False  # for type checkers; the module `typing` takes ten milliseconds
 if TYPE_CHECKING:
     from symcheck import teach as teach
@@ -75,7 +77,6 @@ _MODULES = {
 """The names of each module; none for a package that is a name itself."""
 _HOME = {name: module for module, names in _MODULES.items() for name in names.split() or [module]}
 
-__version__ = "0.2.0"
 __all__ = [*_HOME, "__version__"]
 
 

@@ -8,7 +8,6 @@ from contextlib import suppress
 from threading import Thread
 from typing import TextIO
 
-from symcheck import __version__
 from symcheck.check.result import Estimate, Result
 from symcheck.check.testing.property_tests import PropertyTests
 from symcheck.engines.base import Engine
@@ -18,6 +17,7 @@ from symcheck.errors import OutputError, SymcheckError
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.semantics.state_faults import describe_state
+from symcheck.version import __version__
 
 __all__ = ["LAST_WORDS", "Output", "fail"]
 

@@ -15,7 +15,6 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Unpack, cast
 
-from symcheck import __version__
 from symcheck.api import Model, takes_options
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.constant_values import GivenValues, combinations, value_lists
@@ -37,6 +36,7 @@ from symcheck.syntax.parse import (
     parse_properties_file,
 )
 from symcheck.syntax.printer import pretty
+from symcheck.version import __version__
 
 __all__ = ["Progress", "experiment", "experiment_description", "row_key"]
 

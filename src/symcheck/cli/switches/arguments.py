@@ -10,7 +10,6 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 
-from symcheck import __version__
 from symcheck.cli.switches.input_switches import (
     add_imports,
     add_input,
@@ -24,6 +23,7 @@ from symcheck.cli.switches.prism_options import Adapted, adapt
 from symcheck.errors import UsageError
 from symcheck.options import Options, make_options
 from symcheck.syntax.ast import ModelType
+from symcheck.version import __version__
 
 __all__ = ["HELP_EPILOGUE", "Arguments", "information", "make_parser", "parse_arguments"]
 

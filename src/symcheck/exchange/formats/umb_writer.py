@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symcheck import __version__
 from symcheck.errors import UsageError
 from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.matrices.numbers import Numbers
 from symcheck.syntax.ast import ModelType, Type
 from symcheck.tables import optional_package
+from symcheck.version import __version__
 from symcheck.whole_file import write_whole
 
 if TYPE_CHECKING:
