@@ -10,11 +10,20 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, partial
+from functools import cached_property, partial, wraps
 from inspect import Parameter, signature
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple, TypeVar, Unpack, cast
+from typing import (
+    TYPE_CHECKING,
+    Concatenate,
+    Literal,
+    NamedTuple,
+    ParamSpec,
+    TypeVar,
+    Unpack,
+    cast,
+)
 
 from symcheck.check.checker import check
 from symcheck.check.property_instance import (
@@ -54,6 +63,7 @@ from symcheck.syntax.parse import (
     parse_properties,
     parse_properties_file,
 )
+from symcheck.time_limit import seconds_left, within
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -88,6 +98,8 @@ __all__ = [
 ]
 
 F = TypeVar("F", bound=Callable[..., object])
+P = ParamSpec("P")
+T = TypeVar("T")
 Observer = Callable[[object], None]
 ModelTypeName = Literal["dtmc", "ctmc", "mdp"]
 
@@ -118,6 +130,18 @@ def takes_options(function: F) -> F:
     ]
     function.__signature__ = declared.replace(parameters=[*kept, *options])  # type: ignore[attr-defined]
     return function
+
+
+def _timed(
+    method: Callable[Concatenate[Model, P], T],
+) -> Callable[Concatenate[Model, P], T]:
+    """A decorator: a call ends with TimeLimitError at the option `time_limit`."""
+
+    @wraps(method)
+    def limited(self: Model, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        return self._within_time_limit(lambda: method(self, *args, **kwargs))
+
+    return limited
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -174,7 +198,24 @@ class Model:
             self.program, self.given_constants, model_type=self.type, exact=self.options.exact
         )
 
+    def _within_time_limit(self, compute: Callable[[], T]) -> T:
+        """What a function returns within the option `time_limit`. Raises TimeLimitError."""
+        limit = self.options.time_limit
+        if limit is None:
+            return compute()
+
+        def timed() -> T:
+            if "engine" in vars(self):  # diagrams of an earlier call have its limit
+                from symcheck.engines.symbolic.diagrams import HasDiagrams
+
+                if (symbolic := self.engine.capability(HasDiagrams)) is not None:
+                    symbolic.diagrams.manager.limit_time(seconds_left())
+            return compute()
+
+        return within(limit, timed)
+
     @cached_property
+    @_timed
     def engine(self) -> Engine:
         """The built model: reachable states and matrix.
 
@@ -382,6 +423,7 @@ class Model:
         """
         return self._check_all(properties_file(properties), constants, None)
 
+    @_timed
     def test(
         self,
         properties: str | Path | PropertiesFile,
@@ -445,8 +487,17 @@ class Model:
         constants: GivenConstants | str | None,
         observer: IterationObserver | None,
     ) -> Iterator[tuple[BoundProperty, Result]]:
-        given = constant_values(constants)
-        instances = self.instances(file, {n: (v,) for n, v in given.items()})
+        results = self._results(file, constant_values(constants), observer)
+        while (result := self._within_time_limit(lambda: next(results, None))) is not None:
+            yield result
+
+    def _results(
+        self,
+        file: PropertiesFile,
+        constants: GivenConstants,
+        observer: IterationObserver | None,
+    ) -> Iterator[tuple[BoundProperty, Result]]:
+        instances = self.instances(file, {n: (v,) for n, v in constants.items()})
         for instance in instances:
             instance.bind(self.bound)  # faults of the text are reported before anything is built
         model = self.reduced_for(instances)
@@ -478,10 +529,12 @@ class Model:
         """
         return property_instances(self.program, file, values, indices)
 
+    @_timed
     def shared_quotient(self, instances: Sequence[PropertyInstance]) -> SharedQuotient | None:
         """One quotient for several properties, with the option `bisim` and if it pays."""
         return shared_quotient(self.engine, instances, self.options)
 
+    @_timed
     def check_instance(
         self,
         instance: PropertyInstance,
@@ -514,6 +567,7 @@ class Model:
 
     # --------------------------------------------------------- distributions and paths
 
+    @_timed
     def transient(self, time: float, initial: Floats | None = None) -> Distribution:
         """The distribution over the states at a time.
 
@@ -529,6 +583,7 @@ class Model:
 
         return transient(self.engine, time, self.options, initial)
 
+    @_timed
     def steady_state(self, initial: Floats | None = None) -> Distribution:
         """The long-run distribution over the states.
 
@@ -559,6 +614,7 @@ class Model:
 
         return model_page(self, properties, constants, max_states=max_states, title=title)
 
+    @_timed
     def simulate(
         self,
         steps: int | None = None,
@@ -636,6 +692,7 @@ class Model:
         with Workers(jobs, executor) as workers:
             return self.estimate_instance(instance, plan, workers)
 
+    @_timed
     def estimate_instance(
         self, instance: PropertyInstance, plan: Plan, workers: Workers | None = None
     ) -> Result:

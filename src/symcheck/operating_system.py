@@ -24,6 +24,7 @@ __all__ = [
     "CAN_FORK",
     "NO_LIMIT",
     "SignalChannel",
+    "can_repeat_alarm",
     "end_with_children",
     "interrupt_blocked",
     "interrupt_main_thread",
@@ -64,10 +65,19 @@ class _Timer:
 _TIMER = _Timer()
 
 
-def set_alarm(seconds: float) -> None:
-    """Send ALARM to this process after so many seconds; 0: do not."""
+def can_repeat_alarm() -> bool:
+    """Whether `set_alarm` repeats ALARM."""
+    return hasattr(signal, "setitimer")
+
+
+def set_alarm(seconds: float, interval: float = 0.0) -> None:
+    """Send ALARM to this process after so many seconds; 0: do not.
+
+    Args:
+        interval: seconds after which it is repeated; 0: it is not.
+    """
     if hasattr(signal, "setitimer"):
-        signal.setitimer(signal.ITIMER_REAL, seconds)
+        signal.setitimer(signal.ITIMER_REAL, seconds, interval)
     else:
         _TIMER.start(seconds)
 

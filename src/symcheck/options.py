@@ -372,7 +372,7 @@ class Options:
         None,
         _SECONDS,
         "model",
-        "Longest time of the run, in seconds.",
+        "Longest time of the run (in Python, of a call such as `check`), in seconds.",
         _switch("timeout", "longest time of the run, such as 90, 5m or 1h"),
     )
 

@@ -13,10 +13,10 @@ from types import FrameType
 from symcheck.errors import Interrupted, ResourceError, TimeLimitError, out_of_memory
 from symcheck.machine import below_limit, limit_memory, memory_ended
 from symcheck.operating_system import ALARM, SignalChannel, interrupt_main_thread, set_alarm
+from symcheck.time_limit import PATIENCE, ThreadTimer, limit_time
 
 __all__ = ["StopSignals"]
 
-_PATIENCE = 0.1  # seconds until a signal without effect is repeated
 _GRACE = 0.5  # seconds until a process that the signal does not stop is ended
 _GRACE_FOR_FILES = 20.0  # the same while finished results are written
 
@@ -54,7 +54,7 @@ class StopSignals:
         self._low_memory = 0
         self._memory_ended = False
         self._over = threading.Event()
-        self._timer: threading.Thread | None = None
+        self._timer: ThreadTimer | None = None
         self._previous: dict[signal.Signals, Handler] = {}
 
     def __enter__(self) -> StopSignals:
@@ -77,10 +77,12 @@ class StopSignals:
 
     def __exit__(self, *_: object) -> None:
         if self._timer is not None:
-            self._end_timer(self._timer)
+            self._timer.end()
         if threading.current_thread() is not threading.main_thread():
+            limit_time(None)
             return
         self._acknowledged = True
+        limit_time(None)
         if ALARM in self._previous:
             set_alarm(0)
         for number, handler in self._previous.items():
@@ -104,51 +106,21 @@ class StopSignals:
         """Stop the run after so many seconds; None: no limit."""
         if seconds is None:
             return
+        limit_time(seconds)
         if ALARM in self._previous:
             set_alarm(max(seconds, 1e-6))
             return
-        arguments = max(seconds, 0.0), threading.get_ident()
-        self._timer = threading.Thread(target=self._end_thread, args=arguments, daemon=True)
+        self._timer = ThreadTimer(max(seconds, 0.0), self._tell_time)
         self._timer.start()
 
-    def _end_thread(self, seconds: float, thread: int) -> None:
-        """Raise KeyboardInterrupt in a thread when the time is over, as the signal does.
-
-        Compiled loops that last long watch the time limit themselves.
-        """
-        while not self._over.wait(seconds):
-            self.signal = self.signal or ALARM
-            if not self._acknowledged:
-                _raise_in_thread(thread)
-            seconds = _PATIENCE
-
-    def _end_timer(self, timer: threading.Thread) -> None:
-        """End the timer, and receive the error that it may still have set for this thread.
-
-        A last one is set and raised here: withdrawing it would leave CPython 3.11 looking for an
-        error at every call, and for ever where calls are traced.
-        """
-        ended = False
-        while True:
-            try:
-                self._over.set()
-                timer.join()
-                ended = True
-                if self.signal is not ALARM:
-                    return
-                _raise_in_thread(threading.get_ident())
-                while True:
-                    pass
-            except KeyboardInterrupt:
-                if ended:
-                    return
+    def _tell_time(self) -> None:
+        self.signal = self.signal or ALARM
 
     def acknowledge(self) -> None:
         """The signal has taken effect, and is not repeated."""
         self._acknowledged = True
         if self._timer is not None:
-            self._end_timer(self._timer)
-            self._timer = None
+            self._timer.end()
 
     @contextmanager
     def writing(self) -> Iterator[None]:
@@ -208,7 +180,7 @@ class StopSignals:
 
     def _watch(self) -> None:
         """Wait for a signal or the end of the memory, repeat the signal, and end the process."""
-        while (number := self._channel.wait(_PATIENCE)) not in self._previous:
+        while (number := self._channel.wait(PATIENCE)) not in self._previous:
             if self._over.is_set():
                 return
             if self._low_memory and below_limit() < self._low_memory:
@@ -216,16 +188,8 @@ class StopSignals:
                 self._stop_for_memory()
         self.signal = self.signal or signal.Signals(number)
         self._deadline = monotonic() + _GRACE
-        while not self._over.wait(_PATIENCE):
+        while not self._over.wait(PATIENCE):
             if self._end is not None and monotonic() > self._deadline:
                 self._end()
             elif not self._acknowledged:
                 interrupt_main_thread(number)
-
-
-def _raise_in_thread(thread: int) -> None:
-    """Let a thread raise KeyboardInterrupt at one of its next instructions."""
-    import ctypes  # takes milliseconds
-
-    given = ctypes.py_object(KeyboardInterrupt)
-    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), given)

@@ -22,6 +22,7 @@ from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, doubles, full, is_exact
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.numerics.linear.rational import Number, Row, flint_number, fractions
+from symcheck.time_limit import seconds_left
 
 if TYPE_CHECKING:
     from flint import fmpq_mat
@@ -42,6 +43,8 @@ _SETTINGS = (
     {"presolve": False},
 )
 """Settings of HiGHS; the second ones are used if the first lead to numerical difficulties."""
+_TIME_SLACK = 0.1
+"""Seconds after a time limit at which HiGHS stops: the limit is reported by who keeps it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +132,11 @@ def _by_highs(program: Program) -> OptimizeResult:
     cost, right = -doubles(program.cost), doubles(program.right)
     entries = (doubles(program.values), (program.rows, program.columns))
     matrix = csc_array(entries, shape=(len(right), len(cost)))
+    left = seconds_left()
+    limit = {} if left is None else {"time_limit": left + _TIME_SLACK}
     for settings in _SETTINGS:
-        answer = linprog(cost, A_eq=matrix, b_eq=right, method="highs-ds", options=settings)
+        options = {**settings, **limit}
+        answer = linprog(cost, A_eq=matrix, b_eq=right, method="highs-ds", options=options)
         if answer.status != 4:
             break
     return answer
