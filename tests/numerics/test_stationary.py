@@ -61,6 +61,29 @@ def test_a_queue_keeps_the_digits_of_rare_states() -> None:
     assert found.certified
 
 
+def test_a_queue_that_is_overloaded_keeps_its_weights_within_the_range_of_doubles() -> None:
+    """4^600 is no double: the states that are eliminated first are those that matter."""
+    n, arrive, serve = 600, 4.0, 1.0
+    found = stationary.stationary_distribution(queue(n, arrive, serve), Accuracy())
+    exact = 0.75 * 0.25 ** np.arange(n)[::-1]
+    assert found.certified
+    normal = exact > 1e-300
+    assert np.all(np.abs(found.middle - exact)[normal] <= 1e-9 * exact[normal])
+    assert np.all(found.upper[~normal] <= 1e-299)
+
+
+def test_two_parts_beyond_states_rarer_than_any_double_have_their_weights() -> None:
+    """The way between the parts has the probability 10^-400."""
+    n = 81
+    rates = np.zeros((n, n))
+    up = np.where(np.arange(n - 1) < n // 2, 1e-10, 1.0)
+    rates[np.arange(n - 1), np.arange(1, n)] = up
+    rates[np.arange(1, n), np.arange(n - 1)] = np.where(up < 1, 1.0, 1e-10)
+    found = stationary.stationary_distribution(sparse_of(rates), Accuracy())
+    assert found.certified
+    assert found.middle[[0, n - 1]] == pytest.approx(0.5, rel=1e-9)
+
+
 @pytest.mark.parametrize(("arrive", "serve"), [(1.0, 4.0), (4.0, 5.0)])
 def test_averages_by_the_poisson_equation(
     monkeypatch: pytest.MonkeyPatch, arrive: float, serve: float

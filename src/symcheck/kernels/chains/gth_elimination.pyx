@@ -12,6 +12,7 @@ by at most 10 roundings per updated row. Sources: Grassmann, Taksar & Heyman (19
 import numpy as np
 
 from libc.float cimport DBL_MAX, DBL_MIN
+from libc.math cimport frexp, ldexp
 from libc.stdint cimport int32_t, int64_t
 from libc.stdlib cimport calloc, free, realloc
 
@@ -20,6 +21,9 @@ from symcheck.kernels.portable cimport (COMPENSATED_ROUNDINGS, Sum, add_product,
 from symcheck.kernels.rounding cimport UNIT_ROUNDOFF
 from symcheck.kernels.tuning cimport FILL_IN_CLASSES
 
+
+cdef enum:
+    LEAST_POWER = -(1 << 30)  # of 2; below that of every weight
 
 
 cdef struct SparseRow:
@@ -256,26 +260,49 @@ cdef class GthElimination:
     def stationary(self) -> Floats:
         """The stationary distribution of a chain that nothing leaves: float64[n], with sum 1.
 
-        Each entry has a relative error of at most `error`.
+        Each entry that is a normal double has a relative error of at most `error`. Weights are
+        kept as fractions times powers of 2, because those of a chain with drift leave the range of
+        doubles, which the probabilities need not do.
         """
         cdef int64_t n = self.n, i, e
-        cdef int32_t k
+        cdef int32_t k, p
+        cdef int power, fraction_power
+        cdef int64_t greatest
         cdef double[::1] x = np.zeros(n)
-        cdef Sum pivot_sum
+        cdef int64_t[::1] powers = np.zeros(n, dtype=np.int64)
+        cdef double fraction
+        cdef SparseRow* factors
+        cdef Sum weight
         with nogil:
             # The last state has weight 1; the weight of k comes from the states eliminated after
             # it.
-            k = <int32_t>self.order[n - 1]
-            x[k] = 1.0
+            x[self.order[n - 1]] = 1.0
             for i in range(n - 2, -1, -1):
                 k = <int32_t>self.order[i]
-                pivot_sum = sum_of(0.0)
-                for e in range(self.factors[k].size):
-                    pivot_sum = add_term(
-                        pivot_sum, self.factors[k].data[e] * x[self.factors[k].indices[e]])
-                x[k] = rounded(pivot_sum)
+                factors = &self.factors[k]
+                greatest = LEAST_POWER
+                for e in range(factors.size):
+                    frexp(factors.data[e], &power)
+                    greatest = max(greatest, power + powers[factors.indices[e]])
+                weight = sum_of(0.0)
+                for e in range(factors.size):
+                    p = factors.indices[e]
+                    fraction = frexp(factors.data[e], &power) * x[p]
+                    weight = add_term(weight, scaled(fraction, power + powers[p] - greatest))
+                x[k] = frexp(rounded(weight), &fraction_power)
+                powers[k] = fraction_power + greatest
+            greatest = LEAST_POWER
+            for i in range(n):
+                greatest = max(greatest, powers[i])
+            for i in range(n):
+                x[i] = scaled(x[i], powers[i] - greatest)
         out = np.asarray(x)
         return out / out.sum()
+
+
+cdef inline double scaled(double x, int64_t power) noexcept nogil:
+    """x times a power of 2 that is at most 1; it is 0 below the range of doubles."""
+    return ldexp(x, <int>power) if power > -2000 else 0.0
 
 
 cdef inline void link(int32_t i, int64_t b, int32_t[::1] first_state, int32_t[::1] next_state,
