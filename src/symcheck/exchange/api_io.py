@@ -101,7 +101,7 @@ def export(
     Args:
         model: the model.
         target: FILES[:OPTIONS] as for -exportmodel: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`,
-            `die.umb`, `die.jani`.
+            `die.pexp`, `die.umb`, `die.umbt`, `die.jani`.
         properties: those that a JANI file holds, as for `Model.check_all`. The other formats have
             none.
 
@@ -199,7 +199,7 @@ def product_targets(
 def load_explicit(
     files: str, *, type: ModelType | ModelTypeName | None = None, **options: Unpack[OptionValues]
 ) -> Model:
-    """Read a model from explicit files: `die.all`, `die.tra,lab`, `die.drn` or `die.umb`.
+    """Read a model from explicit files: `die.all`, `die.tra,lab`, `die.pexp`, `die.drn`, `die.umb`.
 
     Files that end in .gz or .xz are compressed (`die.all.gz`).
 

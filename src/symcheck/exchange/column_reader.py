@@ -18,7 +18,7 @@ from symcheck.errors import Diagnostic, Source, Span, SyntaxFault, UsageError
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.whole_file import read_whole
 
-__all__ = ["Columns", "number_table", "read_columns", "read_file"]
+__all__ = ["Columns", "columns_of", "number_table", "read_columns", "read_file", "read_source"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,9 +195,19 @@ def read_file(path: Path) -> str:
         raise UsageError(f"cannot read '{path}': not a UTF-8 text file") from None
 
 
+def read_source(path: Path) -> Source:
+    """The text of a file, with its name. Raises UsageError as `read_file`."""
+    return Source(str(path), read_file(path))
+
+
 def read_columns(path: Path) -> Columns:
-    """Read a file. Raises UsageError if it cannot be read or is not UTF-8 text."""
-    text = read_file(path)
+    """Read a file. Raises UsageError as `read_file`."""
+    return columns_of(read_source(path))
+
+
+def columns_of(source: Source) -> Columns:
+    """The lines of a text."""
+    text = source.text
     comments: list[str] = []
     first: list[str] = []
     start = 0
@@ -210,7 +220,7 @@ def read_columns(path: Path) -> Columns:
         else:
             first = words
         start = end + 1
-    return Columns(Source(str(path), text), start, first, comments)
+    return Columns(source, start, first, comments)
 
 
 def number_table(text: str) -> Floats | None:

@@ -10,7 +10,7 @@ from typing import TextIO
 from symcheck.errors import UsageError
 from symcheck.exchange import components
 from symcheck.exchange.explicit_export import ExplicitExport
-from symcheck.exchange.formats import dot, drn, matlab, prism_writer, umb_writer
+from symcheck.exchange.formats import combined_file, dot, drn, matlab, prism_writer, umb_writer
 from symcheck.exchange.text import FULL_PRECISION, write_text
 from symcheck.whole_file import uncompressed_name
 
@@ -24,10 +24,10 @@ __all__ = [
     "parse_target",
 ]
 
-EXTENSIONS = ("tra", "sta", "lab", "srew", "trew", "dot", "drn", "umb", "jani")
+EXTENSIONS = ("tra", "sta", "lab", "srew", "trew", "pexp", "dot", "drn", "umb", "umbt", "jani")
 _ALL = ("tra", "sta", "lab", "srew", "trew")
 _SWITCHES = ("actions", "headers", "states", "proplabels", "rows", "rewards", "labels", "matlab")
-_WHOLE = ("dot", "drn", "umb", "jani")
+_WHOLE = ("pexp", "dot", "drn", "umb", "umbt", "jani")
 _FORMATS = ("explicit", "matlab", *_WHOLE)
 
 
@@ -221,6 +221,13 @@ def _texts(model: ExplicitExport, target: Target) -> Iterator[tuple[str, Iterabl
             )
         case "dot":
             yield path, dot.dot_file(model, states=o.states, precision=o.precision)
+        case "pexp":
+            text = combined_file.combined_file(
+                model, _shown(model, o), precision=o.precision, rewards=o.rewards
+            )
+            yield path, text
+        case "umbt":
+            yield path, umb_writer.umb_text(_part(model, o))
         case "drn":
             yield path, drn.drn_file(_part(model, o), precision=o.precision)
         case "srew" | "trew":

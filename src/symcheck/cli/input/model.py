@@ -14,7 +14,7 @@ from symcheck.whole_file import uncompressed_name
 __all__ = ["STANDARD_INPUT", "choose_model_file", "read_model"]
 
 _MODEL_ENDINGS = (".pm", ".sm", ".nm", ".prism", ".jani")
-_EXPLICIT_ENDINGS = (".all", ".umb", ".drn")
+_EXPLICIT_ENDINGS = (".all", ".pexp", ".umb", ".drn")
 
 
 def _ends(path: str, endings: tuple[str, ...]) -> bool:
@@ -29,9 +29,9 @@ STANDARD_INPUT = "-"
 def choose_model_file(a: Arguments) -> str:
     """The file of the model. The files without a switch become the model and the properties.
 
-    A first file `*.all`, `*.umb` or `*.drn` is an explicit model. If an -import switch names the
-    model, the first file is that of the properties. A JANI file has properties of its own, which
-    are checked if no others are given.
+    A first file `*.all`, `*.pexp`, `*.umb` or `*.drn` is an explicit model. If an -import switch
+    names the model, the first file is that of the properties. A JANI file has properties of its
+    own, which are checked if no others are given.
 
     Raises:
         UsageError: there is no model, or there are two.

@@ -177,7 +177,7 @@ def add_imports(parser: SwitchParser) -> None:
         "importmodel",
         metavar="BASE.all",
         help="read the model from BASE.tra, .sta, .lab, .srew, .trew (or BASE.tra,sta,…), from a "
-        "file .drn or .umb; files .gz and .xz are compressed",
+        "file .pexp, .drn or .umb; files .gz and .xz are compressed",
     )
     for name, what in (
         ("trans", "transitions (.tra)"),

@@ -24,8 +24,8 @@ def add_exports(parser: SwitchParser) -> None:
         metavar="FILES[:OPTIONS]",
         action=ExportPart,
         kinds="model",
-        help="write the model: out.tra,sta,lab,srew,trew; out.all; out.dot; out.drn; out.umb; "
-        "out.jani; "
+        help="write the model: out.tra,sta,lab,srew,trew; out.all; out.pexp; out.dot; "
+        "out.drn; out.umb; out.umbt; out.jani; "
         "'stdout' for out prints. "
         "OPTIONS: actions, headers, rows, states, proplabels (=false), precision=N",
     )

@@ -61,7 +61,7 @@ _REFUSED: Mapping[str, str] = {
     **dict.fromkeys(_PARAMETRIC_SWITCHES.split(), _PARAMETRIC),
     "importpepa": "PEPA is not supported: models are in the PRISM language",
     "exportmrmc": "MRMC's formats are not supported; "
-    "-exportmodel writes .tra .lab .srew .trew .drn and .umb",
+    "-exportmodel writes .tra .lab .srew .trew .pexp .drn and .umb",
     "exportunordered": "exports are always in the order of rows",
     "exportprodvector": "values in a product with an automaton are not exported; -exportprodtrans "
     "and -exportprodstates write the product, -exportvector the values in the model",

@@ -1,4 +1,4 @@
-"""Read PRISM's explicit files: .tra .sta .lab .srew .trew (see prism_writer.py)."""
+"""Read PRISM's explicit files: .tra .sta .lab .srew .trew, and .pexp, which holds them all."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from symcheck.errors import UsageError
-from symcheck.exchange.column_reader import Columns, read_columns
+from symcheck.errors import Source, UsageError
+from symcheck.exchange.column_reader import Columns, columns_of, read_source
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, row_rewards
+from symcheck.exchange.formats.combined_file import ModelTexts, parts_of
 from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.state_faults import SUM_TOLERANCE
@@ -65,7 +66,7 @@ def model_files(argument: str) -> ModelFiles:
     kinds = set(listed.split(","))
     if not dot or not kinds <= {*_KINDS, "rew", "all"}:
         raise UsageError(
-            f"-importmodel: '{argument}' does not end in .all, .umb, .drn, "
+            f"-importmodel: '{argument}' does not end in .all, .pexp, .umb, .drn, "
             f"or some of .{',.'.join(_KINDS)}"
         )
     everything = "all" in kinds
@@ -93,7 +94,9 @@ def model_files(argument: str) -> ModelFiles:
 def read_files(
     argument: str, kind: ModelType | None = None, *, check_sums: bool = True
 ) -> ExplicitData:
-    """The model that `-importmodel` names: `base.all` (see `model_files`), `file.umb`, `file.drn`.
+    """The model that `-importmodel` names.
+
+    That is `base.all` (see `model_files`), `file.pexp`, `file.umb` or `file.drn`.
 
     Raises:
         UsageError: a file is missing or cannot be read.
@@ -112,6 +115,9 @@ def read_files(
 
         path = Path(names if options == "format=drn" else argument)
         return read_drn(path, kind, check_sums=check_sums)
+    if options == "format=pexp" or uncompressed_name(argument)[0].endswith(".pexp"):
+        path = Path(names if options == "format=pexp" else argument)
+        return _model(parts_of(read_source(path)), kind, check_sums)
     files = model_files(names if options == "format=explicit" else argument)
     return read_model(files, kind, check_sums=check_sums)
 
@@ -130,11 +136,25 @@ def read_model(
     Raises:
         SyntaxFault: a file is faulty; the error points at the place.
     """
-    result = _read_transitions(files.transitions, kind, check_sums)
+
+    def text(path: Path | None) -> Source | None:
+        return None if path is None else read_source(path)
+
+    texts = ModelTexts(
+        read_source(files.transitions),
+        text(files.states),
+        text(files.labels),
+        tuple((text(states), text(transitions)) for states, transitions in files.rewards),
+    )
+    return _model(texts, kind, check_sums)
+
+
+def _model(texts: ModelTexts, kind: ModelType | None, check_sums: bool) -> ExplicitData:
+    result = _read_transitions(texts.transitions, kind, check_sums)
     n = result.matrix.states
-    columns = _read_states(files.states, n) if files.states else [("x", Type.INT, np.arange(n))]
-    labels = _read_labels(files.labels, n) if files.labels else {}
-    rewards = [_read_rewards(pair, result) for pair in files.rewards]
+    columns = _read_states(texts.states, n) if texts.states else [("x", Type.INT, np.arange(n))]
+    labels = _read_labels(texts.labels, n) if texts.labels else {}
+    rewards = [_read_rewards(pair, result) for pair in texts.rewards]
     return ExplicitData(
         result.type,
         columns,
@@ -150,8 +170,8 @@ def read_model(
 # ------------------------------------------------------------------------------------- transitions
 
 
-def _read_transitions(path: Path, kind: ModelType | None, check_sums: bool) -> _Transitions:
-    file = read_columns(path)
+def _read_transitions(part: Source, kind: ModelType | None, check_sums: bool) -> _Transitions:
+    file = columns_of(part)
     size = file.header(
         (2, 3), "the numbers of states and transitions, or of states, choices and transitions"
     )
@@ -169,11 +189,14 @@ def _read_transitions(path: Path, kind: ModelType | None, check_sums: bool) -> _
         )
     file.expect(size[-1], "transitions")
     first = 2 if has_choices else 1  # the word of the target
+    action = first + 1 if has_choices and _is_lts(file) else first + 2
     words = "source, choice, target, probability" if has_choices else _CHAIN_WORDS
-    file.widths((first + 2, first + 3), f"{words}, and perhaps an action")
+    if action == 3 and has_choices:
+        words = "source, choice, target"
+    file.widths((action, action + 1), f"{words}, and perhaps an action")
     n = size[0]
     source, target = file.integers(0, n, "state"), file.integers(first, n, "state")
-    weights = _weights(file, first + 1)
+    weights = _weights(file, first + 1) if action > first + 1 else np.ones(len(source))
     choice = file.integers(1, _INT_LIMIT, "choice") if has_choices else np.zeros_like(source)
     order = np.lexsort((target, choice, source))
     # A chain with actions may have several lines for a pair of states, one per action.
@@ -192,7 +215,7 @@ def _read_transitions(path: Path, kind: ModelType | None, check_sums: bool) -> _
     if has_choices:
         rows = size[1]
         row, groups = _choices(file, order, source, choice[order], n, rows)
-        actions, row_actions = _read_actions(file, order, row, rows)
+        actions, row_actions = _read_actions(file, order, row, rows, action)
     sums: Floats = np.bincount(row, values, rows).astype(np.float64)
     model_type = ModelType.MDP if has_choices else kind or _told_type(file)
     is_one = np.abs(sums - 1) <= SUM_TOLERANCE
@@ -251,10 +274,13 @@ def _unique(file: Columns, order: Int64s, *keys: Int64s) -> None:
 
 
 def _read_actions(
-    file: Columns, order: Int64s, row: Int64s, rows: int
+    file: Columns, order: Int64s, row: Int64s, rows: int, word: int
 ) -> tuple[tuple[str, ...], Int32s]:
-    """The actions in order of appearance, and the action of each row (its lines must agree)."""
-    names, codes = _action_codes(file, 4)
+    """The actions in order of appearance, and the action of each row (its lines must agree).
+
+    word: the place of the action in a line.
+    """
+    names, codes = _action_codes(file, word)
     codes = codes[order]
     first = np.searchsorted(row, np.arange(rows))
     result: Int32s = codes[first]
@@ -276,6 +302,16 @@ def _action_codes(file: Columns, word: int) -> tuple[tuple[str, ...], Int32s]:
     return names, np.array([number[t] for t in texts], np.int32)
 
 
+def _is_lts(file: Columns) -> bool:
+    """Whether choices have no probabilities: a labelled transition system, which is an MDP here."""
+    if "Transitions (LTS)" in file.comments:
+        return True
+    if file.table is not None:
+        return bool(file.table.shape[1] == 3)
+    first = file.rows[1] if len(file.rows) > 1 else []
+    return len(first) == 3 or (len(first) == 4 and not re.match(r"[-+.\d]", first[3]))
+
+
 def _told_type(file: Columns) -> ModelType | None:
     """The model type that a comment such as `Transitions (CTMC)` states."""
     for comment in file.comments:
@@ -287,8 +323,8 @@ def _told_type(file: Columns) -> ModelType | None:
 # ------------------------------------------------------------------------------- states and labels
 
 
-def _read_states(path: Path, n: int) -> list[tuple[str, Type, Int64s]]:
-    file = read_columns(path)
+def _read_states(part: Source, n: int) -> list[tuple[str, Type, Int64s]]:
+    file = columns_of(part)
     text = "".join(file.first)
     match = re.fullmatch(r"\(([^()]*)\)", text)
     if match is None:
@@ -332,8 +368,8 @@ def _column(file: Columns, name: str, texts: list[str]) -> tuple[str, Type, Int6
         file.fault(line, f"'{bad}' is not a value of the variable {name}", "number")
 
 
-def _read_labels(path: Path, n: int) -> dict[str, Bools]:
-    file = read_columns(path)
+def _read_labels(part: Source, n: int) -> dict[str, Bools]:
+    file = columns_of(part)
     declared = re.findall(r'(\d+)="([^"]*)"', " ".join(file.first))
     if not declared:
         file.fault(0, 'the first line should hold the labels, as 0="init" 1="deadlock"', "header")
@@ -360,11 +396,13 @@ def _read_labels(path: Path, n: int) -> dict[str, Bools]:
 # ----------------------------------------------------------------------------------------- rewards
 
 
-def _read_rewards(pair: tuple[Path | None, Path | None], model: _Transitions) -> ExplicitRewards:
+def _read_rewards(
+    pair: tuple[Source | None, Source | None], model: _Transitions
+) -> ExplicitRewards:
     m = model.matrix
     result = ExplicitRewards(None, np.zeros(m.states), np.zeros(m.rows))
     if pair[0] is not None:
-        file = read_columns(pair[0])
+        file = columns_of(pair[0])
         size = file.header((2,), "the numbers of states and of rewards")
         _same_size(file, size[:1], (m.states,))
         file.expect(size[1], "rewards")
@@ -372,7 +410,7 @@ def _read_rewards(pair: tuple[Path | None, Path | None], model: _Transitions) ->
         result.states[file.integers(0, m.states, "state")] = file.reals(1)
         result = result._replace(name=_reward_name(file))
     if pair[1] is not None:
-        file = read_columns(pair[1])
+        file = columns_of(pair[1])
         entries = _transition_rewards(file, model)
         result = result._replace(
             name=result.name or _reward_name(file),

@@ -5,6 +5,7 @@ Source: https://github.com/pmc-tools/umb
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,7 @@ from symcheck.whole_file import write_whole
 if TYPE_CHECKING:
     from umbi.umb import ExplicitUmb
 
-__all__ = ["umb_model", "write_umb"]
+__all__ = ["umb_model", "umb_text", "write_umb"]
 
 
 def write_umb(model: ExplicitExport, target: str) -> None:
@@ -39,6 +40,14 @@ def write_umb(model: ExplicitExport, target: str) -> None:
 
     # umbi looks at the ending of the name.
     write_whole(target, lambda path: umbi.umb.write(made, path), suffix=".umb")
+
+
+def umb_text(model: ExplicitExport) -> Iterator[str]:
+    """What the UMB file of a model holds, as text. Raises UnsupportedError as `write_umb`."""
+    optional_package("umbi", "umb")
+    from symcheck.exchange.formats import umb_text
+
+    return umb_text.umb_text(umb_model(model))
 
 
 def umb_model(model: ExplicitExport) -> ExplicitUmb:
