@@ -94,6 +94,19 @@ TRUNCATION_SHIFTS = (20.0, 5.0)
 TRUNCATION_MAX_KEPT = 0.5
 """A truncation that keeps a larger share of the states is not used."""
 
+# Forward uniformisation (transient/forward.py).
+FORWARD_ENTRIES = 2e9
+"""Entries that uniformisation would visit, from which on the active states are followed first."""
+FORWARD_ACTIVE_SHARE = 0.25
+"""Share of the states that may be active: more gain nothing."""
+FORWARD_WORK = 2_000_000_000
+"""Entries that may be visited, and that the rest of the steps may be expected to visit."""
+FORWARD_THRESHOLD = 1e-30
+"""Probabilities that are dropped at first: in tandem c=1023, at most 1060 of 2e6 states have more
+at the same time."""
+FORWARD_REFINEMENT = 1e-20
+"""Factor of the threshold, or a smaller one, if more was dropped than the accuracy permits."""
+
 # State-space truncation (transient/state_space_truncation.py).
 TRUNCATION_SWEEPS = 20_000
 """Gauss-Seidel sweeps for the resolvent in the order of distance from the source."""

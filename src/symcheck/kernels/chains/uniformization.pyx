@@ -61,3 +61,82 @@ def uniformized_steps(const int64_t[::1] indptr, const int32_t[::1] indices, con
             current = following
             following = swapped
     return count % 2 == 0, least, greatest, largest
+
+
+def active_steps(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] rates,
+                 const double[::1] exit_rates, double q, const double[::1] rewards, double[::1] y,
+                 double[::1] z, int32_t[::1] arrivals, int32_t[::1] active, int32_t[::1] following,
+                 int64_t count, double threshold, double[::1] values, double[::1] lost
+                 ) -> tuple[int, int, int]:
+    """Replace the distribution y by y P in each step, on the states that hold probability.
+
+    Args:
+        indptr, indices, rates, exit_rates, q: P = I + Q/q, by the rates, the exit rates, which
+            include self-loops, and the uniformisation rate.
+        rewards: float64[n].
+        y: float64[n], the distribution, 0 outside of active states.
+        z, arrivals: float64[n] and int32[n], scratch, 0 before and afterwards.
+        active, following: int32[capacity], the states where y is positive, and scratch.
+        count: the number of active states.
+        threshold: smaller probabilities are dropped before a step.
+        values, lost: float64[an even number of steps], receive y·rewards before each step, and
+            the probability that was dropped in that step.
+    Returns:
+        The number of active states, -1 if they exceed the capacity; the entries visited; and the
+        largest number of terms of a probability.
+    """
+    cdef int64_t t, a, k, made, visited = 0, capacity = active.shape[0]
+    cdef int32_t s, target, terms = 0
+    cdef double p, value, dropped, stay
+    cdef double* current = &y[0]
+    cdef double* other = &z[0]
+    cdef double* swapped
+    cdef int32_t* states = &active[0]
+    cdef int32_t* others = &following[0]
+    cdef int32_t* swapped_states
+    with nogil:
+        for t in range(values.shape[0]):
+            value = dropped = 0.0
+            made = 0
+            for a in range(count):
+                s = states[a]
+                p = current[s]
+                current[s] = 0.0
+                value += p * rewards[s]
+                if p < threshold:
+                    dropped += p
+                    continue
+                if made + indptr[s + 1] - indptr[s] + 1 > capacity:
+                    made = -1
+                    break
+                stay = 1.0 - exit_rates[s] / q
+                if stay > 1e-15:
+                    if arrivals[s] == 0:
+                        others[made] = s
+                        made += 1
+                    arrivals[s] += 1
+                    other[s] += stay * p
+                for k in range(indptr[s], indptr[s + 1]):
+                    target = indices[k]
+                    if arrivals[target] == 0:
+                        others[made] = target
+                        made += 1
+                    arrivals[target] += 1
+                    other[target] += rates[k] / q * p
+                visited += indptr[s + 1] - indptr[s] + 1
+            values[t] = value
+            lost[t] = dropped
+            count = made
+            if count < 0:
+                break
+            for a in range(count):
+                if arrivals[others[a]] > terms:
+                    terms = arrivals[others[a]]
+                arrivals[others[a]] = 0
+            swapped = current
+            current = other
+            other = swapped
+            swapped_states = states
+            states = others
+            others = swapped_states
+    return count, visited, terms

@@ -28,6 +28,7 @@ from symcheck.numerics import tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import scaled
 from symcheck.numerics.linear.problem import Observer, Progress, largest_width
 from symcheck.numerics.settings import Accuracy, Settings
+from symcheck.numerics.transient.forward import forward_value
 from symcheck.numerics.transient.poisson import poisson
 from symcheck.numerics.transient.rational_krylov import excess, importance, krylov_values
 from symcheck.numerics.transient.state_space_truncation import truncate
@@ -137,9 +138,11 @@ class _Horizon:
         """The part of the terminal values or of the reward rate, by the first that applies."""
         rates, interest = self.rates, self.interest
         if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
-            entries = self.chain.q * self.time * self.chain.entries
+            entries = float(self.exit_rates.max()) * self.time * (rates.entries + rates.rows)
             result = None
-            if source and entries > tuning.TRUNCATION_ENTRIES:
+            if len(interest) == 1 and entries > tuning.FORWARD_ENTRIES:
+                result = self.by_forward_steps(rates, int(interest[0]), start, source)
+            if result is None and source and entries > tuning.TRUNCATION_ENTRIES:
                 result = self.on_truncated_space(rates, interest, start)
             result = result or self.by_rational_krylov(rates, interest, start, source)
             if result is not None:
@@ -152,6 +155,24 @@ class _Horizon:
         return _sum_series(
             self.chain, y, self.time, source, self.settings, self.interest, self.observer
         )
+
+    def by_forward_steps(
+        self, rates: SparseMatrix, state: int, start: Floats, source: bool
+    ) -> Transient | None:
+        """Forward uniformisation from the state of interest; other states get trivial bounds."""
+        run = forward_value(
+            rates, self.exit_rates, start, self.time, source, state, self.settings, self.observer
+        )
+        if run is None:
+            return None
+        most = float(start.max()) * (self.time if source else 1.0) * (1.0 + 1e-9)
+        lower, upper = np.zeros(len(start)), np.full(len(start), most)
+        lower[state], upper[state] = run.lower, run.upper
+        note = (
+            f"uniformisation, {run.steps} steps forward, with at most {run.largest} of "
+            f"{len(start)} states active"
+        )
+        return Transient(lower, upper, run.steps, note)
 
     def by_rational_krylov(
         self,
