@@ -112,6 +112,24 @@ def test_an_initial_condition_may_tell_components_apart() -> None:
         assert bool(asked) is symmetric, condition
 
 
+def test_results_speak_of_all_initial_states() -> None:
+    text = """dtmc
+    module a x1 : [0..2]; [] x1>0 -> 0.5:(x1'=x1-1) + 0.5:true; [] x1=0 -> true; endmodule
+    module b = a [ x1=x2 ] endmodule
+    init x1+x2=%d endinit"""
+    for total, asked, satisfied in (
+        (2, "P>=0.2 [ X x1+x2<2 ]", "satisfied in all of 3 initial states"),
+        (2, "P>=0.4 [ X x1+x2<2 ]", "satisfied in 1 of 3 initial states"),
+        (2, "P<=0.4 [ X x1+x2<2 ]", "satisfied in 2 of 3 initial states"),
+        (1, "P<=0.6 [ X x1+x2<1 ]", "satisfied in all of 2 initial states"),
+        (2, "P=? [ X x1+x2<2 ]", "range of values over 3 initial states"),
+        (1, "P=? [ X x1+x2<1 ]", "range of values over 2 initial states"),
+    ):
+        whole, smaller = (model.check(asked) for model in both(text % total))
+        assert smaller.explanation == whole.explanation == satisfied
+        assert smaller.value == whole.value
+
+
 def test_a_ring_has_its_rotations() -> None:
     ring = symcheck.load("models/herman/herman7.pm").program.span.source.text
     ((is_ring, names),) = groups(ring, 'R=? [ F "stable" ]')

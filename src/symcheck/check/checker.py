@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
+from itertools import compress
 from math import isinf, isnan
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -26,6 +27,7 @@ from symcheck.check.result import (
 )
 from symcheck.check.state_formulas import applied_filter, numbers, satisfying, states_of
 from symcheck.engines.base import Engine, StateSet, Values
+from symcheck.engines.capabilities import RepresentsOrbits
 from symcheck.engines.states import States, StateValues
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
 from symcheck.numerics.linear.problem import Observer
@@ -180,21 +182,21 @@ def _check_on_quotient(
 
 def _lift_result(result: Result, smaller: Quotient, engine: Engine) -> Result:
     """A result on the quotient, lifted to the states of the model."""
-    initial, satisfied = engine.initial, None
+    satisfied = None
     if result.values is not None:
         lifted = StateValues(engine, smaller.lift(result.values.of_engine))
         result = replace(result, values=lifted)
     if result.satisfying is not None:
         satisfied = smaller.lift_set(result.satisfying.members)
         result = replace(result, satisfying=States(engine, satisfied))
-    if initial.count == 1:
+    if _initial_count(engine, engine.all) == 1:
         return result
     if satisfied is not None:
-        return replace(result, explanation=_satisfied((satisfied & initial).count, initial.count))
+        return replace(result, explanation=_satisfied(engine, satisfied))
     value: Answer = result.value
     if isinstance(value, int | float | Fraction):
         value = value, value
-    return replace(result, value=value, explanation=_range_over(initial))
+    return replace(result, value=value, explanation=_range_over(engine))
 
 
 def _strategies(context: Context, formula: Expression) -> tuple[Strategy, ...]:
@@ -237,13 +239,13 @@ def _numeric(context: Context, formula: Expression, type: Type) -> Result:
 def _initially(context: Context, values: Values, type: Type) -> Result:
     """The value in the initial state, or the range over several initial states."""
     initial, state_values = context.engine.initial, StateValues(context.engine, values)
-    if initial.count == 1:
+    if _initial_count(context.engine, initial) == 1:
         single, accuracy = _answer(context, values.minimum(initial), values.rounded(initial), type)
         return Result(single, accuracy, "value in the initial state", values=state_values)
     value, accuracy = _range(
         context, (values.minimum(initial), values.maximum(initial)), values.rounded(initial), type
     )
-    return Result(value, accuracy, _range_over(initial), values=state_values)
+    return Result(value, accuracy, _range_over(context.engine), values=state_values)
 
 
 def _filter_result(
@@ -273,9 +275,9 @@ def _filter_result(
 
 def _satisfied_result(context: Context, states: StateSet) -> Result:
     """Whether the initial states satisfy a formula."""
-    initial = context.engine.initial
-    text = _satisfied((states & initial).count, initial.count)
-    return Result(initial <= states, Exact(), text, satisfying=States(context.engine, states))
+    text = _satisfied(context.engine, states)
+    satisfying = States(context.engine, states)
+    return Result(context.engine.initial <= states, Exact(), text, satisfying=satisfying)
 
 
 def _outcome(context: Context, outcome: Condition | Numeric, type: Type) -> tuple[Answer, Accuracy]:
@@ -322,12 +324,23 @@ def _middle(low: Number, high: Number) -> Number:
     return low + (high - low) / 2
 
 
-def _range_over(initial: StateSet) -> str:
-    return f"range of values over {initial.count} initial states"
+def _initial_count(engine: Engine, states: StateSet) -> int:
+    """How many initial states are in a set, counting all that a representative stands for."""
+    represents = engine.capability(RepresentsOrbits)
+    whole = None if represents is None else represents.represented
+    if whole is None:
+        return (states & engine.initial).count
+    members = engine.to_bools(states)[engine.to_bools(engine.initial)].tolist()
+    return sum(compress(whole.initial_orbits, members))
 
 
-def _satisfied(count: int, initial: int) -> str:
+def _range_over(engine: Engine) -> str:
+    return f"range of values over {_initial_count(engine, engine.all)} initial states"
+
+
+def _satisfied(engine: Engine, states: StateSet) -> str:
     """In how many of the initial states a formula holds."""
+    count, initial = _initial_count(engine, states), _initial_count(engine, engine.all)
     if initial == 1:
         return "satisfied in the initial state" if count else "not satisfied in the initial state"
     share = "all" if count == initial else count or "none"

@@ -72,7 +72,8 @@ class ExplicitModel:
         if self.orbits is None:
             return None
         rows = self.states.rows
-        return self.orbits.represented(rows, rows[self.initial], rows[self.deadlocks])
+        initial = rows[sorted(self.initial.tolist())]
+        return self.orbits.represented(rows, initial, rows[self.deadlocks])
 
     def evaluate(self, expression: Expression) -> Column:
         """The value of an expression over the variables in each state.

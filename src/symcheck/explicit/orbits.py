@@ -25,12 +25,16 @@ _WORD = 64
 
 @dataclass(frozen=True, slots=True)
 class Represented:
-    """The numbers of states, initial states and deadlocks that representatives stand for."""
+    """The numbers of states, initial states and deadlocks that representatives stand for.
+
+    initial_orbits: the number of states that each initial representative stands for, in order.
+    """
 
     states: int
     initial: int
     deadlocks: int
     symmetries: tuple[Symmetry, ...]
+    initial_orbits: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +87,11 @@ class StateOrbits:
 
     def represented(self, states: Rows, initial: Rows, deadlocks: Rows) -> Represented:
         """What representatives stand for, of which some are initial and some deadlocks."""
-        counts = self.count(states), self.count(initial), self.count(deadlocks)
-        return Represented(*counts, self.symmetries)
+        factors = (self._sizes(initial, symmetry).tolist() for symmetry in self.symmetries)
+        orbits = tuple(map(prod, zip(*factors, strict=True)))
+        return Represented(
+            self.count(states), sum(orbits), self.count(deadlocks), self.symmetries, orbits
+        )
 
     def _sizes(self, rows: Rows, symmetry: Symmetry) -> Int64s:
         """The number of states that one symmetry makes of each representative: int64[n]."""
