@@ -115,6 +115,12 @@ def test_a_condition_of_probability_zero_is_an_error(kind):
         assert isnan(model.check('Pmax=? [ F "a" || F "b" ]').values[{"s": 3}])
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_condition_that_no_state_can_meet_is_an_error_for_g_too(engine):
+    with pytest.raises(InputError, match="undefined in state"):
+        check_text(engine_of(BRANCH, engine), 'Pmax=? [ G "deadlock" || F s=3 & s=4 ]')
+
+
 def models(kind: str, count: int) -> list[str]:
     return [m.text for m in islice(bound_models("conditional", kind), count)]
 

@@ -7,6 +7,8 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import assert_never
 
+import numpy as np
+
 from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.check.measure_selection import timed_measures
@@ -22,6 +24,7 @@ from symcheck.check.path_formulas import (
 )
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, Values
+from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.syntax.operators import OPERATOR_BY_TOKEN
 
@@ -59,18 +62,28 @@ def complement_of(context: Context, probabilities: Callable[[Context], Values]) 
     values = _complement(context, probabilities(context))
     states = context.engine.all if context.relevant_states is None else context.relevant_states
     epsilon = context.options.epsilon
-    if not context.options.relative or states.count > tuning.MAX_COMPARED_STATES:
+    if context.engine.exact or not context.options.relative:
         return values
-    low, high = values.at(states)
+    if states.count > tuning.MAX_COMPARED_STATES:
+        return values
+    low, high = _defined(values, states)
     if largest_width(low, high, relative=True) <= epsilon:
         return values
     least = float(high[high > 0].min())
     finer = context.with_epsilon(max(epsilon * least / 4, ROUNDING))
     values = _complement(context, probabilities(finer))
     context.warn_if_wide(
-        largest_width(*values.at(states), relative=True), "1 minus a probability has fewer digits"
+        largest_width(*_defined(values, states), relative=True),
+        "1 minus a probability has fewer digits",
     )
     return values
+
+
+def _defined(values: Values, states: StateSet) -> tuple[Numbers, Numbers]:
+    """The bounds at those of the states that have a value: conditional ones may have none."""
+    low, high = values.at(states)
+    known = ~np.isnan(low)
+    return low[known], high[known]
 
 
 def probability(context: Context, path: Path, direction: Direction | None) -> Values:
