@@ -115,6 +115,14 @@ def test_poisson_weights(rate: float) -> None:
     assert weights.missing <= 1e-290
 
 
+def test_few_weights_of_a_huge_rate_are_kept() -> None:
+    weights = poisson(1e11)
+    assert len(weights.values) < 6e6
+    assert weights.missing <= 1e-15
+    mode = weights.values[int(1e11) - weights.left]
+    assert mode == pytest.approx(1 / math.sqrt(2 * math.pi * 1e11), rel=1e-9)
+
+
 def test_a_long_horizon_ends_early_and_right() -> None:
     """Failure of one of two redundant parts with fast repair, over 1e8 uniformisation steps: P(down by t) in closed form."""
     fail, repair, time = 1e-4, 10.0, 1e7

@@ -44,6 +44,8 @@ def explored(text: str, formula: str, **options: object) -> int | None:
         ("P=? [ F[2,3] x=2 ]", None),
         ("P=? [ X x=2 ]", None),
         ("P=? [ F G x=2 ]", None),
+        ("P=? [ F (x=2 & X x=3) ]", None),
+        ("R=? [ F (x=2 & X x=3) ]", None),
         ("P=? [ F P>0.5 [ X x=2 ] ]", None),
         ('P=? [ F "deadlock" ]', None),
         ('P=? [ F "init" ]', None),

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from symcheck.matrices.rows import Floats
+from symcheck.numerics import tuning
 
 __all__ = ["PoissonWeights", "WeightSequence", "poisson"]
 
@@ -97,7 +98,7 @@ def _expm1(x: float) -> float:
 
 
 def poisson(rate: float, epsilon: float = 1e-300) -> PoissonWeights:
-    """The weights that are at least `epsilon` times the largest one.
+    """The weights that are at least `epsilon` times the largest one; of huge rates, 1e-16 times.
 
     Raises:
         ValueError: the rate is negative.
@@ -109,7 +110,9 @@ def poisson(rate: float, epsilon: float = 1e-300) -> PoissonWeights:
     mode = int(rate)
     # ln P(mode + d) - ln P(mode) is below -d^2 / (2 (rate + d)): solve for the d at which it
     # reaches ln(epsilon).
-    drop = -np.log(epsilon)
+    room = tuning.WINDOW**2 / (2.0 * rate)
+    drop = min(-np.log(epsilon), max(room, -np.log(1e-16)))
+    epsilon = np.exp(-drop)
     reach = int(drop + np.sqrt(drop * drop + 2.0 * drop * (rate + 1.0))) + 2
     with np.errstate(under="ignore"):
         up = np.cumprod(rate / np.arange(mode + 1.0, mode + reach + 1.0))

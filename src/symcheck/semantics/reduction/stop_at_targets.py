@@ -18,6 +18,7 @@ from symcheck.semantics.reduction.control_locations import simplified
 from symcheck.semantics.reduction.reset_dead_variables import expanded
 from symcheck.syntax.ast import (
     Binary,
+    BinaryTemporal,
     Eventually,
     ExpectedTime,
     Expression,
@@ -33,6 +34,7 @@ from symcheck.syntax.ast import (
     TimeBound,
     Type,
     Unary,
+    UnaryTemporal,
     Until,
 )
 from symcheck.syntax.operators import Operator, UnaryOperator
@@ -84,8 +86,10 @@ def stop_at(model: BoundModel, states: Expression) -> BoundModel:
 
 
 def _is_no_state_expression(node: object) -> bool:
-    """Whether the node is an operator over paths, or the label "deadlock" (a name in quotes)."""
-    return isinstance(node, StateOperator) or (isinstance(node, Name) and node.name[0] == '"')
+    """Whether the node speaks of paths (also `F (a & X b)` does), or is the label "deadlock"."""
+    return isinstance(node, StateOperator | UnaryTemporal | BinaryTemporal) or (
+        isinstance(node, Name) and node.name[0] == '"'
+    )
 
 
 def _of_formula(formula: Expression) -> Expression | None:
