@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from checking import RESULTS, check_text, engine_of
+from symcheck.check.result import Exact
 from symcheck.engines.registry import BUILDERS
 from symcheck.errors import InputError
 
@@ -106,3 +107,15 @@ def test_result_as_text():
     )
     certified = check_text(engine_of((RESULTS / "queue.sm").read_text()), "P=? [ F<=1 k=2 ]")
     assert "(certified: +/- " in str(certified)
+
+
+WALK = "module m x : [0..6]; [] true -> (x'=mod(x+1,7)); endmodule rewards true : 0.1 + 0.2; endrewards"
+
+
+@pytest.mark.parametrize("name", BUILDERS)
+def test_what_is_divided_or_added_in_floating_point_is_not_called_exact(name):
+    model = engine_of("dtmc " + WALK, name)
+    rounding = name != "exact"
+    assert check_text(model, "filter(avg, x=1 ? 1 : 0)").accuracy == Exact(rounding=rounding)
+    assert check_text(model, "R=? [ S ]").accuracy == Exact(rounding=rounding)
+    assert check_text(model, "filter(avg, x)").accuracy == Exact()

@@ -128,6 +128,8 @@ class AppliedFilter:
                 bounds, rounded = values.minimum(one), values.rounded(one)
             case _:
                 assert_never(operator)
+        if operator in ("sum", "avg") and not self.context.engine.exact:
+            rounded = rounded or any(bound % 1 > 0 for bound in bounds)
         return self._constant(bounds, rounded)
 
     def _constant(self, bounds: Bounds, rounded: bool) -> Numeric:

@@ -86,8 +86,8 @@ GUESS_ROUNDS = 50
 CHECK_INTERVAL = 50
 """Steps between tests of the stopping criteria; later a twentieth of the steps made."""
 WINDOW = 2e6
-"""Poisson weights on each side of the mode from which on the smallest ones are left out: rates above
-3e9. A rate of 5e11 would otherwise take gigabytes."""
+"""Poisson weights on each side of the mode from which on the smallest ones are left out: those of
+rates above 3e9. A rate of 5e11 would otherwise take gigabytes."""
 UNDERFLOW_BOUND = 1e-300
 """Added to upper bounds: 1e7 steps with 1e3 roundings each lose less than this to underflow."""
 TRUNCATION_ENTRIES = 1e10

@@ -56,7 +56,10 @@ def _average(context: Context, reward_of: RewardOf) -> Values:
         low[members], high[members] = lower, upper
     system = engine.system(recurrent)
     inside = engine.to_bools(recurrent)
-    averages = system.lift(low[inside], None if np.array_equal(low, high) else high[inside])
+    point = np.array_equal(low, high)
+    # An average that is no whole number is a sum or quotient in floating point.
+    rounded = point and not engine.exact and bool(np.any(low % 1 > 0))
+    averages = system.lift(low[inside], None if point else high[inside], exact=rounded)
     return boundary_values(context, ~recurrent, averages)
 
 
