@@ -11,7 +11,15 @@ from random import Random
 from checking import engine_of
 from symcheck.errors import InputError
 
-__all__ = ["Generated", "bound_models", "random_copies", "random_model", "random_property"]
+__all__ = [
+    "Generated",
+    "bound_models",
+    "random_copies",
+    "random_model",
+    "random_property",
+    "random_question",
+    "wild_model",
+]
 
 _WEIGHTS = {
     1: ("1",),
@@ -19,6 +27,12 @@ _WEIGHTS = {
     3: ("0.5,0.25,0.25", "1/3,1/3,1/3", "0.2,0.3,0.5"),
 }
 _RATES = ("1", "2", "0.5", "3", "1/3", "10")
+_NEAR = {  # 0 and 1
+    1: ("1",),
+    2: ("1e-12,1-1e-12", "1e-6,1-1e-6", "1e-3,0.999", "0,1", "1e-17,1-1e-17"),
+    3: ("1e-9,1e-6,1-1e-9-1e-6", "1e-12,0.5,0.5-1e-12", "0,1/7,6/7"),
+}
+_FAR_RATES = ("1e-12", "1e-6", "1e-3", "1e3", "1e6", "1e12")
 _LABELS = ('"a"', '"b"')
 _REWARDS = ("0", "1", "2", "0.5", "3")
 
@@ -77,15 +91,58 @@ def bound_models(name: str, kind: str, *, costs: bool = False) -> Iterator[Gener
             yield model
 
 
+def wild_model(rng: Random, kind: str) -> Generated:
+    """As `random_model`, with up to three modules, renamed copies, many initial states, and probabilities and rates of all sizes."""
+    share = rng.choice((0.0, 0.1, 0.5))  # of extreme weights
+    modules, variables = [], []
+    count = rng.choice((1, 2, 2, 3))
+    largest = 3 if count == 1 else 2
+    for m in range(count):
+        own = [(f"{'xyz'[m]}{i}", rng.randint(1, largest)) for i in range(rng.choice((1, 1, 2)))]
+        variables.extend(own)
+        modules.append(own)
+    copied = count < 3 and rng.random() < 0.25
+    shown = [*variables, *((f"c{n}", h) for n, h in modules[0])] if copied else variables
+    several = rng.random() < 0.25
+    text = [kind, ""]
+    for m, own in enumerate(modules):
+        text.append(f"module m{m}")
+        starts = ("" if several else f" init {rng.randint(0, h)}" for _, h in own)
+        text.extend(f"    {n} : [0..{h}]{i};" for (n, h), i in zip(own, starts, strict=True))
+        text.extend(
+            "    " + _command(rng, kind, own, variables, share) for _ in range(rng.randint(2, 5))
+        )
+        text.append("endmodule\n")
+    if copied:
+        renamed = ", ".join(f"{n}=c{n}" for n, _ in modules[0])
+        text.append(f"module copy = m0 [ {renamed} ] endmodule\n")
+    if several:
+        text.append(f"init {_condition(rng, shown)} endinit")
+    text.extend(f"label {name} = {_condition(rng, shown)};" for name in _LABELS)
+    for name, rewards in (("r", _REWARDS), ("c", ("0", "1", "2"))):
+        text.append(f'\nrewards "{name}"')
+        text.append(f"    {_condition(rng, shown)} : {rng.choice(rewards)};")
+        if name == "r" or kind != "ctmc":
+            action = rng.choice(("", "go")) if any("[go]" in line for line in text) else ""
+            text.append(f"    [{action}] true : {rng.choice(rewards)};")
+        text.append("endrewards\n")
+    return Generated(kind, "\n".join(text), tuple(shown))
+
+
 def _command(
-    rng: Random, kind: str, own: list[tuple[str, int]], variables: list[tuple[str, int]]
+    rng: Random,
+    kind: str,
+    own: list[tuple[str, int]],
+    variables: list[tuple[str, int]],
+    extreme: float = 0.0,
 ) -> str:
     action = rng.choice(("", "", "", "go"))
     count = rng.choice((1, 2, 2, 3))
+    far = extreme > 0 and rng.random() < extreme
     if kind == "ctmc":
-        weights = [rng.choice(_RATES) for _ in range(count)]
+        weights = [rng.choice(_RATES + _FAR_RATES if far else _RATES) for _ in range(count)]
     else:
-        weights = rng.choice(_WEIGHTS[count]).split(",")
+        weights = rng.choice((_NEAR if far else _WEIGHTS)[count]).split(",")
     updates = " + ".join(f"{w} : {_update(rng, own)}" for w in weights)
     return (
         f"[{action}] {_condition(rng, variables)} -> {updates};".replace(" -> 1 : ", " -> ")
@@ -146,6 +203,82 @@ def random_property(rng: Random, model: Generated, *, timed: bool = True) -> str
     if model.kind != "mdp":
         properties += [f"S=? [ {_states(rng, model)} ]", 'R{"r"}=? [ S ]']
     return rng.choice(properties)
+
+
+def random_question(rng: Random, model: Generated) -> str:
+    """A property of any operator: a number, a verdict, or points of a Pareto front."""
+    direction = rng.choice(("min", "max")) if model.kind == "mdp" else ""
+
+    def states() -> str:
+        return _states(rng, model)
+
+    def number() -> str:
+        return random_property(rng, model)
+
+    steps = rng.randint(0, 6)
+    pick = rng.random()
+    if pick < 0.3:
+        return number()
+    if pick < 0.45:
+        bound = rng.choice((">", ">=", "<", "<="))
+        bound += rng.choice(("0", "1", "0.5", "1e-9", "1-1e-9", "1/3", "2", "0.2"))
+        return number().replace("=?", bound, 1)
+    if pick < 0.6:
+        return f"P{direction}=? [ {_path(rng, model, rng.randint(1, 4))} ]"
+    if pick < 0.68:
+        condition = rng.choice(("forall", "exists", "count"))
+        if rng.random() < 0.3:
+            return f"filter({condition}, {states()}, {states()})"
+        wide = rng.choice(("min", "max", "sum", "avg", "range", "first"))
+        return f"filter({wide}, {number()}, {states()})"
+    if pick < 0.74:
+        return f"{rng.choice('AE')} [ {rng.choice('FG')} {states()} ]"
+    if pick < 0.78:
+        return f"{number()} {rng.choice('+-*')} {rng.choice(('1', '2', number()))}"
+    asked = [
+        f"P{direction}=? [ {rng.choice('FG')} {states()} || F {states()} ]",
+        f"T{direction}=? [ F {states()} ]",
+        f"S{direction}=? [ {states()} ]",
+        f'R{{"r"}}{direction}=? [ S ]',
+        f'R{{"r"}}{direction}=? [ F ({states()} & X {states()}) ]',
+    ]
+    if model.kind != "ctmc":
+        asked += [
+            f'P{direction}=? [ {states()} U{{"c"}}<={steps} {states()} ]',
+            f'P{direction}=? [ F{{"c"}}>={steps} {states()} ]',
+            f'R{{"r"}}{direction}=? [ C{{"c"}}<={steps} ]',
+            f'R{{"r"}}{direction}=? [ C discount={rng.choice(("0.9", "0.5", "0", "0.999"))} ]',
+            f'R{{"r"}}{direction}=? [ C<={steps} discount=0.9 ]',
+            f'quantile(min B, P{direction}>{rng.choice(("0.5", "0", "0.9"))} [ F{{"c"}}<=B {states()} ])',
+            f"quantile(max B, P{direction}<{rng.choice(('0.5', '1', '0.1'))} [ F<=B {states()} ])",
+        ]
+    if model.kind == "mdp":
+        goals = [
+            f"P{rng.choice(('min', 'max'))}=? [ {rng.choice('FG')} {states()} ]",
+            f"P{rng.choice(('min', 'max'))}=? [ {states()} U {states()} ]",
+            f'R{{"c"}}{rng.choice(("min", "max"))}=? [ C<={steps} ]',
+            f'R{{"c"}}{rng.choice(("min", "max"))}=? [ S ]',
+            'R{"r"}min=? [ C ]',
+        ]
+        first, second = rng.sample(goals, 2)
+        bounded = f"P{rng.choice(('>=', '<='))}{rng.choice(('0', '0.5', '1'))} [ F {states()} ]"
+        asked += [
+            f"multi({first}, {second})",
+            f"multi({first}, {bounded})",
+            f"multilex({first}, {second})",
+        ]
+    return rng.choice(asked)
+
+
+def _path(rng: Random, model: Generated, size: int) -> str:
+    """A path formula of linear time with about `size` operators."""
+    if size <= 0:
+        return _states(rng, model)
+    operator = rng.choice("!XFGFG&|UWR")
+    if operator in "!XFG":
+        return f"({operator} {_path(rng, model, size - 1)})"
+    left = rng.randrange(size)
+    return f"({_path(rng, model, left)} {operator} {_path(rng, model, size - 1 - left)})"
 
 
 def _states(rng: Random, model: Generated) -> str:

@@ -1,0 +1,366 @@
+"""Check random properties of random models on every engine, with rationals and with Storm.
+
+python benchmarks/campaign.py [--runs N] [--seconds S] [--seed TEXT] [--log FILE] [--storm]
+
+Each run checks four properties of one model in this process. Bounds have to contain the exact
+value, verdicts and errors have to agree. The log has one JSON object per line and run; a program
+that is started again continues after its last line. Each difference is written beside the log, as
+a model and a property with what every engine said.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+import re
+import resource
+import signal
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from math import inf, isinf, isnan
+from multiprocessing.connection import Connection
+from pathlib import Path
+from random import Random
+from types import FrameType
+
+import symcheck
+from symcheck.check.result import Certified, Exact, Result
+from symcheck.errors import (
+    InputError,
+    InternalError,
+    NumericalError,
+    ResourceError,
+    SymcheckError,
+    TimeLimitError,
+    UnsupportedError,
+    UsageError,
+)
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+from generate import Generated, random_copies, random_question, wild_model
+
+ENGINES = ("explicit", "sparse", "hybrid", "mtbdd")
+VARIANTS: tuple[dict[str, object], ...] = (
+    *({},) * 8,
+    *({name: True} for name in ("bisim", "reduce", "strategy", "everywhere", "symmetry")),
+    *({"method": name} for name in ("interval", "optimistic", "policy")),
+    {"stop_at_targets": True},
+    {"order": ("force",)},
+)
+"""Options with which an engine has to give the same answers."""
+
+SECONDS = 5
+"""The longest time of one check."""
+
+ROUNDING = Fraction(1, 10**10)
+"""The largest error of values that are exact up to rounding, relative to them."""
+
+Outcome = Result | BaseException
+
+
+def random_case(seed: str) -> tuple[str, list[str]]:
+    """A model and properties of it."""
+    rng = Random(seed)
+    kind = rng.choice(("dtmc", "ctmc", "mdp"))
+    if rng.random() < 0.05:
+        text, formula = random_copies(rng, kind)
+        return text, [formula]
+    model: Generated = wild_model(rng, kind)
+    return model.text, [random_question(rng, model) for _ in range(4)]
+
+
+def outcome(model: symcheck.Model | BaseException, formula: str) -> Outcome:
+    """The result of a property, or the error that it ends with."""
+    if isinstance(model, BaseException):
+        return model
+    signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    try:
+        return model.check(formula)
+    except Exception as error:  # of any kind: all are compared
+        return error
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+def built(text: str, options: Mapping[str, object]) -> symcheck.Model | BaseException:
+    """The model, or the error in it."""
+    try:
+        return symcheck.loads(text, **options)
+    except Exception as error:
+        return error
+
+
+def word(found: Outcome) -> str:
+    """The kind of an outcome, as the log counts it."""
+    if isinstance(found, Result):
+        if isinstance(found.accuracy, Exact):
+            return "rounded" if found.accuracy.rounding else "exact"
+        return type(found.accuracy).__name__.lower()
+    return type(found).__name__
+
+
+def said(found: Outcome) -> str:
+    """An outcome in words."""
+    if isinstance(found, Result):
+        return f"{found.value} ({found.accuracy!r})"
+    return f"{type(found).__name__}: {found}"
+
+
+def difference(found: Outcome, true: Outcome) -> str:
+    """How an outcome contradicts another one, which is exact if that was possible."""
+    for one in (found, true):
+        if isinstance(one, InternalError) or not isinstance(one, Result | SymcheckError):
+            return "crash"
+    if isinstance(found, Result) and isinstance(true, Result):
+        return _values_differ(found, true)
+    silent = UnsupportedError | NumericalError | ResourceError
+    if isinstance(found, silent) or isinstance(true, silent):
+        return ""
+    faults = InputError | UsageError
+    return "" if isinstance(found, faults) and isinstance(true, faults) else "error"
+
+
+def _values_differ(found: Result, true: Result) -> str:
+    match found.value, true.value:
+        case (bool() | None, _) | (_, bool() | None):
+            return "verdict" if found.value is not true.value else ""
+        case list() as points, list() as others:
+            near = len(points) == len(others) and all(
+                _near(a, b)
+                for p, q in zip(points, others, strict=True)
+                for a, b in zip(p, q, strict=True)
+            )
+            return "" if near else "front"
+        case (list(), _) | (_, list()):
+            return "kind of value"
+    low, high = found.bounds
+    least, greatest = true.bounds
+    if isnan(low) or isnan(least):
+        return "" if isnan(low) and isnan(least) else "NaN"
+    slack = _slack(found, high) + _slack(true, greatest)
+    if isinstance(true.accuracy, Certified) and not isinstance(true.value, tuple):
+        return "" if low - slack <= greatest and least <= high + slack else "apart"
+    if low > least + slack or high < greatest - slack:
+        return "outside"
+    return "" if _is_narrow(found) else "wide"
+
+
+def _slack(result: Result, value: object) -> Fraction:
+    if isinf(value) or not isinstance(result.accuracy, Exact) or not result.accuracy.rounding:
+        return Fraction(0)
+    return ROUNDING * abs(Fraction(value))
+
+
+def _is_narrow(result: Result) -> bool:
+    if not isinstance(result.accuracy, Certified):
+        return True
+    low, high = result.accuracy.lower, result.accuracy.upper
+    largest = max(map(abs, result.bounds))
+    return high - low <= 2.1e-6 * largest or high - low <= 1e-300
+
+
+def _near(one: object, other: object) -> bool:
+    return one == other or abs(Fraction(one) - Fraction(other)) <= 1e-5 * (1 + abs(other))
+
+
+class Storm:
+    """Storm with rational numbers, in a process that is replaced if it ends or is silent."""
+
+    def __init__(self) -> None:
+        self._pipe: Connection | None = None
+
+    def __call__(self, text: str, formula: str) -> str:
+        """Its value in the initial state as a text; empty if it has none."""
+        if self._pipe is None:
+            context = multiprocessing.get_context("spawn")
+            self._pipe, theirs = context.Pipe()
+            self._process = context.Process(target=_answer, args=(theirs,), daemon=True)
+            self._process.start()
+            theirs.close()
+        try:
+            self._pipe.send((text, formula))
+            if self._pipe.poll(SECONDS):
+                return str(self._pipe.recv())
+        except (EOFError, OSError):
+            pass
+        self._process.kill()
+        self._pipe = None
+        return ""
+
+
+def _answer(pipe: Connection) -> None:
+    import stormpy
+
+    nowhere = os.open(os.devnull, os.O_WRONLY)  # Storm warns of each command
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+    with tempfile.NamedTemporaryFile("w+", suffix=".prism") as file:
+        while True:
+            text, formula = pipe.recv()
+            try:
+                file.seek(0)
+                file.truncate()
+                file.write(text)
+                file.flush()
+                program = stormpy.parse_prism_program(file.name, prism_compatibility=True)
+                asked = stormpy.parse_properties(formula, program)
+                model = stormpy.build_model[stormpy.Rational](program, asked)
+                result = stormpy.model_checking(model, asked[0])
+                state = model.initial_states[0]
+                number = hasattr(result, "get_value")
+                value = result.get_value(state) if number else bool(result[state])
+                pipe.send(str(value).lower() if len(model.initial_states) == 1 else "")
+            except Exception:  # Storm does not know the property, or says nothing of use
+                pipe.send("")
+
+
+def storm_agrees(model: symcheck.Model | BaseException, formula: str) -> bool:
+    """Whether Storm computes with rationals, and gives the property the same meaning.
+
+    It evaluates no numbers in filters, computes several objectives in floating point, drops the
+    rewards of deadlock states, and `a U[t,u] b` does not require a before t (docs/comparison.md).
+    """
+    if formula.startswith(("filter", "multi")) or re.search(r"U(>|=|\[)", formula):
+        return False
+    return isinstance(model, symcheck.Model) and ("R{" not in formula or not model.deadlocks.count)
+
+
+def storm_differs(answer: str, true: Outcome) -> bool:
+    """Whether the exact value is not that of Storm."""
+    if not answer or not isinstance(true, Result) or not isinstance(true.accuracy, Exact):
+        return False
+    if isinstance(true.value, bool):
+        return answer != str(true.value).lower()
+    if not isinstance(true.value, int | Fraction | float):
+        return False
+    if answer in ("true", "false"):
+        return not isnan(true.value)  # no strategy satisfies the bounds of an objective
+    theirs: float | Fraction = inf if "inf" in answer else Fraction(answer)
+    return theirs != true.value
+
+
+def run(seed: str, storm: Storm | None, folder: Path) -> dict[str, object]:
+    """Check one model; the line of the log."""
+    started = time.perf_counter()
+    text, formulas = random_case(seed)
+    rng = Random(f"{seed} options")
+    chosen = {name: rng.choice(VARIANTS) for name in ENGINES}
+    models = {n: built(text, {"engine": n, **options}) for n, options in chosen.items()}
+    exact = built(text, {"exact": True})
+    words: Counter[str] = Counter()
+    found: list[str] = []
+    for i, formula in enumerate(formulas):
+        true = outcome(exact, formula)
+        outcomes = {n: outcome(m, formula) for n, m in models.items()}
+        words["exact " + word(true)] += 1
+        reference = true
+        if isinstance(true, UnsupportedError | ResourceError | NumericalError):
+            reference = next((o for o in outcomes.values() if isinstance(o, Result)), true)
+        kinds = {}
+        for name, one in outcomes.items():
+            words[f"{name} {word(one)}"] += 1
+            kind = difference(one, reference)
+            if kind == "error" and chosen[name] == {"stop_at_targets": True}:
+                continue  # the fault may lie beyond the targets
+            if kind:
+                kinds[name] = kind
+        answers = {f"{n} {chosen[n]}": said(o) for n, o in outcomes.items()}
+        if storm is not None and isinstance(true, Result) and storm_agrees(exact, formula):
+            answer = storm(text, formula)
+            words["storm " + ("answer" if answer else "none")] += 1
+            answers["storm"] = answer
+            if storm_differs(answer, true):
+                kinds["storm"] = "differs"
+        if kinds:
+            found.append(f"{i}: {kinds}")
+            _write(folder, f"{seed}.{i}", text, formula, {"exact": said(true), **answers}, kinds)
+    return {
+        "seed": seed,
+        "kind": text.split()[0],
+        "checks": len(formulas),
+        "outcomes": words,
+        "differences": found,
+        "seconds": round(time.perf_counter() - started, 3),
+        "megabytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10,
+    }
+
+
+def _write(
+    folder: Path,
+    name: str,
+    text: str,
+    formula: str,
+    answers: Mapping[str, str],
+    kinds: Mapping[str, str],
+) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = [f"// {engine}: {' '.join(answer.split())}" for engine, answer in answers.items()]
+    (folder / f"{name}.pm").write_text(text)
+    (folder / f"{name}.props").write_text("\n".join([f"// {dict(kinds)}", *lines, formula, ""]))
+
+
+def summary(lines: Sequence[Mapping[str, object]]) -> str:
+    """The counts of a log."""
+    words: Counter[str] = Counter()
+    for line in lines:
+        words.update(line["outcomes"])
+    kinds = Counter(line["kind"] for line in lines)
+    differing = [line for line in lines if line["differences"]]
+    checks = sum(line["checks"] for line in lines)
+    out = [f"{len(lines)} models ({dict(kinds)}), {checks} properties"]
+    out += [f"  {name}: {count}" for name, count in sorted(words.items())]
+    seconds = sum(line["seconds"] for line in lines)
+    most = max((line["megabytes"] for line in lines), default=0)
+    out.append(f"{seconds:.0f} seconds, at most {most} MB")
+    out.append(f"{len(differing)} models with a difference")
+    out += [f"  {line['seed']}: {line['differences']}" for line in differing[-50:]]
+    return "\n".join(out)
+
+
+def main() -> int:
+    """Run what is left of the campaign."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=100, help="models, with those of the log")
+    parser.add_argument("--seconds", type=float, default=inf, help="no new model is begun after")
+    parser.add_argument("--seed", default="1", help="a campaign: run I has the seed SEED-I")
+    parser.add_argument("--log", type=Path, default=Path("campaign.jsonl"))
+    parser.add_argument("--storm", action="store_true", help="ask stormpy too")
+    asked = parser.parse_args()
+    lines = (
+        [json.loads(x) for x in asked.log.read_text().split("\n") if x]
+        if asked.log.exists()
+        else []
+    )
+    done = {line["seed"] for line in lines}
+
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        raise TimeLimitError("a check took too long")
+
+    signal.signal(signal.SIGALRM, stop)
+    storm = Storm() if asked.storm else None
+    end = time.monotonic() + asked.seconds
+    with asked.log.open("a") as log:
+        for i in range(asked.runs):
+            if (seed := f"{asked.seed}-{i}") in done:
+                continue
+            if time.monotonic() > end:
+                break
+            try:
+                line = run(seed, storm, asked.log.with_suffix(""))
+            except KeyboardInterrupt:
+                break
+            lines.append(line)
+            log.write(json.dumps(line) + "\n")
+            log.flush()
+    print(summary(lines))
+    return 1 if any(line["differences"] for line in lines) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,54 @@
+"""The campaign of random models finds what it is there to find, and nothing in a few models."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import symcheck
+from symcheck.check.result import Certified, Exact
+from symcheck.errors import InputError, UnsupportedError
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+COIN = "dtmc module m x : [0..2]; [] x=0 -> 1/3 : (x'=1) + 2/3 : (x'=2); endmodule"
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    sys.path.insert(0, str(BENCHMARKS))
+    try:
+        import campaign
+
+        return campaign
+    finally:
+        sys.path.remove(str(BENCHMARKS))
+
+
+def test_a_contradiction_is_a_difference(campaign):
+    true = symcheck.loads(COIN, exact=True).check("P=? [ F x=1 ]")
+    found = symcheck.loads(COIN, engine="explicit").check("P=? [ F x=1 ]")
+    assert campaign.difference(found, true) == ""
+    near = replace(found, value=0.34, accuracy=Certified(0.3399999, 0.34))
+    assert campaign.difference(near, true) == "outside"
+    assert campaign.difference(replace(near, accuracy=Certified(0.3, 0.4)), true) == "wide"
+    assert campaign.difference(replace(found, accuracy=Exact()), true) == "outside"
+    assert campaign.difference(replace(found, value=True), replace(true, value=False)) == "verdict"
+    assert campaign.difference(InputError("no"), true) == "error"
+    assert campaign.difference(UnsupportedError("no"), true) == ""
+    assert campaign.difference(ValueError("no"), true) == "crash"
+
+
+def test_a_few_models_agree_and_a_second_run_continues(tmp_path):
+    log = tmp_path / "log.jsonl"
+    for runs in (2, 4):
+        words = [sys.executable, BENCHMARKS / "campaign.py", f"--runs={runs}", f"--log={log}"]
+        ran = subprocess.run(words, capture_output=True, text=True, check=False)
+        assert ran.returncode == 0, ran.stdout + ran.stderr
+        lines = [json.loads(line) for line in log.read_text().splitlines()]
+        assert [line["seed"] for line in lines] == [f"1-{i}" for i in range(runs)]
+        assert f"{runs} models" in ran.stdout
