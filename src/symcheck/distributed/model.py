@@ -3,47 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from time import perf_counter
-from typing import Protocol, assert_never
+from typing import Protocol
 
 from symcheck.check.result import Certified, Exact, Result
-from symcheck.direction import Direction
-from symcheck.distributed import tuning
-from symcheck.distributed.part import Part
-from symcheck.distributed.parts import Cluster, Parts
-from symcheck.errors import ModelFault, NumericalError, UnsupportedError
+from symcheck.check.state_formulas import threshold_of
+from symcheck.check.tuning import REFINED_ACCURACIES
+from symcheck.distributed.checkpoints import Folder
+from symcheck.distributed.measures import Measures, decided
+from symcheck.distributed.part import Counts, Part
+from symcheck.distributed.partition import choose_partition
+from symcheck.distributed.parts import Cluster, PartLost, Parts
+from symcheck.errors import ModelFault, NumericalError, UnsupportedError, UsageError
 from symcheck.options import Options
 from symcheck.semantics import state_faults
 from symcheck.semantics.binding.bind import bind_properties
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.path_normal_form import (
-    Connected,
-    Negated,
-    NextState,
-    NormalForm,
-    StateFormula,
-    UntilReached,
-    normal_form,
-    only_window,
-)
-from symcheck.semantics.rewards import Reward, operator_reward
-from symcheck.syntax.ast import (
-    Eventually,
-    Expression,
-    ModelType,
-    ProbabilityOperator,
-    RewardOperator,
-)
+from symcheck.syntax.ast import Bound, Expression, Measure
 from symcheck.syntax.parse import parse_properties
 from symcheck.syntax.printer import pretty
 
 __all__ = ["DistributedModel", "explore_on_cluster"]
-
-_SUPPORTED = (
-    "a distributed model is checked for P=? [ … ] with F, G, U, W or R, without a bound or with an "
-    "upper bound on steps, and for R=? [ F … ]"
-)
 
 
 class LoadedModel(Protocol):
@@ -59,22 +41,32 @@ class LoadedModel(Protocol):
 
 
 def explore_on_cluster(
-    model: LoadedModel | BoundModel, cluster: Cluster, options: Options | None = None
+    model: LoadedModel | BoundModel,
+    cluster: Cluster,
+    options: Options | None = None,
+    *,
+    checkpoints: str | Path | None = None,
 ) -> DistributedModel:
     """Explore a model on the workers of a Dask cluster, each of which keeps a part of the states.
 
-    The owner of a state is a hash of it. Workers explore in rounds, and exchange the states that
-    they find for each other.
+    The owner of a state is a hash of variables that few transitions change. Workers explore in
+    rounds, and exchange the states that they find for each other. The states of a worker that is
+    lost are explored again, by another one.
 
     Args:
         model: a DTMC, CTMC or MDP with commands and one initial state.
         cluster: a `distributed.Client`.
-        options: `fix_deadlocks` and `epsilon` are read; None for those of the model.
+        options: `fix_deadlocks`, `check_sums`, `certify` and the accuracy are read; None for those
+            of the model.
+        checkpoints: a folder that all workers and this process share. Parts and iterations are
+            written there: a worker that is lost is replaced, and a later call with the same folder
+            and as many workers goes on where this one ended.
 
     Raises:
         ModelFault: the model breaks a rule in a state.
         UnsupportedError: the model has no commands.
-        ResourceError: a worker is lost, or has not enough memory.
+        UsageError: the cluster has no workers, or the folder belongs to another model.
+        ResourceError: workers are lost again and again, or have not enough memory.
 
     Source: H. Garavel, R. Mateescu, I. Smarandache: Parallel state space construction for
         model-checking (SPIN 2001).
@@ -95,13 +87,17 @@ def explore_on_cluster(
             bound, chosen = model.bound, options or model.options
     if bound.builder is not None:
         raise UnsupportedError("only models with commands are explored on a cluster")
+    bound = replace(bound, observed=None, derivation=None)
     started = perf_counter()
-    parts = Parts(bound, cluster)
-    rounds, left = 0, True
-    while left:
-        left = any(parts.exchange(Part.receive, parts.call(Part.expand)))
-        rounds += 1
-    counts = parts.call(Part.finish)
+    workers = sorted(cluster.nthreads())
+    if not workers:
+        raise UsageError("the cluster has no workers\n  hint: dask worker tcp://HOST:8786")
+    partition, folder = choose_partition(bound, len(workers)), None
+    if checkpoints is not None:
+        # Workers may have another working directory.
+        folder, partition = Folder.open(Path(checkpoints).absolute(), _name(bound), partition)
+    parts = Parts(bound, cluster, workers, partition, folder, check_sums=chosen.check_sums)
+    counts, rounds = _explored(parts)
     deadlocks = sum(c.deadlocks for c in counts)
     if deadlocks and not chosen.fix_deadlocks:
         examples = [text for part in parts.call(Part.deadlock_examples) for text in part]
@@ -119,13 +115,37 @@ def explore_on_cluster(
     )
 
 
+def _name(model: BoundModel) -> str:
+    """What a model depends on, as a text."""
+    constants = {name: str(value) for name, value in sorted(model.constants.items())}
+    return f"{pretty(model.program)}\n{constants}"
+
+
+def _explored(parts: Parts) -> tuple[list[Counts], int]:
+    """The sizes of the explored parts, and the number of rounds."""
+    rounds = 0
+    while True:
+        try:
+            if not all(parts.call(Part.is_explored)):
+                answers, rounds = parts.call(Part.explore, []), rounds + 1
+                while any(left or any(map(len, messages)) for left, messages in answers):
+                    answers = parts.exchange(Part.explore, [messages for _, messages in answers])
+                    rounds += 1
+            counts = parts.call(Part.finish)
+            if parts.folder is not None:
+                parts.folder.complete_exploration()
+            return counts, rounds
+        except PartLost as error:
+            parts.recover(error)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class DistributedModel:
     """An explored model, whose states and rows stay on the workers of a cluster.
 
     Attributes:
         states, transitions, deadlocks: their numbers.
-        ghosts: number of values that workers exchange in a round of an iteration.
+        ghosts: number of states of other parts that the rows of parts lead to.
         rounds: rounds of the exploration.
         seconds: time of the exploration.
     """
@@ -147,197 +167,76 @@ class DistributedModel:
         )
 
     def check(self, formula: str) -> Result:
-        """The value of a property in the initial state, with proved bounds.
+        """The value or verdict of a property in the initial state, with proved bounds.
 
         Args:
             formula: `P=? [ … ]` with F, G, U, W or R over state formulas, without a bound or with
-                an upper bound on steps, or `R=? [ F … ]`; in an MDP with a direction.
+                an upper bound on steps or time, `R=? [ F … ]`, `T=? [ F … ]`, or one of them with a
+                threshold; in an MDP with a direction.
 
         Raises:
             InputError: the text is faulty.
             UnsupportedError: another property.
-            NumericalError: no bounds are proved, for example because of end components.
-            ResourceError: a worker is lost.
+            NumericalError: no bounds are proved, for example because of end components, or they do
+                not decide a threshold.
+            ResourceError: a worker is lost, and there are no checkpoints.
         """
         bound = bind_properties(parse_properties(formula), self.model, {})
+        return self.check_formula(bound.properties[0].formula, bound.labels)
+
+    def check_formula(self, formula: Expression, labels: Mapping[str, Expression]) -> Result:
+        """As `check`, for a bound formula.
+
+        Args:
+            labels: state formulas of the properties file by name.
+        """
         started = perf_counter()
-        lower, upper, method = self._bounds(bound.properties[0].formula, bound.labels)
-        value = (lower + upper) / 2 if lower < upper < float("inf") else lower
+        if isinstance(formula, Measure) and formula.bound is not None:
+            return self._verdict(formula, labels, formula.bound, started)
+        lower, upper, method = self._bounds(formula, labels, self.options.epsilon)
         return Result(
-            value,
+            (lower + upper) / 2 if lower < upper < float("inf") else lower,
             Exact() if lower == upper else Certified(lower, upper),
             f"on {len(self.parts)} workers; {method}",
             seconds=perf_counter() - started,
         )
 
-    def _bounds(
-        self, formula: Expression, labels: Mapping[str, Expression]
-    ) -> tuple[float, float, str]:
-        known = {**self.model.labels, **labels}
-        match formula:
-            case ProbabilityOperator(direction, None, path):
-                form = normal_form(path, self.model)
-                return self._probability(form, self._direction(direction), known)
-            case RewardOperator(direction, None, _, Eventually() as query):
-                reward = operator_reward(formula, self.model)
-                form = normal_form(query, self.model)
-                return self._reward(reward, form, self._direction(direction), known)
-            case _:
-                raise UnsupportedError(f"{_SUPPORTED}, not for '{pretty(formula)}'")
-
-    def _direction(self, given: str | None) -> Direction | None:
-        if self.model.type is not ModelType.MDP:
-            return None
-        if given is None:
-            raise UnsupportedError("a direction is missing: Pmin=? or Pmax=? in an mdp")
-        return Direction(given)
-
-    # ------------------------------------------------------------------------ probabilities
-
-    def _probability(
-        self, form: NormalForm, direction: Direction | None, labels: Mapping[str, Expression]
-    ) -> tuple[float, float, str]:
-        match form:
-            case Negated(operand):
-                dual = None if direction is None else direction.dual
-                lower, upper, method = self._probability(operand, dual, labels)
-                return 1 - upper, 1 - lower, method
-            case UntilReached(StateFormula(left), StateFormula(right), extent):
-                steps = only_window(extent)
-                if steps.trivial:
-                    self._evaluate(left, right, labels)
-                    return self._until(direction)
-                if self.model.type is ModelType.CTMC or steps.steps().lower:
-                    raise UnsupportedError(
-                        f"{_SUPPORTED}; not with lower bounds, nor times of a ctmc"
-                    )
-                self._evaluate(left, right, labels)
-                return self._bounded_until(direction, steps.steps().upper or 0)
-            case StateFormula() | NextState() | Connected() | UntilReached():
-                raise UnsupportedError(_SUPPORTED)
-            case _:
-                assert_never(form)
-
-    def _evaluate(
-        self, left: Expression, right: Expression, labels: Mapping[str, Expression]
-    ) -> None:
-        try:
-            self.parts.call(Part.evaluate, "left", left, labels)
-            self.parts.call(Part.evaluate, "right", right, labels)
-        except UnsupportedError:  # an operator inside: what the simulator says is about paths
-            raise UnsupportedError(f"{_SUPPORTED}, over state formulas without operators") from None
-        self.parts.call(Part.combine, "through", "left", "right")
-
-    def _search(self, name: str, source: str, through: str, *, every_choice: bool) -> None:
-        """Backward search over all parts, in rounds."""
-        outgoing = self.parts.call(Part.begin_search, source, through, every_choice)
-        new = True
-        while new:
-            answers = self.parts.exchange(Part.continue_search, outgoing)
-            new, outgoing = any(a for a, _ in answers), [m for _, m in answers]
-        self.parts.call(Part.end_search, name)
-
-    def _prob0(self, direction: Direction | None) -> None:
-        """The states with probability 0 (minimum, maximum) as the set `zero`."""
-        every_choice = direction is Direction.MIN
-        self._search("reaching", "right", "through", every_choice=every_choice)
-        self.parts.call(Part.complement, "zero", "reaching")
-
-    def _prob1(self) -> None:
-        """The states from which all strategies have probability 1, by the set `zero` of those from
-        which some strategy has probability 0, as the set `one`.
-
-        Source: Baier & Katoen (2008), 10.1.1 and 10.6.1.
-        """
-        self._search("missing", "zero", "through", every_choice=False)
-        self.parts.call(Part.complement, "one", "missing")
-
-    def _is_initial(self, name: str) -> bool:
-        return sum(initial for initial, _ in self.parts.call(Part.members, name)) > 0
-
-    def _until(self, direction: Direction | None) -> tuple[float, float, str]:
-        self._prob0(direction)
-        if direction is Direction.MAX:  # values 1 are not needed: they are bounds as others
-            self.parts.call(Part.combine, "one", "right", "zero")
-        else:
-            self._prob1()
-        for name, value in (("one", 1.0), ("zero", 0.0)):
-            if self._is_initial(name):
-                return value, value, "decided by precomputation"
-        return self._solve("one", "zero", direction, None)
-
-    def _bounded_until(self, direction: Direction | None, steps: int) -> tuple[float, float, str]:
-        self.parts.call(Part.complement, "zero", "left")
-        self.parts.call(Part.combine, "zero", "zero", "right")
-        outgoing = self.parts.call(Part.begin_iteration, "right", "zero", direction, None)
-        for _ in range(steps):
-            outgoing = self.parts.exchange(Part.step, outgoing)
-        (value,) = self._initial(upper=False)
-        error = (1 + max(self.parts.call(Part.slack))) ** steps - 1
-        method = f"{steps} steps"
-        if value in (0.0, 1.0):
-            return value, value, method
-        return value * (1 - error), min(value * (1 + error), 1.0), method
-
-    # ------------------------------------------------------------------------------ rewards
-
-    def _reward(
+    def _verdict(
         self,
-        reward: Reward,
-        form: NormalForm,
-        direction: Direction | None,
+        formula: Expression,
         labels: Mapping[str, Expression],
-    ) -> tuple[float, float, str]:
-        if direction is Direction.MIN:
-            raise UnsupportedError("least rewards are not computed on distributed models")
-        match form:
-            case UntilReached(StateFormula(left), StateFormula(target), extent):
-                if not only_window(extent).trivial:
-                    raise UnsupportedError(_SUPPORTED)
-                self._evaluate(left, target, labels)
-            case _:
-                raise UnsupportedError(_SUPPORTED)
-        self._prob0(None if direction is None else Direction.MIN)
-        self._prob1()
-        if not self._is_initial("one"):
-            return float("inf"), float("inf"), "the target is not reached almost surely"
-        self.parts.call(Part.complement, "infinite", "one")
-        return self._solve("right", "infinite", direction, reward)
-
-    def _solve(
-        self, known: str, zero: str, direction: Direction | None, reward: Reward | None
-    ) -> tuple[float, float, str]:
-        """Optimistic value iteration (Hartmanns & Kaminski, CAV 2020), with outward rounding.
-
-        Any vector that a step does not raise is an upper bound of the least solution.
-        """
-        epsilon, rounds = self.options.epsilon, 0
-        tolerance = tuning.FIRST_TOLERANCE * epsilon
-        outgoing = self.parts.call(Part.begin_iteration, known, zero, direction, reward)
-        while tolerance >= tuning.MIN_CHANGE and rounds < tuning.MAX_ROUNDS:
-            change = 1.0
-            while change > tolerance and rounds < tuning.MAX_ROUNDS:
-                answers = self.parts.exchange(Part.improve, outgoing)
-                change, outgoing = max(c for c, _ in answers), [m for _, m in answers]
-                rounds += 1
-            guess = self.parts.call(Part.begin_verification, epsilon)
-            for _ in range(tuning.VERIFICATION_ROUNDS):
-                verified = self.parts.exchange(Part.verify, guess)
-                guess, rounds = [m for _, _, m in verified], rounds + 1
-                if all(inductive for inductive, _, _ in verified):
-                    (lower,), (upper,) = self._initial(upper=False), self._initial(upper=True)
-                    return lower, upper, f"optimistic value iteration, {rounds} rounds"
-                if not any(lowered for _, lowered, _ in verified):
-                    break
-            tolerance /= 10
+        bound: Bound,
+        started: float,
+    ) -> Result:
+        """The verdict of a comparison, with bounds that are as close as it needs."""
+        threshold = threshold_of(bound)
+        finer = [e for e in REFINED_ACCURACIES if e < self.options.epsilon]
+        for epsilon in (self.options.epsilon, *finer):
+            lower, upper, method = self._bounds(formula, labels, epsilon)
+            verdict = decided(lower, upper, bound.operator, threshold)
+            if verdict is not None:
+                return Result(
+                    verdict,
+                    Exact(),
+                    f"on {len(self.parts)} workers; {method}",
+                    seconds=perf_counter() - started,
+                )
+            if lower == upper:
+                break
         raise NumericalError(
-            f"no bounds are proved in {rounds} rounds: the iteration converges slowly, or the "
-            "model has end components\n  hint: check it on one machine"
+            f"the value lies between {lower!r} and {upper!r}, which does not decide the threshold"
         )
 
-    def _initial(self, *, upper: bool) -> list[float]:
-        """The values of the initial states."""
-        found = [float(x) for part in self.parts.call(Part.initial, upper) for x in part]
-        if len(found) != 1:
-            raise UnsupportedError(f"the model has {len(found)} initial states: one is supported")
-        return found
+    def _bounds(
+        self, formula: Expression, labels: Mapping[str, Expression], epsilon: float
+    ) -> tuple[float, float, str]:
+        """Bounds, by another attempt from the checkpoints if workers are lost."""
+        text = f"{pretty(formula)} {epsilon}"
+        while True:
+            measures = Measures(self.model, self.options, self.parts, epsilon, text)
+            try:
+                return measures.bounds(formula, labels)
+            except PartLost as error:
+                if self.parts.folder is None:
+                    raise
+                self.parts.recover(error)

@@ -1,38 +1,45 @@
-"""The states of one worker: exploration, backward search and iteration on their rows.
+"""The part of a model that one worker holds: exploration, backward search and iteration.
 
-A part numbers its states, and the states of other parts that its rows lead to (its ghosts). The
-owner of a ghost keeps the list of the ghosts of each other part in their order there. So parts
-exchange values without numbers: an array for each pair of parts.
+Values at the boundaries are exchanged as pairs of arrays: places in the list of the ghosts of
+another part, and their new values.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from symcheck.direction import Direction
 from symcheck.distributed import tuning
-from symcheck.explicit.initial import initial_rows
+from symcheck.distributed.checkpoints import PartFiles
+from symcheck.distributed.exploration import PartExploration, PartRows
+from symcheck.distributed.partition import Partition
+from symcheck.errors import UnsupportedError
+from symcheck.explicit.compile import compile_expression
 from symcheck.explicit.states import Rows, StateLayout
-from symcheck.explicit.successors import Choices, SuccessorGenerator
-from symcheck.kernels.explore.breadth_first import StateSet
-from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, spans
+from symcheck.explicit.tables import total_reward
+from symcheck.kernels.arrays import Masks
+from symcheck.kernels.graph.partial_search import search
+from symcheck.kernels.rows import sparse
+from symcheck.kernels.solve.part_sweeps import PartSweeps
+from symcheck.matrices.rows import Bools, Floats, Int32s, spans, starts_of
+from symcheck.numerics.linear.masked_problem import MaskedProblem
+from symcheck.numerics.settings import ROUNDING, Settings
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.rewards import Reward
+from symcheck.semantics.rewards import Reward, Steps, Structure, Time
 from symcheck.semantics.state_faults import describe_state
 from symcheck.simulate.state_predicates import compile_predicate
 from symcheck.syntax.ast import Expression, ModelType
 
-D = TypeVar("D", np.int64, np.float64)
+__all__ = ["Counts", "Message", "Part"]
 
-__all__ = ["Counts", "Part", "owners"]
+Message = tuple[Int32s, NDArray[np.generic]]
+"""Places in the list of the ghosts of a part, and their values."""
 
-Messages = list[NDArray[np.generic]]
-"""An array for each part."""
+_UNIT_ROUNDOFF = float(np.finfo(np.float64).eps)
 
 
 class Counts(NamedTuple):
@@ -44,304 +51,433 @@ class Counts(NamedTuple):
     deadlocks: int
 
 
-def owners(rows: Rows, parts: int) -> Int64s:
-    """The part that each packed state belongs to, by a hash: int64[n]."""
-    mixed = np.full(len(rows), 0xD1B54A32D192ED03, np.uint64)
-    for word in rows.T:
-        mixed = (mixed ^ word) * np.uint64(0x94D049BB133111EB)
-        mixed ^= mixed >> np.uint64(31)
-    mixed *= np.uint64(0xBF58476D1CE4E5B9)
-    return ((mixed >> np.uint64(32)) % np.uint64(parts)).astype(np.int64)
-
-
 class Part:
     """The part of a model that one worker holds.
 
     Args:
         model: a DTMC, CTMC or MDP with commands.
         number: of this part, from 0.
-        parts: number of parts.
+        files: of its checkpoints; None: it has none. What they hold is not explored again.
     """
 
-    def __init__(self, model: BoundModel, number: int, parts: int) -> None:
-        self._model, self._number, self._parts = model, number, parts
+    def __init__(
+        self,
+        model: BoundModel,
+        number: int,
+        partition: Partition,
+        files: PartFiles | None = None,
+        *,
+        check_sums: bool = True,
+    ) -> None:
+        self._model, self._number, self._partition = model, number, partition
+        self._files = files
         self._layout = StateLayout.of(model.variables)
-        self._generator = SuccessorGenerator(model, self._layout)
-        self._states = StateSet(self._layout.words)
-        self._ghosts = [StateSet(self._layout.words) for _ in range(parts)]
-        self._exports: list[list[Int32s]] = [[] for _ in range(parts)]
-        self._explored = 0
-        self._targets: list[Int64s] = []
-        self._weights: list[Floats] = []
-        self._lengths: list[Int64s] = []
-        self._choices: list[Int64s] = []
-        self._dead: list[Int64s] = []
-        initial = initial_rows(model, self._layout)
-        self._initial = np.empty(int((owners(initial, parts) == number).sum()), np.int32)
-        self._add(self._states, initial[owners(initial, parts) == number], self._initial)
+        self._exploration: PartExploration | None = None
+        rows = None if files is None else files.load_rows()
+        if rows is not None:
+            self._start(rows)
+        else:
+            known = None if files is None else files.load_states(self._layout.words)
+            self._exploration = PartExploration(
+                model, number, partition, check_sums=check_sums, known=known
+            )
 
     # ------------------------------------------------------------------------- exploration
 
-    def expand(self) -> Messages:
-        """Expand known states, and those that they lead to here; the new ghosts of each part."""
-        known = [len(ghosts) for ghosts in self._ghosts]
-        end = self._explored + tuning.ROUND_STATES
-        while self._explored < min(len(self._states), end):
-            self._expand_batch()
-        return [
-            ghosts.view_rows()[before:].copy()
-            for ghosts, before in zip(self._ghosts, known, strict=True)
-        ]
+    def is_explored(self) -> bool:
+        """Whether the rows are complete."""
+        return self._exploration is None
 
-    def _expand_batch(self) -> None:
-        rows = self._states.view_rows()[self._explored :][: tuning.BATCH_STATES].copy()
-        found = self._generator.choices(rows)
-        lengths = np.diff(found.branch_ends, prepend=0)
-        choices = np.diff(found.ends, prepend=0)
-        targets = np.empty(len(found.targets), np.int64)
-        owner = owners(found.targets, self._parts)
-        for p in range(self._parts):
-            here = np.flatnonzero(owner == p)
-            ids = np.empty(len(here), np.int32)
-            table = self._states if p == self._number else self._ghosts[p]
-            self._add(table, found.targets[here], ids)
-            targets[here] = ids.astype(np.int64) * self._parts + p
-        self._targets.append(targets)
-        self._weights.append(self._row_weights(found, choices, lengths))
-        self._lengths.append(lengths if self._is_mdp else _sums(lengths, found.ends))
-        self._choices.append(choices)
-        self._dead.append(found.deadlocks + self._explored)
-        self._explored += len(rows)
+    def resend(self) -> None:
+        """Begin the exchange of the exploration anew."""
+        assert self._exploration is not None
+        self._exploration.resend()
 
-    @property
-    def _is_mdp(self) -> bool:
-        return self._model.type is ModelType.MDP
-
-    def _row_weights(self, found: Choices, choices: Int64s, lengths: Int64s) -> Floats:
-        """Probabilities within the rows: choices of an MDP, else states."""
-        if self._is_mdp:
-            return found.weights
-        branches = _sums(lengths, found.ends)
-        if self._model.type is ModelType.DTMC:
-            return np.asarray(found.weights / np.repeat(choices, branches))
-        ends = np.cumsum(branches)
-        return np.asarray(found.weights / np.repeat(_sums(found.weights, ends), branches))
-
-    @staticmethod
-    def _add(table: StateSet, rows: Rows, ids: Int32s) -> None:
-        table.add(np.ascontiguousarray(rows), ids)
-
-    def receive(self, incoming: Sequence[Rows]) -> int:
-        """Number the ghosts of the other parts; the number of states that are not expanded."""
-        for part, rows in enumerate(incoming):
-            ids = np.empty(len(rows), np.int32)
-            self._add(self._states, rows, ids)
-            self._exports[part].append(ids)
-        return len(self._states) - self._explored
+    def explore(self, incoming: Sequence[Rows]) -> tuple[bool, list[Rows]]:
+        """Number ghosts of the other parts, and expand states; whether some are left, and the new
+        ghosts of each part.
+        """
+        assert self._exploration is not None
+        busy, outgoing, own = self._exploration.explore(incoming)
+        if self._files is not None:
+            self._files.append_states(own)
+        return busy, outgoing
 
     def finish(self) -> Counts:
-        """End the exploration: the rows are compressed, with ghosts as the last columns."""
-        n = len(self._states)
-        sizes = [len(ghosts) for ghosts in self._ghosts]
-        self._starts = np.cumsum([n, *sizes])
-        targets = np.concatenate([np.empty(0, np.int64), *self._targets])
-        part, local = targets % self._parts, targets // self._parts
-        columns = np.where(part == self._number, local, self._starts[part] + local)
-        lengths = np.concatenate([np.zeros(1, np.int64), *self._lengths])
-        data = np.concatenate([np.empty(0), *self._weights])
-        shape = len(lengths) - 1, int(self._starts[-1])
-        self._matrix = csr_array((data, columns, np.cumsum(lengths)), shape)
-        self._matrix.sum_duplicates()
-        choices = np.concatenate([np.zeros(1, np.int64), *self._choices])
-        self._groups = np.cumsum(choices) if self._is_mdp else np.arange(n + 1)
-        self._state_of = np.repeat(np.arange(n), np.diff(self._groups))
-        self._by_column = self._matrix.tocsc()
-        self._sent = [np.concatenate([np.empty(0, np.int32), *ids]) for ids in self._exports]
+        """End the exploration."""
+        if self._exploration is not None:
+            rows = self._exploration.finish()
+            self._exploration = None
+            if self._files is not None:
+                self._files.save_rows(rows)
+            self._start(rows)
+        rows = self._rows
+        ghosts = int(rows.starts[-1] - rows.starts[0])
+        return Counts(self._n, rows.matrix.entries, ghosts, int(rows.deadlocks.sum()))
+
+    def _start(self, rows: PartRows) -> None:
+        self._rows, self._matrix = rows, rows.matrix
+        self._n, self._total = len(rows.states), int(rows.starts[-1])
+        self._column_ptr, self._column_rows = sparse.transpose(
+            self._matrix.indptr, self._matrix.indices, self._total
+        )
+        self._row_state = self._matrix.state_of_row.astype(np.int32)
         self._sets: dict[str, Bools] = {}
-        dead = np.concatenate([np.empty(0, np.int64), *self._dead])
-        self._deadlocks = np.isin(np.arange(n), dead)
-        self._rows = self._states.view_rows().copy()
-        del self._targets, self._weights, self._lengths, self._choices, self._dead
-        del self._states, self._ghosts, self._exports
-        return Counts(n, self._matrix.nnz, sum(sizes), len(dead))
 
     def deadlock_examples(self) -> list[str]:
         """The first deadlock states of this part, as texts."""
-        rows = self._rows[np.flatnonzero(self._deadlocks)[:3]]
+        rows = self._rows.states[np.flatnonzero(self._rows.deadlocks)[:3]]
         return [describe_state(self._model.variables, self._layout.unpack(row)) for row in rows]
 
     # ------------------------------------------------------------------------------- sets
 
-    def evaluate(self, name: str, formula: Expression, labels: Mapping[str, Expression]) -> None:
-        """Keep the states that satisfy a state formula as a set with this name."""
-        holds = compile_predicate(formula, self._model, self._layout, labels)
-        self._sets[name] = np.asarray(holds(self._rows, self._deadlocks), np.bool_)
+    def evaluate(
+        self, left: Expression, right: Expression, labels: Mapping[str, Expression]
+    ) -> list[Message]:
+        """Find the states that satisfy two state formulas, the sets `left` and `right`."""
+        self._sets.clear()
+        bits = np.zeros(self._total, np.uint8)
+        for bit, formula in enumerate((left, right)):
+            holds = compile_predicate(formula, self._model, self._layout, labels)
+            members = np.asarray(holds(self._rows.states, self._rows.deadlocks), np.bool_)
+            bits[: self._n] |= members.astype(np.uint8) << np.uint8(bit)
+        self._bits = bits
+        return [(np.arange(len(s), dtype=np.int32), bits[s]) for s in self._rows.sent]
 
-    def combine(self, name: str, included: str, excluded: str) -> None:
-        """Keep the states of one set that are not in another."""
-        self._sets[name] = self._sets[included] & ~self._sets[excluded]
+    def receive_sets(self, incoming: Sequence[Message]) -> None:
+        """Complete the sets by the ghosts; `through` are the states of `left` and not `right`."""
+        self._receive(self._bits, incoming)
+        left, right = (self._bits & 1).astype(np.bool_), (self._bits & 2).astype(np.bool_)
+        self._sets |= {"left": left, "right": right, "through": left & ~right}
 
-    def complement(self, name: str, excluded: str) -> None:
-        """Keep the states that are not in a set."""
-        self._sets[name] = ~self._sets[excluded]
+    def complement(self, name: str, *excluded: str) -> None:
+        """Keep the states that are in none of some sets as a set."""
+        self._sets[name] = ~np.logical_or.reduce([self._sets[e] for e in excluded])
 
-    def begin_search(self, source: str, through: str, every_choice: bool) -> Messages:
+    def members(self, name: str) -> tuple[int, int]:
+        """How many initial states of this part are in a set, and how many states."""
+        members = self._sets[name][: self._n]
+        return int(members[self._rows.initial].sum()), int(members.sum())
+
+    def begin_search(
+        self, source: str, through: str, every_choice: bool, inside: str | None = None
+    ) -> list[Message]:
         """Begin a backward search from a set, over states of another.
 
         every_choice: a state is reached if all of its choices may lead to reached states.
+        inside: only choices count whose successors are all in this set.
         """
-        self._reached = np.zeros(int(self._starts[-1]), np.bool_)
-        self._reached[: len(self._rows)] = self._sets[source]
-        self._hit = np.zeros(self._matrix.shape[0], np.bool_)
-        self._misses = np.diff(self._groups) if every_choice else None
-        self._through = self._sets[through]
-        self._search(np.flatnonzero(self._reached))
-        return self._outgoing(self._reached)
+        hit = np.zeros(self._matrix.rows, np.uint8)
+        if inside is not None:
+            hit |= self._matrix.multiply((~self._sets[inside]).astype(np.float64)) > 0
+        self._begin(self._sets[source].copy(), self._sets[through], hit, every_choice)
+        return self._new_members()
 
-    def continue_search(self, incoming: Messages) -> tuple[bool, Messages]:
-        """Go on from the ghosts that are reached; whether there are new ones, and messages."""
-        before = self._reached[len(self._rows) :].copy()
-        self._incoming(self._reached, incoming)
-        new = np.flatnonzero(self._reached[len(self._rows) :] & ~before)
-        self._search(new + len(self._rows))
-        return bool(len(new)), self._outgoing(self._reached)
+    def begin_loop_search(self, unknown: str, reward: Reward) -> list[Message]:
+        """Begin the search for states that must leave the choices of `unknown` without reward."""
+        earning = self._rewards(reward) > 0
+        free = np.bincount(self._row_state[~earning], minlength=self._total)
+        source = ~self._sets[unknown] | (free == 0)
+        source[self._n :] = ~self._sets[unknown][self._n :]
+        self._begin(source, self._sets[unknown], earning.view(np.uint8).copy(), True)
+        return self._new_members()
 
-    def _search(self, new: Int64s) -> None:
-        starts = self._by_column.indptr
-        while len(new):
-            entries = spans(starts[new].astype(np.int64), starts[new + 1].astype(np.int64))
-            rows = np.unique(self._by_column.indices[entries])
-            rows = rows[~self._hit[rows]]
-            self._hit[rows] = True
-            states = self._state_of[rows]
-            if self._misses is not None:
-                np.subtract.at(self._misses, states, 1)
-                states = states[self._misses[states] == 0]
-            states = np.unique(states)
-            new = states[self._through[states] & ~self._reached[states]]
-            self._reached[new] = True
+    def _begin(self, source: Bools, through: Bools, hit: Masks, every: bool) -> None:
+        self._hit = hit
+        self._misses = (
+            np.bincount(self._row_state[self._hit == 0], minlength=self._total).astype(np.int32)
+            if every
+            else None
+        )
+        self._through = through.view(np.uint8)
+        self._reached = source.view(np.uint8)
+        self._told = [self._no_reached(s) for s in self._rows.sent]
+        self._extend(np.flatnonzero(self._reached).astype(np.int32))
+
+    @staticmethod
+    def _no_reached(sent: Int32s) -> Bools:
+        return np.zeros(len(sent), np.bool_)
+
+    def _extend(self, found: Int32s) -> None:
+        search(
+            self._column_ptr,
+            self._column_rows,
+            self._row_state,
+            self._hit,
+            self._misses,
+            self._through,
+            found,
+            self._reached,
+        )
+
+    def continue_search(self, incoming: Sequence[Message]) -> list[Message]:
+        """Go on from the ghosts that are reached."""
+        ghosts = self._ghosts(incoming)
+        new = ghosts[self._reached[ghosts] == 0]
+        self._reached[new] = 1
+        self._extend(new)
+        return self._new_members()
+
+    def _new_members(self) -> list[Message]:
+        messages: list[Message] = []
+        for sent, told in zip(self._rows.sent, self._told, strict=True):
+            places = np.flatnonzero(self._reached[sent].view(np.bool_) & ~told).astype(np.int32)
+            told[places] = True
+            messages.append((places, np.empty(0, np.bool_)))
+        return messages
 
     def end_search(self, name: str) -> None:
         """Keep the reached states as a set."""
-        self._sets[name] = self._reached[: len(self._rows)].copy()
+        self._sets[name] = self._reached.view(np.bool_)
 
     # ---------------------------------------------------------------------------- iteration
 
     def begin_iteration(
         self, known: str, zero: str, direction: Direction | None, reward: Reward | None
-    ) -> Messages:
-        """Begin with the least values: 1 (for a reward, 0) on `known`, and 0 elsewhere.
+    ) -> None:
+        """Begin with the least values: 1 on `known` and 0 elsewhere; for a reward, infinite on
+        `zero` and 0 elsewhere.
 
         The unknowns are the states outside of `known` and `zero`.
         """
-        n = len(self._rows)
-        self._unknown = np.flatnonzero(~(self._sets[known] | self._sets[zero]))
-        rows = spans(self._groups[self._unknown], self._groups[self._unknown + 1])
-        self._equations = self._matrix[rows]
-        sizes = np.diff(self._groups)[self._unknown]
-        self._first = np.cumsum(sizes) - sizes
+        self._unknown = ~(self._sets[known] | self._sets[zero])
+        self._known = self._sets[known]
+        self._unknown_own = self._unknown.copy()
+        self._unknown_own[self._n :] = False
         self._direction = direction
-        self._constant = np.zeros(len(rows)) if reward is None else self._rewards(reward)[rows]
-        self._cap = 1.0 if reward is None else np.inf
-        # Each row is a sum of products; the numbers of the row are rounded as well.
-        most = int(np.diff(self._equations.indptr).max(initial=0))
-        self._slack = (most + 6) * float(np.finfo(np.float64).eps)
-        self._lower = np.zeros(int(self._starts[-1]))
+        self._constant = None if reward is None else self._rewards(reward)
         if reward is None:
-            self._lower[:n] = self._sets[known]
-        return self._outgoing(self._lower)
+            self._lower = self._known.astype(np.float64)
+        else:
+            self._lower = np.where(self._sets[zero], np.inf, 0.0)
+        self._total_sum = np.zeros(len(self._rows.initial))
+        self._upper: Floats | None = None
+        self._sent_lower = [self._lower[s] for s in self._rows.sent]
+
+    @property
+    def _mode(self) -> int:
+        if self._matrix.groups is None:
+            return 0
+        return 2 if self._direction is Direction.MAX else 1
+
+    @property
+    def _is_ctmc(self) -> bool:
+        return self._model.type is ModelType.CTMC
+
+    def _sweeps(self) -> PartSweeps:
+        return PartSweeps(
+            *self._matrix.arrays,
+            self._matrix.groups,
+            self._column_ptr,
+            self._column_rows,
+            self._row_state,
+            self._constant,
+            self._unknown_own.view(np.uint8),
+            self._mode,
+            self._is_ctmc,
+        )
 
     def _rewards(self, reward: Reward) -> Floats:
-        """The expected reward of a step, for each row."""
-        generator = SuccessorGenerator(self._model, self._layout, reward)
-        found = []
-        for begin in range(0, len(self._rows), tuning.BATCH_STATES):
-            rows = self._rows[begin : begin + tuning.BATCH_STATES]
-            batch, of_states = generator.choices(rows), generator.state_rewards(rows)
-            choices = np.diff(batch.ends, prepend=0)
-            if self._is_mdp:
-                found.append(batch.rewards + np.repeat(of_states, choices))
-                continue
-            share = 1 / np.repeat(choices, choices)
-            if self._model.type is ModelType.CTMC:
-                rates = _sums(batch.weights, batch.branch_ends)
-                exits = _sums(rates, batch.ends)
-                share, of_states = rates / np.repeat(exits, choices), of_states / exits
-            found.append(_sums(batch.rewards * share, batch.ends) + of_states)
-        return np.concatenate([np.empty(0), *found])
+        """The expected reward of each row; in a CTMC, times the exit rate."""
+        groups, rows = self._matrix.groups, self._matrix.rows
+        states, transitions = np.zeros(self._total), np.zeros(rows)
+        match reward:
+            case Structure(index):
+                items = [i for i in self._model.rewards[index].items if i.on_states]
+                if items:
+                    code = compile_expression(total_reward(items), self._model)
+                    states[: self._n] = code.run_packed(self._layout, self._rows.states)
+                transitions = self._rows.rewards[index]
+            case Time() if self._is_ctmc:
+                states[: self._n] = 1.0
+            case Steps() | Time():
+                transitions = self._matrix.row_sums()
+            case _:
+                assert_never(reward)
+        found = transitions + (states if groups is None else np.repeat(states, np.diff(groups)))
+        if not bool(((found >= 0) & np.isfinite(found)).all()):
+            raise UnsupportedError(
+                "rewards that are negative or infinite are not computed on distributed models"
+                "\n  hint: check it on one machine"
+            )
+        return found
 
-    def _bellman(self, values: Floats) -> Floats:
-        """The best value of a step from each unknown."""
-        found = np.asarray(self._equations @ values) + self._constant
-        if self._direction is None or not len(found):
-            return found
-        best = np.minimum if self._direction is Direction.MIN else np.maximum
-        return np.asarray(best.reduceat(found, self._first))
+    def solve_alone(self, settings: Settings) -> tuple[float, float, str]:
+        """Bounds on the value of the initial state, where there is no other part."""
+        from symcheck.numerics.linear.methods import solve_linear
 
-    def improve(self, incoming: Messages) -> tuple[float, Messages]:
-        """Raise the lower bounds by some sweeps: the greatest relative change, and messages."""
-        self._incoming(self._lower, incoming)
-        old = self._lower[self._unknown]
-        new = old
-        for _ in range(tuning.SWEEPS_PER_ROUND):
-            new = np.maximum(new, self._bellman(self._lower) * (1 - self._slack))
-            self._lower[self._unknown] = new
-        raised = new > old
-        change = ((new[raised] - old[raised]) / new[raised]).max(initial=0.0)
-        return float(change), self._outgoing(self._lower)
+        matrix, constant = self._matrix, self._constant
+        if constant is not None and self._mode == 1:
+            # Choices that may lead to an infinite reward are not taken.
+            assert matrix.groups is not None
+            kept = ~(matrix.multiply(np.isinf(self._lower).astype(np.float64)) > 0)
+            kept |= ~matrix.rows_of(self._unknown)
+            sizes = np.bincount(self._row_state[kept], minlength=self._total)
+            matrix = matrix.choose(np.flatnonzero(kept), starts_of(sizes))
+            constant = constant[kept]
+        problem = MaskedProblem(
+            matrix,
+            self._unknown,
+            [(self._known, 1.0)] if constant is None else [],
+            constant,
+            self._direction,
+            constant is None,
+            self._is_ctmc,
+        )
+        solution = solve_linear(problem, settings)
+        place = int(np.count_nonzero(self._unknown[: self._rows.initial[0]]))
+        lower, upper = float(solution.lower[place]), float(solution.upper[place])
+        if solution.exact:
+            lower, upper = lower * (1 - ROUNDING), upper * (1 + ROUNDING)
+        if constant is None:
+            upper = min(upper, 1.0)
+        return lower, upper, solution.explanation
 
-    def begin_verification(self, width: float) -> Messages:
-        """Guess upper bounds: the lower ones, greater by a relative width."""
-        self._upper = self._lower.copy()
-        raised = self._upper[self._unknown] * (1 + width)
-        self._upper[self._unknown] = np.minimum(raised, self._cap)
-        return self._outgoing(self._upper)
+    def begin_phase(self) -> list[Message]:
+        """Begin a phase of `improve`, in which all lower bounds may rise."""
+        self._system = self._sweeps()
+        self._active = self._unknown_own.astype(np.uint8)
+        return self._changes(self._lower, 0.0)
 
-    def verify(self, incoming: Messages) -> tuple[bool, bool, Messages]:
-        """Whether the guess is inductive here, whether sweeps lower it, and messages.
+    def improve(self, incoming: Sequence[Message], threshold: float) -> tuple[bool, list[Message]]:
+        """Raise lower bounds; whether states are left whose bounds may rise, and messages.
 
-        It is lowered where they do, which keeps an inductive guess inductive.
+        threshold: relative changes up to this one are not passed on.
         """
-        self._incoming(self._upper, incoming)
-        inductive, begin = True, self._upper[self._unknown]
-        for sweep in range(tuning.SWEEPS_PER_ROUND):
-            old = self._upper[self._unknown]
-            new = np.minimum(self._bellman(self._upper) * (1 + self._slack), self._cap)
-            if sweep == 0:
-                inductive = bool((new <= old).all())
-            self._upper[self._unknown] = np.minimum(old, new)
-        lowered = bool((self._upper[self._unknown] < begin).any())
-        return inductive, lowered, self._outgoing(self._upper)
+        self._activate_before(self._receive(self._lower, incoming))
+        left = self._system.raise_lower(
+            self._lower, self._active, threshold, tuning.SWEEPS_PER_ROUND
+        )
+        return left, self._changes(self._lower, threshold)
 
-    def step(self, incoming: Messages) -> Messages:
-        """One step of a bounded until formula, in place of the values."""
-        self._incoming(self._lower, incoming)
-        self._lower[self._unknown] = self._bellman(self._lower)
-        return self._outgoing(self._lower)
+    def _activate_before(self, changed: Int32s) -> None:
+        entries = spans(self._column_ptr[changed], self._column_ptr[changed + 1])
+        self._active[self._row_state[self._column_rows[entries]]] = 1
+
+    def begin_bounding(self, width: float | None) -> list[Message]:
+        """Begin a phase of `lower`, in which all candidates for upper bounds may fall.
+
+        width: guess them anew, greater than the lower bounds by this relative width; None: go on
+            from the bounds that there are, at first the greatest probability.
+        """
+        if self._upper is None or width is not None:
+            guess = np.full(self._total, 1.0) if width is None else self._lower * (1 + width)
+            self._upper = np.where(self._unknown, np.minimum(guess, self._cap), self._lower)
+            self._violated = self._unknown_own.astype(np.uint8)
+            self._sent_upper = [np.full(len(s), np.nan) for s in self._rows.sent]
+        self._active = self._unknown_own.astype(np.uint8)
+        return self._changes(self._upper, 0.0, self._sent_upper)
+
+    def lower(
+        self, incoming: Sequence[Message], threshold: float
+    ) -> tuple[bool, int, list[Message]]:
+        """Lower candidates for upper bounds; whether some may fall further, how many are not yet
+        bounds, and messages.
+        """
+        assert self._upper is not None
+        self._activate_before(self._receive(self._upper, incoming))
+        left, violated = self._system.lower_upper(
+            self._upper,
+            self._active,
+            self._violated,
+            self._cap,
+            threshold,
+            tuning.SWEEPS_PER_ROUND,
+        )
+        return left, violated, self._changes(self._upper, threshold, self._sent_upper)
+
+    @property
+    def _cap(self) -> float:
+        return 1.0 if self._constant is None else np.inf
+
+    def initial(self, upper: bool) -> list[float]:
+        """The lower or upper values of the initial states of this part."""
+        values = self._upper if upper and self._upper is not None else self._lower
+        return [float(x) for x in values[self._rows.initial]]
+
+    # ------------------------------------------------------------------------------- steps
+
+    def begin_steps(self, rate: float | None) -> list[Message]:
+        """Begin steps with given values on all states outside of the unknowns.
+
+        rate: of uniformisation; None: the steps of the chain.
+        """
+        self._rate = rate
+        states = np.flatnonzero(self._unknown_own)
+        groups = self._matrix.groups
+        starts = states if groups is None else groups[states]
+        ends = states + 1 if groups is None else groups[states + 1]
+        equations = self._matrix.choose(spans(starts, ends))
+        self._step_states, self._step_rows = states, equations
+        self._step_starts = starts_of(ends - starts)[:-1]
+        if rate is not None:
+            self._stay = 1 - self._matrix.row_sums()[states] / rate
+        return self._changes(self._lower, 0.0)
+
+    def greatest_rate(self) -> float:
+        """The greatest exit rate of the unknowns."""
+        return float(self._matrix.row_sums()[self._unknown_own].max(initial=0.0))
 
     def slack(self) -> float:
         """The relative error of a step by rounding."""
-        return self._slack
+        return (self._step_rows.longest + 8) * _UNIT_ROUNDOFF
 
-    def initial(self, upper: bool) -> Floats:
-        """The lower or upper values of the initial states of this part."""
-        return np.asarray((self._upper if upper else self._lower)[self._initial])
+    def step(self, incoming: Sequence[Message], weight: float) -> tuple[list[float], list[Message]]:
+        """Add the weighted values of the initial states, and go a step; the sums, and messages."""
+        self._receive(self._lower, incoming)
+        x, states = self._lower, self._step_states
+        self._total_sum += weight * x[self._rows.initial]
+        new = self._step_rows.multiply(x)
+        if self._rate is not None:
+            new = new / self._rate + self._stay * x[states]
+        elif self._mode and len(new):
+            best = np.minimum if self._mode == 1 else np.maximum
+            new = np.asarray(best.reduceat(new, self._step_starts))
+        x[states] = new
+        return [float(s) for s in self._total_sum], self._changes(x, 0.0)
 
-    def members(self, name: str) -> tuple[int, int]:
-        """How many initial states of this part are in a set, and how many states."""
-        members = self._sets[name]
-        return int(members[self._initial].sum()), int(members.sum())
+    # ------------------------------------------------------------------------- checkpoints
+
+    def save_values(self, formula: str, number: int) -> None:
+        """Write the values of an iteration, as a checkpoint with a number."""
+        assert self._files is not None
+        self._files.save_values(formula, number, self._lower[: self._n], self._total_sum)
+
+    def load_values(self, formula: str, number: int) -> None:
+        """Go on from a checkpoint: the values of this part, which are sent to the others."""
+        assert self._files is not None
+        values, self._total_sum = self._files.load_values(formula, number)
+        self._lower[: self._n] = values
 
     # ----------------------------------------------------------------------------- messages
 
-    def _outgoing(self, values: NDArray[np.generic]) -> Messages:
-        return [values[ids] for ids in self._sent]
+    def _changes(
+        self, values: Floats, threshold: float, sent_values: list[Floats] | None = None
+    ) -> list[Message]:
+        """The values that differ from those that another part knows, by default lower ones."""
+        known = self._sent_lower if sent_values is None else sent_values
+        messages: list[Message] = []
+        for sent, told in zip(self._rows.sent, known, strict=True):
+            new = values[sent]
+            changed = new != told
+            if threshold:
+                with np.errstate(invalid="ignore"):
+                    changed &= np.abs(new - told) > threshold * new
+            places = np.flatnonzero(changed).astype(np.int32)
+            told[places] = new[places]
+            messages.append((places, new[places]))
+        return messages
 
-    def _incoming(self, values: NDArray[np.generic], messages: Messages) -> None:
-        for part, received in enumerate(messages):
-            values[self._starts[part] : self._starts[part + 1]] = received
+    def _ghosts(self, incoming: Sequence[Message]) -> Int32s:
+        """The ghosts that messages are about."""
+        starts = self._rows.starts
+        found = [
+            (starts[part] + places).astype(np.int32) for part, (places, _) in enumerate(incoming)
+        ]
+        return np.concatenate(found)
 
-
-def _sums(values: NDArray[D], ends: Int64s) -> NDArray[D]:
-    """The sum of each segment; none is empty."""
-    return np.asarray(np.add.reduceat(values, ends - np.diff(ends, prepend=0)), values.dtype)
+    def _receive(self, values: NDArray[np.generic], incoming: Sequence[Message]) -> Int32s:
+        """Write values of ghosts; which ones."""
+        ghosts = self._ghosts(incoming)
+        values[ghosts] = np.concatenate([v for _, v in incoming])
+        return ghosts

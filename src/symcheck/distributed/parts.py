@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
+from dataclasses import dataclass
+from time import monotonic, sleep
 from typing import Any, Protocol, TypeVar
 
-from symcheck.distributed.part import Messages, Part
-from symcheck.errors import ResourceError, SymcheckError, UsageError, out_of_memory
+from symcheck.distributed import tuning
+from symcheck.distributed.checkpoints import Folder
+from symcheck.distributed.part import Part
+from symcheck.distributed.partition import Partition
+from symcheck.errors import ResourceError, SymcheckError, out_of_memory
 from symcheck.parallel.dask import limit_worker
 from symcheck.semantics.model import BoundModel
 
-__all__ = ["Cluster", "Parts"]
+__all__ = ["Cluster", "PartLost", "Parts"]
 
 R = TypeVar("R")
+M = TypeVar("M")
 
 
 class Cluster(Protocol):
@@ -28,12 +34,40 @@ class Cluster(Protocol):
         ...
 
 
-class LimitedPart(Part):
-    """A part within the limit of memory of its worker."""
+class PartLost(ResourceError):
+    """Workers are lost, with their parts.
 
-    def __init__(self, model: BoundModel, number: int, parts: int) -> None:
-        limit_worker()
-        super().__init__(model, number, parts)
+    Attributes:
+        numbers: of the parts.
+    """
+
+    def __init__(self, numbers: Sequence[int], why: BaseException) -> None:
+        super().__init__(
+            f"a worker of the cluster is lost, with its states ({why})"
+            "\n  hint: run again, with a folder of checkpoints; the other workers go on"
+        )
+        self.numbers = tuple(numbers)
+
+
+def create_part(
+    model: BoundModel,
+    number: int,
+    partition: Partition,
+    folder: Folder | None,
+    check_sums: bool,
+) -> Part:
+    """A part within the limit of memory of its worker."""
+    limit_worker()
+    files = None if folder is None else folder.files(number)
+    return Part(model, number, partition, files, check_sums=check_sums)
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """A part on a worker."""
+
+    worker: str
+    actor: Any
 
 
 class Parts:
@@ -41,52 +75,139 @@ class Parts:
 
     The messages of parts pass through this process.
 
+    Args:
+        workers: the address of the worker of each part.
+        folder: of checkpoints.
+
     Raises:
-        UsageError: the cluster has no workers.
-        ResourceError: a worker is lost, or has not enough memory.
+        PartLost: workers are lost.
+        ResourceError: a worker has not enough memory.
     """
 
-    def __init__(self, model: BoundModel, cluster: Cluster) -> None:
-        workers = sorted(cluster.nthreads())
-        if not workers:
-            raise UsageError("the cluster has no workers\n  hint: dask worker tcp://HOST:8786")
-        created = [
-            cluster.submit(
-                LimitedPart, model, i, len(workers), actor=True, workers=[worker], pure=False
-            )
-            for i, worker in enumerate(workers)
+    def __init__(
+        self,
+        model: BoundModel,
+        cluster: Cluster,
+        workers: Sequence[str],
+        partition: Partition,
+        folder: Folder | None,
+        *,
+        check_sums: bool,
+    ) -> None:
+        self._model, self._cluster, self._partition = model, cluster, partition
+        self.folder, self._check_sums = folder, check_sums
+        self._placed: list[_Placed] = []
+        self._losses = 0
+        created = [self._create(i, worker) for i, worker in enumerate(workers)]
+        self._placed = [
+            _Placed(worker, self._results([future])[0])
+            for worker, future in zip(workers, created, strict=True)
         ]
-        self._actors = [self._wait(future) for future in created]
 
     def __len__(self) -> int:
-        return len(self._actors)
+        return self._partition.parts
+
+    def _create(self, number: int, worker: str) -> Any:
+        return self._cluster.submit(
+            create_part,
+            self._model,
+            number,
+            self._partition,
+            self.folder,
+            self._check_sums,
+            actor=True,
+            workers=[worker],
+            pure=False,
+        )
 
     def call(self, method: Callable[..., R], *arguments: object) -> list[R]:
         """The results of a method of `Part`, with the same arguments, on each part."""
         return self._call(method, [arguments] * len(self))
 
-    def exchange(self, method: Callable[..., R], outgoing: Sequence[Messages]) -> list[R]:
+    def exchange(
+        self, method: Callable[..., R], outgoing: Sequence[Sequence[M]], *arguments: object
+    ) -> list[R]:
         """Give each part what the others have for it: the results of a method of `Part`."""
-        return self._call(method, [([m[i] for m in outgoing],) for i in range(len(self))])
+        given = [([m[i] for m in outgoing], *arguments) for i in range(len(self))]
+        return self._call(method, given)
 
     def _call(self, method: Callable[..., R], arguments: Sequence[Sequence[object]]) -> list[R]:
-        calls = [
-            getattr(actor, method.__name__)(*given)
-            for actor, given in zip(self._actors, arguments, strict=True)
-        ]
-        return [self._wait(call) for call in calls]
+        return self._results(
+            [
+                getattr(part.actor, method.__name__)(*given)
+                for part, given in zip(self._placed, arguments, strict=True)
+            ]
+        )
 
     @staticmethod
-    def _wait(call: Any) -> Any:
-        """The result of a call."""
+    def _results(calls: Sequence[Any]) -> list[Any]:
+        """The results of calls, once all of them have ended."""
+        results, lost, errors = [], [], []
+        for i, call in enumerate(calls):
+            try:
+                results.append(call.result())
+            except SymcheckError as error:
+                errors.append(error)
+            except MemoryError as error:
+                errors.append(out_of_memory("more workers have more memory"))
+                errors[-1].__cause__ = error
+            except (OSError, CancelledError, KeyError) as error:  # KeyError: it began anew
+                lost.append((i, error))
+        if errors:
+            raise errors[0]
+        if lost:
+            raise PartLost([i for i, _ in lost], lost[0][1])
+        return results
+
+    def recover(self, error: PartLost) -> None:
+        """Create lost parts anew, from their checkpoints if there are some.
+
+        Parts that are still explored exchange all ghosts again. If only some are explored, they
+        begin anew, since they cannot send their ghosts any more.
+
+        Raises:
+            ResourceError: there is no worker, or too many were lost.
+        """
+        while True:
+            self._losses += 1
+            if self._losses > tuning.MAX_LOSSES:
+                raise error
+            try:
+                self._replace(error)
+                explored = self.call(Part.is_explored)
+                if any(explored) and not all(explored):
+                    for number in range(len(self)):
+                        self._place(number, self._placed[number].worker)
+                elif not any(explored):
+                    self.call(Part.resend)
+                return
+            except PartLost as another:
+                error = another
+
+    def _replace(self, error: PartLost) -> None:
+        living = {p.worker for i, p in enumerate(self._placed) if i not in error.numbers}
+        for number in error.numbers:
+            worker = self._free_worker(living, self._placed[number].worker, error)
+            living.add(worker)
+            self._place(number, worker)
+
+    def _place(self, number: int, worker: str) -> None:
+        """Create a part on a worker."""
         try:
-            return call.result()
-        except SymcheckError:
-            raise
-        except MemoryError as error:
-            raise out_of_memory("more workers have more memory") from error
-        except (OSError, CancelledError, KeyError) as error:  # KeyError: the worker began anew
-            raise ResourceError(
-                f"a worker of the cluster is lost, with its states ({error})"
-                "\n  hint: run again; the other workers go on"
-            ) from error
+            self._placed[number] = _Placed(worker, self._results([self._create(number, worker)])[0])
+        except PartLost as error:
+            raise PartLost([number], error) from error
+
+    def _free_worker(self, living: set[str], lost: str, error: PartLost) -> str:
+        """A worker without a part; if none comes, one that has a part."""
+        end = monotonic() + tuning.RESTART_SECONDS
+        while monotonic() < end:
+            free = sorted(set(self._cluster.nthreads()) - living - {lost})
+            if free:
+                return free[0]
+            sleep(0.1)
+        remaining = sorted(self._cluster.nthreads())
+        if not remaining:
+            raise error
+        free = [w for w in remaining if w not in living]
+        return (free or remaining)[0]

@@ -1,24 +1,47 @@
 """Constants of distributed models."""
 
-BATCH_STATES = 1 << 16
-"""States that a worker expands at a time: the arrays of their successors take some megabytes."""
-
-ROUND_STATES = 1 << 20
-"""States that a worker expands at most before it sends states to others: messages stay small."""
-
-SWEEPS_PER_ROUND = 4
-"""Sweeps of a worker between two exchanges. A hash puts most successors on other workers: more
-sweeps with their old values gain little.
+ROUND_STATES = 1 << 16
+"""States that a part finds at most before it sends states to others: the first of another part are
+not long in coming, and messages stay small.
 """
 
+SAMPLE_STATES = 100_000
+"""First states of the model, among which variables are chosen that name the owner of a state."""
+
+SAMPLE_ROWS = 5_000
+"""States of the sample whose successors are compared with them."""
+
+SEEDS = 8
+"""Hashes that are compared for each choice of variables."""
+
+KEYS_PER_PART = 16
+"""Values of the chosen variables in the sample for each part: few values make parts uneven, and
+parts that wait for each other.
+"""
+
+COST_OF_CROSSING = 3.0
+"""A transition to another part costs as much as so many within a part."""
+
+SWEEPS_PER_ROUND = 32
+"""Most sweeps of a part between two exchanges; they visit active states only."""
+
 FIRST_TOLERANCE = 0.1
-"""Guess upper bounds when lower bounds change by less than this share of their width in a round."""
+"""At first, changes of lower bounds below this share of the requested width are not passed on."""
 
 MAX_ROUNDS = 1_000_000
 """Rounds after which an iteration is given up."""
 
-VERIFICATION_ROUNDS = 200
-"""Rounds in which a candidate for upper bounds has to become inductive."""
-
-MIN_CHANGE = 1e-14
+MIN_CHANGE = 1e-16
 """Relative change below which bounds cannot improve: rounding is as large."""
+
+SERIES_ERROR = 1e-10
+"""Relative error of Poisson weights and their sums (see `symcheck.numerics.transient.poisson`)."""
+
+SAVING_SHARE = 0.1
+"""Share of the time of an iteration in which checkpoints are written."""
+
+RESTART_SECONDS = 30.0
+"""Time for which a lost worker is waited for before another one takes over its part."""
+
+MAX_LOSSES = 100
+"""Losses of workers in one call after which it gives up."""

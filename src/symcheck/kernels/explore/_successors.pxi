@@ -198,6 +198,15 @@ cdef class Expander:
             return 0
         return Status.MEMORY if self.rows.end_group() else 0
 
+    cdef int skip(self) noexcept nogil:
+        """Give a state no choices, or an empty row."""
+        if self.kind == Kind.MDP:
+            return Status.MEMORY if self.rows.end_group() else 0
+        if self._open_row():
+            return Status.MEMORY
+        self._end_row(-1)
+        return 0
+
     cdef int _add_deadlock_loop(self, long long state, const uint64_t* source) noexcept nogil:
         """A self-loop of probability (rate) 1 without an action."""
         cdef int v

@@ -40,6 +40,38 @@ def malloc_trim():
         trim_heap()
 
 
+cdef inline int owner_of(const uint64_t* row, const uint64_t* mask, int words, uint64_t seed,
+                         int parts) noexcept nogil:
+    """The part that owns a state."""
+    cdef uint64_t h = seed
+    cdef int w
+    for w in range(words):
+        h = (h ^ (row[w] & mask[w])) * 0x94D049BB133111EBULL
+        h ^= h >> 31
+    h *= 0xBF58476D1CE4E5B9ULL
+    return <int> ((h >> 32) % <uint64_t> parts)
+
+
+def owners(const uint64_t[:, ::1] rows, const uint64_t[::1] mask, long long seed,
+           int parts) -> Int32s:
+    """The part that owns each of some packed states, by a hash of the bits of a mask.
+
+    Args:
+        rows: uint64[n, words].
+        mask: uint64[words].
+    Returns:
+        int32[n].
+    """
+    cdef long long i, n = rows.shape[0]
+    cdef int32_t[::1] found = np.zeros(n, dtype=np.int32)
+    if parts > 1:
+        with nogil:
+            for i in range(n):
+                found[i] = owner_of(&rows[i, 0], &mask[0], <int> rows.shape[1],
+                                    <uint64_t> seed, parts)
+    return np.asarray(found)
+
+
 cdef class Explorer:
     """An exploration that can be paused.
 
@@ -51,6 +83,8 @@ cdef class Explorer:
     Args:
         tables: see `symcheck.explicit.tables.Tables`.
         orbits: if given, states are replaced by the representatives of their orbits.
+        share: (mask, seed, parts, number): only states that `owners` gives to this part are
+            expanded; others have no choices, or an empty row. None: all states.
     Raises:
         MemoryError: memory ended.
     """
@@ -62,9 +96,15 @@ cdef class Explorer:
     cdef Expander expander
     cdef Orbits orbits
     cdef Buffer ids
+    cdef const uint64_t[::1] mask
+    cdef uint64_t seed
+    cdef int parts, number
 
-    def __cinit__(self, tables, Orbits orbits: Orbits | None = None):
+    def __cinit__(self, tables, Orbits orbits: Orbits | None = None, share=None):
         self.orbits = orbits
+        self.parts = 1
+        if share is not None:
+            self.mask, self.seed, self.parts, self.number = share
         self.expander = Expander(tables)
         self.rows = self.expander.rows
         self.states = StateSet(tables.words)
@@ -129,11 +169,17 @@ cdef class Explorer:
     cdef int _explore_batch(self) noexcept nogil:
         """Explore some states of one level."""
         cdef const uint64_t* rows = <const uint64_t*> self.states.rows.data
+        cdef const uint64_t* row
         cdef long long stop = min(self.level_end, self.explored + BATCH_STATES)
         cdef int status
         self.expander.clear()
         while self.explored < stop and self.expander.successor_count < BATCH_SUCCESSORS:
-            status = self.expander.expand(self.explored, rows + self.explored * self.states.words)
+            row = rows + self.explored * self.states.words
+            if self.parts > 1 and owner_of(row, &self.mask[0], self.states.words, self.seed,
+                                           self.parts) != self.number:
+                status = self.expander.skip()
+            else:
+                status = self.expander.expand(self.explored, row)
             if status == Status.MEMORY:
                 return Outcome.NO_MEMORY
             if status:

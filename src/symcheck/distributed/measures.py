@@ -1,0 +1,411 @@
+"""Probabilities and expected rewards in the initial state of a distributed model, with bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from time import perf_counter
+from typing import NamedTuple, assert_never
+
+from symcheck.direction import Direction
+from symcheck.distributed import tuning
+from symcheck.distributed.part import Message, Part
+from symcheck.distributed.parts import Parts
+from symcheck.errors import NumericalError, UnsupportedError
+from symcheck.numerics.transient.poisson import poisson
+from symcheck.options import Options
+from symcheck.semantics.model import BoundModel
+from symcheck.semantics.path_normal_form import (
+    Connected,
+    Negated,
+    NextState,
+    NormalForm,
+    StateFormula,
+    UntilReached,
+    normal_form,
+    only_window,
+)
+from symcheck.semantics.rewards import Reward, Time, operator_reward
+from symcheck.semantics.time_bounds import Window
+from symcheck.syntax.ast import (
+    Eventually,
+    ExpectedTime,
+    Expression,
+    ModelType,
+    ProbabilityOperator,
+    RewardOperator,
+)
+from symcheck.syntax.operators import Operator
+from symcheck.syntax.printer import pretty
+
+__all__ = ["Bounds", "Measures", "decided"]
+
+_SUPPORTED = (
+    "a distributed model is checked for P [ … ] with F, G, U, W or R, without a bound or with an "
+    "upper bound on steps or time, and for R [ F … ] and T [ F … ]"
+)
+
+
+class Bounds(NamedTuple):
+    """Bounds on a value, and how they were found."""
+
+    lower: float
+    upper: float
+    method: str
+
+
+@dataclass(eq=False)
+class Measures:
+    """The values of formulas in the initial state.
+
+    Args:
+        epsilon: the requested relative width.
+        formula: names the checkpoints of its iteration.
+    """
+
+    model: BoundModel
+    options: Options
+    parts: Parts
+    epsilon: float
+    formula: str
+    _saved: float = field(default_factory=perf_counter, init=False)
+    _saving: float = field(default=0.0, init=False)
+
+    def bounds(self, formula: Expression, labels: Mapping[str, Expression]) -> Bounds:
+        """Bounds on the value of an operator.
+
+        Args:
+            formula: an operator; its own bound is not read.
+            labels: state formulas by name.
+
+        Raises:
+            UnsupportedError: another formula.
+            NumericalError: no bounds are proved.
+        """
+        match formula:
+            case ProbabilityOperator(given, bound, path):
+                direction = self._direction(given, None if bound is None else bound.operator)
+                return self._probability(normal_form(path, self.model), direction, labels)
+            case RewardOperator(given, bound, _, Eventually() as path):
+                reward = operator_reward(formula, self.model)
+            case ExpectedTime(given, bound, Eventually() as path):
+                reward = Time()
+            case _:
+                raise UnsupportedError(f"{_SUPPORTED}, not for '{pretty(formula)}'")
+        direction = self._direction(given, None if bound is None else bound.operator)
+        return self._reward(reward, normal_form(path, self.model), direction, labels)
+
+    def _direction(self, given: str | None, operator: Operator | None) -> Direction | None:
+        if self.model.type is not ModelType.MDP:
+            return None
+        match given, operator:
+            case (("min" | "max"), _):
+                return Direction(given)
+            case None, None:
+                raise UnsupportedError("a direction is missing: Pmin=? or Pmax=? in an mdp")
+            case None, (Operator.GT | Operator.GE):
+                return Direction.MIN
+            case None, _:
+                return Direction.MAX
+            case _:
+                raise UnsupportedError(_SUPPORTED)
+
+    # ------------------------------------------------------------------------ probabilities
+
+    def _probability(
+        self, form: NormalForm, direction: Direction | None, labels: Mapping[str, Expression]
+    ) -> Bounds:
+        match form:
+            case Negated(operand):
+                dual = None if direction is None else direction.dual
+                lower, upper, method = self._probability(operand, dual, labels)
+                return Bounds(1 - upper, 1 - lower, method)
+            case UntilReached(StateFormula(left), StateFormula(right), extent):
+                window = only_window(extent)
+                if window.lower or window.lower_strict:
+                    raise UnsupportedError(f"{_SUPPORTED}; not with lower bounds")
+                self._evaluate(left, right, labels)
+                if window.upper is None:
+                    return self._until(direction)
+                return self._bounded_until(window, direction)
+            case StateFormula() | NextState() | Connected() | UntilReached():
+                raise UnsupportedError(_SUPPORTED)
+            case _:
+                assert_never(form)
+
+    def _evaluate(
+        self, left: Expression, right: Expression, labels: Mapping[str, Expression]
+    ) -> None:
+        known = {**self.model.labels, **labels}
+        try:
+            outgoing = self.parts.call(Part.evaluate, left, right, known)
+        except UnsupportedError:  # an operator inside: what the simulator says is about paths
+            raise UnsupportedError(f"{_SUPPORTED}, over state formulas without operators") from None
+        self.parts.exchange(Part.receive_sets, outgoing)
+
+    def _finish_search(self, name: str, outgoing: list[list[Message]]) -> None:
+        """Backward search over all parts, in rounds."""
+        while _any_messages(outgoing):
+            outgoing = self.parts.exchange(Part.continue_search, outgoing)
+        self.parts.call(Part.end_search, name)
+
+    def _search(
+        self, name: str, source: str, *, every_choice: bool, inside: str | None = None
+    ) -> None:
+        begin = self.parts.call(Part.begin_search, source, "through", every_choice, inside)
+        self._finish_search(name, begin)
+
+    def _prob0(self, direction: Direction | None) -> None:
+        """The states with probability 0 (minimum, maximum) as the set `zero`."""
+        self._search("reaching", "right", every_choice=direction is Direction.MIN)
+        self.parts.call(Part.complement, "zero", "reaching")
+
+    def _prob1(self) -> None:
+        """The states from which all strategies have probability 1, by the set `zero` of those from
+        which some strategy has probability 0, as the set `one`.
+
+        Source: Baier & Katoen (2008), 10.1.1 and 10.6.1.
+        """
+        self._search("missing", "zero", every_choice=False)
+        self.parts.call(Part.complement, "one", "missing")
+
+    def _prob1_of_some_strategy(self) -> None:
+        """The states from which some strategy has probability 1, as the set `one`.
+
+        Source: de Alfaro (1997), section 3.5: states are removed that do not reach the target by
+        choices which stay among the others.
+        """
+        self._search("one", "right", every_choice=False)
+        before, count = -1, self._count("one")
+        while count != before:
+            self._search("one", "right", every_choice=False, inside="one")
+            before, count = count, self._count("one")
+
+    def _is_initial(self, name: str) -> bool:
+        return sum(initial for initial, _ in self.parts.call(Part.members, name)) > 0
+
+    def _count(self, name: str) -> int:
+        return sum(members for _, members in self.parts.call(Part.members, name))
+
+    def _until(self, direction: Direction | None) -> Bounds:
+        self._prob0(direction)
+        if direction is Direction.MAX:
+            self._prob1_of_some_strategy()
+        else:
+            self._prob1()
+        for name, value in (("one", 1.0), ("zero", 0.0)):
+            if self._is_initial(name):
+                return Bounds(value, value, "decided by precomputation")
+        self.parts.call(Part.begin_iteration, "one", "zero", direction, None)
+        return self._solve()
+
+    def _bounded_until(self, window: Window, direction: Direction | None) -> Bounds:
+        self.parts.call(Part.complement, "zero", "left", "right")
+        self.parts.call(Part.begin_iteration, "right", "zero", direction, None)
+        if self.model.type is ModelType.CTMC:
+            _, time = window.times()
+            assert time is not None
+            return self._uniformised(time)
+        steps = window.steps().upper
+        assert steps is not None
+        begin = self._resume()
+        outgoing = self.parts.call(Part.begin_steps, None)
+        for k in range(begin, steps):
+            answers = self.parts.exchange(Part.step, outgoing, 0.0)
+            outgoing = [messages for _, messages in answers]
+            self._save(k + 1)
+        self._forget()
+        (value,) = self._initial(upper=False)
+        error = (1 + max(self.parts.call(Part.slack))) ** steps - 1
+        if value in (0.0, 1.0):
+            return Bounds(value, value, f"{steps} steps")
+        return Bounds(value * (1 - error), min(value * (1 + error), 1.0), f"{steps} steps")
+
+    def _uniformised(self, time: float) -> Bounds:
+        """Uniformisation (Jensen 1953), with the values of k jumps from below.
+
+        They grow with k, up to 1: so the last one bounds the terms that are left out.
+        """
+        rate = max(self.parts.call(Part.greatest_rate))
+        window = poisson(rate * time)
+        weights = window.masses()
+        begin = self._resume()
+        outgoing = self.parts.call(Part.begin_steps, rate or 1.0)
+        slack = max(self.parts.call(Part.slack))
+        lower, upper = 0.0, 1.0
+        for k in range(begin, len(weights)):
+            weight = float(weights.between(k, k + 1)[0])
+            answers = self.parts.exchange(Part.step, outgoing, weight)
+            outgoing = [messages for _, messages in answers]
+            (total,) = [s for sums, _ in answers for s in sums]
+            (value,) = self._initial(upper=False)
+            left, error = weights.tail_sum(k + 1), (k + 4) * slack + tuning.SERIES_ERROR
+            lower = (total + left * value) * (1 - error)
+            upper = min((total + left + window.missing) * (1 + error), 1.0)
+            if upper - lower <= self.epsilon * upper:
+                break
+            self._save(k + 1)
+        self._forget()
+        if rate == 0.0:
+            (value,) = self._initial(upper=False)
+            return Bounds(value, value, "no jumps")
+        return Bounds(lower, upper, f"uniformisation, {k + 1} of {len(weights)} steps")
+
+    # ------------------------------------------------------------------------------ rewards
+
+    def _reward(
+        self,
+        reward: Reward,
+        form: NormalForm,
+        direction: Direction | None,
+        labels: Mapping[str, Expression],
+    ) -> Bounds:
+        match form:
+            case UntilReached(StateFormula(left), StateFormula(target), extent):
+                if not only_window(extent).trivial:
+                    raise UnsupportedError(_SUPPORTED)
+                self._evaluate(left, target, labels)
+            case _:
+                raise UnsupportedError(_SUPPORTED)
+        if direction is Direction.MIN:
+            self._prob1_of_some_strategy()
+        else:
+            self._prob0(None if direction is None else Direction.MIN)
+            self._prob1()
+        if not self._is_initial("one"):
+            method = "the target is not reached almost surely"
+            return Bounds(float("inf"), float("inf"), method)
+        if self._is_initial("right"):
+            return Bounds(0.0, 0.0, "the initial state is in the target")
+        self.parts.call(Part.complement, "infinite", "one")
+        if direction is Direction.MIN and len(self.parts) > 1:
+            self._refuse_free_loops(reward)
+        self.parts.call(Part.begin_iteration, "right", "infinite", direction, reward)
+        return self._solve(is_reward=True)
+
+    def _refuse_free_loops(self, reward: Reward) -> None:
+        """Raise UnsupportedError if some strategy stays away from the target without a reward.
+
+        An inductive vector would then be no upper bound: it may belong to this strategy.
+        """
+        self.parts.call(Part.complement, "unknown", "right", "infinite")
+        begin = self.parts.call(Part.begin_loop_search, "unknown", reward)
+        self._finish_search("leaving", begin)
+        self.parts.call(Part.complement, "staying", "leaving")
+        if self._count("staying"):
+            raise UnsupportedError(
+                "a distributed model is not checked for least rewards where choices without a "
+                "reward may be taken for ever\n  hint: check it on one machine"
+            )
+
+    # ---------------------------------------------------------------------------- iteration
+
+    def _solve(self, *, is_reward: bool = False) -> Bounds:
+        if len(self.parts) == 1:
+            settings = replace(self.options, epsilon=self.epsilon)
+            ((lower, upper, method),) = self.parts.call(Part.solve_alone, settings)
+            return Bounds(lower, upper, method)
+        found = self._iterate(is_reward)
+        self._forget()
+        return found
+
+    def _iterate(self, is_reward: bool) -> Bounds:
+        """Interval iteration (Haddad & Monmege 2018) for probabilities, and optimistic value
+        iteration (Hartmanns & Kaminski 2020) for rewards and where upper bounds do not fall.
+
+        In each phase, smaller changes are passed on than before.
+        """
+        rounds, threshold = self._resume(), tuning.FIRST_TOLERANCE * self.epsilon
+        guess = self.epsilon if is_reward else None
+        upper = 1.0
+        while threshold >= tuning.MIN_CHANGE and rounds < tuning.MAX_ROUNDS:
+            rounds = self._raise_lower(threshold, rounds)
+            (lower,) = self._initial(upper=False)
+            rounds, bounded = self._lower_upper(threshold, rounds, guess)
+            if bounded:
+                before, (upper,) = upper, self._initial(upper=True)
+                if upper - lower <= self.epsilon * upper:
+                    name = "interval iteration" if guess is None else "optimistic value iteration"
+                    return Bounds(lower, upper, f"{name}, {rounds} rounds")
+                if upper == before:
+                    guess = self.epsilon
+            threshold /= 10
+        raise NumericalError(
+            f"no bounds are proved in {rounds} rounds: the iteration converges slowly, or the "
+            "model has end components\n  hint: check it on one machine"
+        )
+
+    def _raise_lower(self, threshold: float, rounds: int) -> int:
+        """A phase of lower bounds; the number of rounds so far."""
+        outgoing, busy = self.parts.call(Part.begin_phase), True
+        while busy and rounds < tuning.MAX_ROUNDS:
+            answers = self.parts.exchange(Part.improve, outgoing, threshold)
+            outgoing = [messages for _, messages in answers]
+            busy = any(left for left, _ in answers) or _any_messages(outgoing)
+            rounds += 1
+            self._save(rounds)
+        return rounds
+
+    def _lower_upper(self, threshold: float, rounds: int, guess: float | None) -> tuple[int, bool]:
+        """A phase of upper bounds; the number of rounds so far, and whether they are proved."""
+        outgoing, busy, violated = self.parts.call(Part.begin_bounding, guess), True, 1
+        while busy and rounds < tuning.MAX_ROUNDS and not (guess and not violated):
+            answers = self.parts.exchange(Part.lower, outgoing, threshold)
+            outgoing = [messages for _, _, messages in answers]
+            violated = sum(count for _, count, _ in answers)
+            busy = any(left for left, _, _ in answers) or _any_messages(outgoing)
+            rounds += 1
+        return rounds, not violated
+
+    def _initial(self, *, upper: bool) -> list[float]:
+        """The values of the initial states."""
+        found = [x for part in self.parts.call(Part.initial, upper) for x in part]
+        if len(found) != 1:
+            raise UnsupportedError("a distributed model is checked from one initial state")
+        return found
+
+    # -------------------------------------------------------------------------- checkpoints
+
+    def _save(self, number: int) -> None:
+        """Write a checkpoint, if that takes little of the time since the last one."""
+        folder, now = self.parts.folder, perf_counter()
+        if folder is None or now - self._saved < self._saving / tuning.SAVING_SHARE:
+            return
+        self.parts.call(Part.save_values, self.formula, number)
+        folder.complete(self.formula, number)
+        self._saved = perf_counter()
+        self._saving = self._saved - now
+
+    def _resume(self) -> int:
+        """Load the last checkpoint; its number, 0 if there is none."""
+        folder = self.parts.folder
+        last = None if folder is None else folder.last(self.formula)
+        if last is None:
+            return 0
+        self.parts.call(Part.load_values, self.formula, last)
+        return last
+
+    def _forget(self) -> None:
+        if self.parts.folder is not None:
+            self.parts.folder.forget(self.formula)
+
+
+def _any_messages(outgoing: list[list[Message]]) -> bool:
+    return any(len(places) for messages in outgoing for places, _ in messages)
+
+
+def decided(lower: float, upper: float, operator: Operator, threshold: Fraction) -> bool | None:
+    """Whether a value between the bounds satisfies a comparison; None if they do not decide."""
+    match operator:
+        case Operator.LT:
+            found = {lower < threshold, upper < threshold}
+        case Operator.LE:
+            found = {lower <= threshold, upper <= threshold}
+        case Operator.GT:
+            found = {lower > threshold, upper > threshold}
+        case Operator.GE:
+            found = {lower >= threshold, upper >= threshold}
+        case _:
+            raise UnsupportedError(_SUPPORTED)
+    return found.pop() if len(found) == 1 else None

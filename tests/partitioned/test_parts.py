@@ -1,0 +1,355 @@
+"""Parts of a model in one process: whatever the number of parts, values are those of the explicit
+engine; parts that are lost come back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import nullcontext, suppress
+from itertools import chain, repeat
+from pathlib import Path
+from random import Random
+
+import numpy as np
+import pytest
+
+import symcheck
+from generate import random_model
+from in_process_cluster import InProcessCluster, cluster
+from symcheck.check.result import Certified, Exact
+from symcheck.distributed import DistributedModel, explore_on_cluster, parts, tuning
+from symcheck.distributed.partition import Partition, choose_partition
+from symcheck.errors import (
+    InputError,
+    ModelFault,
+    NameFault,
+    NumericalError,
+    OutputError,
+    ResourceError,
+    UnsupportedError,
+    UsageError,
+)
+from symcheck.explicit.states import StateLayout
+
+MODELS = Path(__file__).parents[2] / "models"
+
+COIN = """mdp  // two processes toss a coin that is a bounded counter
+const int K = 3; const int bound = 2*2*K;
+global counter : [0..bound] init K*2;
+module process1
+  p1 : [0..2]; c1 : [0..1];
+  [] p1=0 -> 0.5:(c1'=0) & (p1'=1) + 0.5:(c1'=1) & (p1'=1);
+  [] p1=1 & c1=0 & counter>0 -> (counter'=counter-1) & (p1'=2) & (c1'=0);
+  [] p1=1 & c1=1 & counter<bound -> (counter'=counter+1) & (p1'=2) & (c1'=0);
+  [] p1=2 & counter>=2 & counter<=bound-2 -> (p1'=0);
+  [stop] p1=2 & (counter<2 | counter>bound-2) -> true;
+endmodule
+module process2 = process1 [ p1=p2, c1=c2 ] endmodule
+rewards "steps" true : 1; endrewards
+label "finished" = p1=2 & p2=2 & (counter<2 | counter>bound-2);
+label "heads" = p1=2 & p2=2 & counter>bound-2;"""
+
+WALK = """dtmc  // a walk on a line that takes a while
+const int N = 10;
+module walk x : [0..N] init 5; [] x>0 & x<N -> 0.5:(x'=x+1) + 0.5:(x'=x-1); endmodule
+rewards "turns" x=5 : 2; [] true : 1; endrewards"""
+
+QUEUES = """ctmc  // two queues
+const int N = 4;
+module first a : [0..N];
+  [] a<N -> 2 : (a'=a+1); [move] a>0 -> 3 : (a'=a-1); [] a=0 -> 1 : true;
+endmodule
+module second b : [0..N]; [move] b<N -> 1 : (b'=b+1); [] b>0 -> 1.5 : (b'=b-1); endmodule
+rewards "waiting" a>0 : a; [move] true : 0.25; endrewards"""
+
+
+@pytest.fixture(autouse=True)
+def no_dask(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parts, "limit_worker", lambda: None)
+
+
+def assert_same(model: symcheck.Model, distributed: DistributedModel, *formulas: str) -> None:
+    """Sizes and values are those of the explicit engine, within bounds as close as requested."""
+    explicit = model.with_options(engine="explicit")
+    assert distributed.states == explicit.engine.states
+    assert distributed.transitions == explicit.engine.transitions
+    for formula in formulas:
+        expected, found = explicit.check(formula), distributed.check(formula)
+        if isinstance(expected.value, bool):
+            assert found.value == expected.value, formula
+            continue
+        assert expected.bounds is not None
+        assert found.bounds is not None
+        (low, high), (lower, upper) = found.bounds, expected.bounds
+        slack = 1e-12 * max(1.0, abs(lower)) if np.isfinite(lower) else 0.0
+        assert low <= upper + slack, formula
+        assert lower <= high + slack, formula
+        assert high == low or high - low <= 1.01e-6 * max(high, 1e-300) or "G" in formula, formula
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_a_dtmc(workers: int) -> None:
+    model = symcheck.loads(WALK)
+    formulas = ["P=? [ F x=N ]", "P=? [ x<8 U x=8 ]", "P=? [ F<=100 x=N ]", "P=? [ G x>0 ]"]
+    rewards = ["R=? [ F x=0 | x=N ]", "R=? [ F x=0 ]", "R=? [ F x=5 ]", "T=? [ F x=0 | x=N ]"]
+    verdicts = ["P>0.4 [ F x=N ]", "P<0.4 [ F x=N ]", "T<=26 [ F x=0 | x=N ]", "R>=1e3 [ F x=0 ]"]
+    assert_same(model, explore_on_cluster(model, cluster(workers)), *formulas, *rewards, *verdicts)
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_an_mdp(workers: int) -> None:
+    model = symcheck.loads(COIN)
+    until = ['Pmin=? [ F "heads" ]', 'Pmax=? [ F "finished" ]', 'Pmin=? [ F "finished" ]']
+    bounded = ['Pmax=? [ F<=30 "finished" ]', 'Pmin=? [ F<30 "finished" ]', "Pmax=? [ G<=9 p1<2 ]"]
+    rewards = ["Rmin=? [ F p1=2 ]", 'Tmin=? [ F "finished" ]', 'Rmax=? [ F "finished" ]']
+    verdicts = ['P>=0.1 [ F "heads" ]', 'Pmax<0.2 [ F<=5 "heads" ]', 'P<=0.2 [ F<=9 "heads" ]']
+    assert_same(
+        model, explore_on_cluster(model, cluster(workers)), *until, *bounded, *rewards, *verdicts
+    )
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_a_ctmc(workers: int) -> None:
+    model = symcheck.loads(QUEUES)
+    formulas = ["P=? [ b<4 U a=4 ]", "P=? [ F<=2.5 b=3 ]", "P=? [ a<3 U<=1e-3 b=1 ]"]
+    more = ["P=? [ F<=0 b=3 ]", "P=? [ G<=2 a<4 ]", "P=? [ F<=20 b=4 ]", "P>=0.5 [ F<=9 b=2 ]"]
+    rewards = ["R=? [ F b=2 ]", "T=? [ F b=2 ]", "T=? [ F a=0 & b=1 ]"]
+    assert_same(model, explore_on_cluster(model, cluster(workers)), *formulas, *more, *rewards)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_random_models(seed: int) -> None:
+    rng = Random(f"distributed {seed}")
+    kind = rng.choice(("dtmc", "mdp", "ctmc"))
+    try:
+        model = symcheck.loads(random_model(rng, kind).text)
+    except NameFault:
+        pytest.skip("a reward for an action that no command has")
+    distributed = explore_on_cluster(model, cluster(rng.randint(1, 4)))
+    for d in ("min", "max") if kind == "mdp" else ("",):
+        assert_same(model, distributed, f'P{d}=? [ F<={rng.randint(0, 9)} "a" ]')
+        for formula in (f'P{d}=? [ F "a" ]', f'P{d}=? [ G "a" ]', f'T{d}=? [ F "a" ]'):
+            # End components may keep the upper bounds of an mdp from falling.
+            with suppress(NumericalError) if kind == "mdp" else nullcontext():
+                assert_same(model, distributed, formula)
+
+
+def test_least_rewards_need_choices_that_cost() -> None:
+    """A strategy that stays away from the target for nothing has no part in the minimum."""
+    text = """mdp module m x:[0..2]; [] x<2 -> (x'=1-x); [go] x<2 -> 0.5:(x'=2) + 0.5:true;
+        endmodule rewards [go] true : 3; endrewards"""
+    model = symcheck.loads(text)
+    assert explore_on_cluster(model, cluster(1)).check("Rmin=? [ F x=2 ]").value == pytest.approx(6)
+    with pytest.raises(UnsupportedError, match="without a reward"):
+        explore_on_cluster(model, cluster(2)).check("Rmin=? [ F x=2 ]")
+
+
+def test_rewards_are_not_negative() -> None:
+    model = symcheck.loads(
+        "dtmc module m x:[0..1]; [] true -> (x'=1); endmodule rewards true : -1; endrewards"
+    )
+    with pytest.raises(UnsupportedError, match="negative"):
+        explore_on_cluster(model, cluster(2)).check("R=? [ F x=1 ]")
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        "P=? [ F<=2 G d=0 ]",
+        "P=? [ F>=2 d=6 ]",
+        "P=? [ X d=6 ]",
+        "R=? [ C<=3 ]",
+        "S=? [ d=6 ]",
+        "P=? [ F P>0 [ F d=6 ] ]",
+        "d=6",
+    ],
+)
+def test_other_properties_are_refused(formula: str) -> None:
+    die = explore_on_cluster(symcheck.load(MODELS / "die" / "die.pm"), cluster(2))
+    with pytest.raises(UnsupportedError, match="a distributed model is checked for"):
+        die.check(formula)
+
+
+def test_an_mdp_needs_a_direction() -> None:
+    with pytest.raises((UnsupportedError, InputError), match="Pmin"):
+        explore_on_cluster(symcheck.loads(COIN), cluster(2)).check('P=? [ F "heads" ]')
+
+
+def test_several_initial_states_are_refused() -> None:
+    model = symcheck.loads(
+        "dtmc module m x:[0..9]; [] x<9 -> 0.5:(x'=x+1) + 0.5:(x'=0); endmodule init x<3 endinit"
+    )
+    with pytest.raises(UnsupportedError, match="one initial state"):
+        explore_on_cluster(model, cluster(2)).check("P=? [ F<=20 x=9 ]")
+
+
+def test_an_undecided_threshold_is_an_error() -> None:
+    model = explore_on_cluster(symcheck.loads(WALK), cluster(2))
+    with pytest.raises(NumericalError, match="does not decide"):
+        model.check("P>=0.5 [ F x=N ]")
+
+
+def test_faults_of_the_model_are_told() -> None:
+    text = "dtmc module m x:[0..5]; [] x<5 -> (x'=x+1); endmodule"
+    with pytest.raises(ModelFault, match=r"\(x=5\)"):
+        explore_on_cluster(symcheck.loads(text, fix_deadlocks=False), cluster(2))
+    with pytest.raises(ModelFault, match="range"):
+        explore_on_cluster(symcheck.loads(text.replace("x<5", "true")), cluster(2))
+    with pytest.raises(UsageError, match="no workers"):
+        explore_on_cluster(symcheck.loads(text), cluster(0))
+
+
+def test_accuracies_are_told() -> None:
+    die = explore_on_cluster(symcheck.load(MODELS / "die" / "die.pm"), cluster(2))
+    result = die.check("P=? [ F d=6 ]")
+    assert isinstance(result.accuracy, Certified)
+    assert result.accuracy.lower <= 1 / 6 <= result.accuracy.upper
+    assert isinstance(die.check("P=? [ F d>0 ]").accuracy, Exact)
+    assert repr(die) == "<DistributedModel: dtmc, 13 states, 20 transitions on 2 workers>"
+
+
+# ------------------------------------------------------------------------------- partition
+
+
+def test_hashes_are_even() -> None:
+    rows = np.arange(9000, dtype=np.uint64).reshape(-1, 1)
+    counts = np.bincount(Partition(3, ((1 << 64) - 1,)).owners(rows))
+    assert counts.min() > 2700
+
+
+def test_owners_follow_variables_that_change_rarely() -> None:
+    text = """dtmc module slow a : [0..99]; [] a<99 & b=0 -> (a'=a+1); endmodule
+        module fast b : [0..99]; [] true -> (b'=mod(b+1, 100)); endmodule"""
+    model = symcheck.loads(text).bound
+    partition = choose_partition(model, 2)
+    layout = StateLayout.of(model.variables)
+    values = np.arange(100)
+    rows = layout.pack([np.repeat(values, 100), np.tile(values, 100)])
+    owners = partition.owners(rows).reshape(100, 100)
+    assert (owners == owners[:, :1]).all()
+    assert 0.3 < owners.mean() < 0.7
+
+
+# ------------------------------------------------------------------------------- losses
+
+
+def now_and_then(seed: int, share: float = 0.05, most: int = 12) -> Iterator[bool]:
+    """Whether a worker dies before a call: at random, a number of times."""
+    rng = Random(seed)
+    deaths = 0
+    while deaths < most:
+        dies = rng.random() < share
+        deaths += dies
+        yield dies
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_states_of_lost_workers_are_explored_again(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tuning, "ROUND_STATES", 20)
+    model = symcheck.loads(COIN)
+    workers = cluster(3, now_and_then(seed, 0.15))
+    distributed = explore_on_cluster(model, workers)
+    workers.killed = iter(())
+    assert workers.deaths
+    assert_same(model, distributed, 'Pmin=? [ F "heads" ]')
+
+
+def test_without_checkpoints_a_loss_ends_a_check() -> None:
+    workers = cluster(2)
+    distributed = explore_on_cluster(symcheck.loads(COIN), workers)
+    workers.killed = chain(repeat(False, 20), [True])
+    with pytest.raises(ResourceError, match="a worker of the cluster is lost"):
+        distributed.check('Pmin=? [ F "heads" ]')
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    ("text", "formulas"),
+    [
+        (COIN, ['Pmin=? [ F "heads" ]', 'Pmax=? [ F<=30 "finished" ]', "Tmin=? [ F p1=2 ]"]),
+        (QUEUES, ["P=? [ F<=2.5 b=3 ]", "R=? [ F b=2 ]"]),
+    ],
+)
+def test_checkpoints_survive_losses(
+    text: str,
+    formulas: list[str],
+    seed: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(tuning, "ROUND_STATES", 20)
+    monkeypatch.setattr(tuning, "SAVING_SHARE", 1e9)
+    model = symcheck.loads(text)
+    workers = cluster(3, now_and_then(seed))
+    distributed = explore_on_cluster(model, workers, checkpoints=tmp_path)
+    workers.killed = now_and_then(seed + 100, 0.02, 4)
+    assert_same(model, distributed, *formulas)
+    assert workers.deaths > 2
+
+
+def test_a_later_run_goes_on_from_checkpoints(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The client dies in an iteration; the next one does not explore, and needs fewer rounds."""
+    monkeypatch.setattr(tuning, "SAVING_SHARE", 1e9)
+    model, formula = symcheck.loads(WALK), "P=? [ F<=200 x=N ]"
+    workers = cluster(2)
+    distributed = explore_on_cluster(model, workers, checkpoints=tmp_path)
+    calls = count_calls(workers)
+    distributed.check(formula)
+    whole = len(calls)
+    workers.killed = chain(repeat(False, whole // 2), interrupted())
+    with pytest.raises(KeyboardInterrupt):
+        distributed.check(formula)
+    again = cluster(2)
+    resumed = explore_on_cluster(model, again, checkpoints=tmp_path)
+    assert resumed.rounds == 0
+    calls = count_calls(again)
+    assert_same(model, resumed, formula)
+    assert len(calls) < 0.7 * whole
+
+
+def interrupted() -> Iterator[bool]:
+    raise KeyboardInterrupt
+    yield True
+
+
+def count_calls(workers: InProcessCluster) -> list[None]:
+    """An entry for each call of an actor from now on."""
+    seen: list[None] = []
+
+    def count() -> Iterator[bool]:
+        while True:
+            seen.append(None)
+            yield False
+
+    workers.killed = count()
+    return seen
+
+
+def test_an_interrupted_exploration_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tuning, "ROUND_STATES", 20)
+    model = symcheck.loads(COIN)
+    with pytest.raises(KeyboardInterrupt):
+        explore_on_cluster(
+            model, cluster(2, chain(repeat(False, 12), interrupted())), checkpoints=tmp_path
+        )
+    fresh = explore_on_cluster(model, cluster(2))
+    resumed = explore_on_cluster(model, cluster(2), checkpoints=tmp_path)
+    assert resumed.rounds < fresh.rounds
+    assert_same(model, resumed, 'Pmin=? [ F "heads" ]')
+
+
+def test_checkpoints_belong_to_a_model_and_a_number_of_workers(tmp_path: Path) -> None:
+    explore_on_cluster(symcheck.loads(COIN), cluster(2), checkpoints=tmp_path / "new")
+    with pytest.raises(UsageError, match="another model"):
+        explore_on_cluster(symcheck.loads(WALK), cluster(2), checkpoints=tmp_path / "new")
+    with pytest.raises(UsageError, match="2 parts"):
+        explore_on_cluster(symcheck.loads(COIN), cluster(3), checkpoints=tmp_path / "new")
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="no checkpoints in"):
+        explore_on_cluster(symcheck.loads(COIN), cluster(2), checkpoints=tmp_path / "file")
