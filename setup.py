@@ -5,6 +5,7 @@ import sys
 from multiprocessing import get_start_method
 from pathlib import Path
 
+import numpy
 from Cython.Build import cythonize
 from setuptools import Extension, find_packages, setup
 from setuptools.command.build_ext import build_ext
@@ -25,6 +26,8 @@ HEADERS = "src/symcheck/kernels"
 UTILITIES = "symcheck.kernels.cython_utilities"
 """The module with the code of memoryviews. Cython would otherwise write it into each module, which
 more than doubles the time to compile."""
+MEMORY = "symcheck.kernels.file_memory"
+"""The module that gives numpy memory, and needs its headers."""
 
 
 class BuildExtensions(build_ext):
@@ -45,7 +48,8 @@ class BuildExtensions(build_ext):
 
 def extension(module: str, suffix: str) -> Extension:
     file = f"src/{module.replace('.', '/')}{suffix}"
-    return Extension(module, [file], include_dirs=[HEADERS], depends=[f"{HEADERS}/portable.h"])
+    folders = [HEADERS, *([numpy.get_include()] if module == MEMORY else [])]
+    return Extension(module, [file], include_dirs=folders, depends=[f"{HEADERS}/portable.h"])
 
 
 modules = sorted(

@@ -132,14 +132,14 @@ def takes_options(function: F) -> F:
     return function
 
 
-def _timed(
+def _limited(
     method: Callable[Concatenate[Model, P], T],
 ) -> Callable[Concatenate[Model, P], T]:
-    """A decorator: a call ends with TimeLimitError at the option `time_limit`."""
+    """A decorator: a call keeps to the options `time_limit` and `workdir`."""
 
     @wraps(method)
     def limited(self: Model, /, *args: P.args, **kwargs: P.kwargs) -> T:
-        return self._within_time_limit(lambda: method(self, *args, **kwargs))
+        return self._within_limits(lambda: method(self, *args, **kwargs))
 
     return limited
 
@@ -198,9 +198,16 @@ class Model:
             self.program, self.given_constants, model_type=self.type, exact=self.options.exact
         )
 
-    def _within_time_limit(self, compute: Callable[[], T]) -> T:
-        """What a function returns within the option `time_limit`. Raises TimeLimitError."""
-        limit = self.options.time_limit
+    def _within_limits(self, compute: Callable[[], T]) -> T:
+        """What a function returns within `time_limit`, with its large arrays in `workdir`.
+
+        Raises TimeLimitError, and UsageError if the folder cannot be used.
+        """
+        folder, limit = self.options.workdir, self.options.time_limit
+        if folder is not None:
+            from symcheck.explicit.file_arrays import arrays_in
+
+            compute = arrays_in(folder)(compute)
         if limit is None:
             return compute()
 
@@ -215,7 +222,7 @@ class Model:
         return within(limit, timed)
 
     @cached_property
-    @_timed
+    @_limited
     def engine(self) -> Engine:
         """The built model: reachable states and matrix.
 
@@ -423,7 +430,7 @@ class Model:
         """
         return self._check_all(properties_file(properties), constants, None)
 
-    @_timed
+    @_limited
     def test(
         self,
         properties: str | Path | PropertiesFile,
@@ -488,7 +495,7 @@ class Model:
         observer: IterationObserver | None,
     ) -> Iterator[tuple[BoundProperty, Result]]:
         results = self._results(file, constant_values(constants), observer)
-        while (result := self._within_time_limit(lambda: next(results, None))) is not None:
+        while (result := self._within_limits(lambda: next(results, None))) is not None:
             yield result
 
     def _results(
@@ -529,12 +536,12 @@ class Model:
         """
         return property_instances(self.program, file, values, indices)
 
-    @_timed
+    @_limited
     def shared_quotient(self, instances: Sequence[PropertyInstance]) -> SharedQuotient | None:
         """One quotient for several properties, with the option `bisim` and if it pays."""
         return shared_quotient(self.engine, instances, self.options)
 
-    @_timed
+    @_limited
     def check_instance(
         self,
         instance: PropertyInstance,
@@ -567,7 +574,7 @@ class Model:
 
     # --------------------------------------------------------- distributions and paths
 
-    @_timed
+    @_limited
     def transient(self, time: float, initial: Floats | None = None) -> Distribution:
         """The distribution over the states at a time.
 
@@ -583,7 +590,7 @@ class Model:
 
         return transient(self.engine, time, self.options, initial)
 
-    @_timed
+    @_limited
     def steady_state(self, initial: Floats | None = None) -> Distribution:
         """The long-run distribution over the states.
 
@@ -614,7 +621,7 @@ class Model:
 
         return model_page(self, properties, constants, max_states=max_states, title=title)
 
-    @_timed
+    @_limited
     def simulate(
         self,
         steps: int | None = None,
@@ -692,7 +699,7 @@ class Model:
         with Workers(jobs, executor) as workers:
             return self.estimate_instance(instance, plan, workers)
 
-    @_timed
+    @_limited
     def estimate_instance(
         self, instance: PropertyInstance, plan: Plan, workers: Workers | None = None
     ) -> Result:

@@ -135,6 +135,12 @@ _FLAG_OR_NONE = ValueType("True, False or None", lambda value: value in (None, T
 _TEXT = ValueType(
     "a text, or None", lambda value: value is None or isinstance(value, str), str, "PROGRAM"
 )
+_FOLDER = ValueType(
+    "the name of a folder, or None",
+    lambda value: value is None or isinstance(value, str),
+    str,
+    "DIR",
+)
 _FRACTION = ValueType(
     "a number between 0 and 1",
     lambda value: _is_number(value) and 0 < cast(float, value) < 1,
@@ -368,6 +374,13 @@ class Options:
         "Largest memory of the diagrams or of an explicit search, in bytes.",
         _switch("cuddmaxmem", "largest memory of diagrams, or of an explicit search, such as 4g"),
     )
+    workdir: str | None = _option(
+        None,
+        _FOLDER,
+        "model",
+        "Folder for files that hold large arrays, so that an explicit model may exceed the memory.",
+        _switch("workdir", "keep large arrays in files in DIR: explicit models beyond the memory"),
+    )
     time_limit: float | None = _option(
         None,
         _SECONDS,
@@ -408,6 +421,7 @@ class OptionValues(TypedDict, total=False):
     symmetry: bool | None
     order: tuple[str, ...] | None
     max_memory: int | None
+    workdir: str | None
     time_limit: float | None
 
 

@@ -107,6 +107,7 @@ SWITCHES = [
     ("-nosymmetry", "symmetry", False),
     ("-order x,y", "order", ("x", "y")),
     ("-cuddmaxmem 1.5m", "max_memory", 3 << 19),
+    ("-workdir d", "workdir", "d"),
     ("-timeout 2m", "time_limit", 120),
 ]
 

@@ -91,6 +91,12 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         ResourceError: a limit of time or memory was reached.
     """
     name: EngineName = "exact" if options.exact else options.engine
+    if name == "auto" and options.workdir is not None:
+        from symcheck.engines.selection import Choice
+
+        name = "explicit"
+        if observer is not None:
+            observer(Choice(name, "its arrays may be in files"))
     if options.order is not None:  # checked even if no diagram is made
         from symcheck.symbolic.ordering.order import check_order
 

@@ -7,6 +7,7 @@ of milliseconds. Between slices limits and signals are checked and the observer 
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -26,6 +27,7 @@ from symcheck.errors import (
 )
 from symcheck.explicit import tuning
 from symcheck.explicit.faults import raise_model_fault
+from symcheck.explicit.file_arrays import arrays_in
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateLayout, StateTable
@@ -118,6 +120,8 @@ class Exploration:
             if self.options.max_memory is None
             else self.options.max_memory
         )
+        if self.options.workdir is not None:  # the arrays are not in memory
+            self._max_memory = math.inf
         self.layout = StateLayout.of(self.model.variables)
         self.orbits = None
         if self.symmetries:
@@ -359,6 +363,7 @@ def explore(
         >>> list(model.states), model.matrix.entries
         ([(0,), (1,), (2,), (3,)], 4)
     """
-    exploration = Exploration(model, options, seed, symmetries)
-    exploration.run(None, observer)
-    return exploration.finish()
+    with arrays_in(options.workdir):
+        exploration = Exploration(model, options, seed, symmetries)
+        exploration.run(None, observer)
+        return exploration.finish()

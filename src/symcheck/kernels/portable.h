@@ -36,6 +36,47 @@ static inline void prefer_huge_pages(void* data, size_t size) { (void)data; (voi
 #define trim_heap() ((void)0)
 #endif
 
+/* Files as memory. The space on the disk is reserved, because a write into a mapped file that finds no
+   space would end the process. Elsewhere than on Linux no file is opened. */
+#if SYMCHECK_GNU && defined(__linux__)
+#include <fcntl.h>
+#include <stdio.h>
+#include <unistd.h>
+static inline int open_unnamed_file(const char* folder) {
+    char name[4096];
+    int file = open(folder, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+    if (file >= 0) return file;
+    if (snprintf(name, sizeof name, "%s/symcheckXXXXXX", folder) >= (int)sizeof name) return -1;
+    file = mkstemp(name);
+    if (file >= 0) unlink(name);
+    return file;
+}
+static inline void close_file(int file) { close(file); }
+static inline void* map_file(int file, size_t size) {
+    void* data;
+    if (posix_fallocate(file, 0, (off_t)size)) return NULL;
+    data = mmap(NULL, size, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
+    return data == MAP_FAILED ? NULL : data;
+}
+static inline void* resize_mapped_file(void* data, size_t old, size_t size, int file) {
+    if (size > old && posix_fallocate(file, (off_t)old, (off_t)(size - old))) return NULL;
+    data = mremap(data, old, size, MREMAP_MAYMOVE);
+    return data == MAP_FAILED ? NULL : data;
+}
+static inline void unmap_file(void* data, size_t size, int file) {
+    munmap(data, size);
+    close(file);
+}
+#else
+static inline int open_unnamed_file(const char* folder) { (void)folder; return -1; }
+static inline void close_file(int file) { (void)file; }
+static inline void* map_file(int file, size_t size) { (void)file; (void)size; return NULL; }
+static inline void* resize_mapped_file(void* data, size_t old, size_t size, int file) {
+    (void)data; (void)old; (void)size; (void)file; return NULL;
+}
+static inline void unmap_file(void* data, size_t size, int file) { (void)data; (void)size; (void)file; }
+#endif
+
 /* Seconds on a clock that is never set back. */
 #if defined(_WIN32)
 #include <windows.h>

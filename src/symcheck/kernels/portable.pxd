@@ -5,6 +5,11 @@ from libc.stdint cimport uint64_t
 cdef extern from "portable.h" nogil:
     void prefer_huge_pages(void* data, size_t size)
     void trim_heap()
+    int open_unnamed_file(const char* folder)
+    void* map_file(int file, size_t size)
+    void* resize_mapped_file(void* data, size_t old, size_t size, int file)
+    void unmap_file(void* data, size_t size, int file)
+    void close_file(int file)
     void prefetch(const void* address)
     double monotonic_seconds()
 

@@ -9,6 +9,9 @@ cdef enum:
     # enough of them to cover the latency of memory; the hashes of a chunk must stay in the first cache.
     INSERT_CHUNK = 256
 
+    # file_memory: smaller blocks stay in memory. A model that needs files has few blocks below this size.
+    MAPPED_BLOCK_BYTES = 16777216
+
     # explore/csr_builder: a row of up to so many entries finds equal columns by linear search, which is
     # faster than a hash table that must be cleared first.
     LINEAR_SCAN_ENTRIES = 24

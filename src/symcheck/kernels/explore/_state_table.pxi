@@ -40,7 +40,7 @@ cdef class StateSet:
 
     cdef readonly int words
     cdef readonly long long count
-    cdef Buffer rows
+    cdef Buffer rows, table_memory
     cdef uint64_t* table
     cdef uint64_t mask
 
@@ -49,14 +49,13 @@ cdef class StateSet:
         self.count = 0
         self.rows.data = NULL
         self.rows.size = 0
-        self.table = NULL
         self.mask = 0
         if self._grow_table(1024):
             raise MemoryError
 
     def __dealloc__(self):
         release(&self.rows)
-        free(self.table)
+        release(&self.table_memory)
 
     def __len__(self):
         return self.count
@@ -89,7 +88,7 @@ cdef class StateSet:
 
     def drop_table(self):
         """Free the hash table; no state can be inserted afterwards."""
-        free(self.table)
+        release(&self.table_memory)
         self.table = NULL
 
     def view_rows(self) -> Words:
@@ -108,14 +107,16 @@ cdef class StateSet:
 
     cdef int _grow_table(self, uint64_t size) noexcept nogil:
         """Rebuild the hash table with `size` entries; 1 when memory ends."""
-        cdef uint64_t* table = <uint64_t*> calloc(size, 8)
+        cdef Buffer memory = Buffer(NULL, 0, 0)
+        cdef uint64_t* table
         cdef const uint64_t* rows = <const uint64_t*> self.rows.data
         cdef uint64_t mask = size - 1, h, slot, next_hash
         cdef long long i
         cdef uint64_t hashes[16]
-        if table == NULL:
+        if reserve(&memory, size * 8):
             return 1
-        prefer_huge_pages(table, size * 8)
+        table = <uint64_t*> memory.data
+        memset(table, 0, size * 8)
         for i in range(self.count + 16):
             if i >= 16:
                 h = hashes[i & 15]
@@ -127,7 +128,8 @@ cdef class StateSet:
                 next_hash = hash_row(rows + i * self.words, self.words)
                 hashes[i & 15] = next_hash
                 prefetch(table + (next_hash & mask))
-        free(self.table)
+        release(&self.table_memory)
+        self.table_memory = memory
         self.table = table
         self.mask = mask
         return 0

@@ -26,10 +26,8 @@ def mark_reachable(const int64_t[::1] state_ptr, const int32_t[::1] indices,
     """
     cdef int64_t states = state_ptr.shape[0] - 1, size = transitions.shape[0], first, s, q, k, pair
     cdef int64_t top = 0
-    cdef Buffer stack
+    cdef Buffer stack = Buffer(NULL, 0, 0)
     cdef bint failed = False
-    stack.data = NULL
-    stack.size = 0
     with nogil:
         for first in range(states):
             pair = first * size + initial

@@ -264,7 +264,7 @@ cdef class Partition(Splitting):
         cdef const Node* nodes = <Node*>storage.data
         cdef SignatureTable old = self.signatures
         self.forget()
-        self.storage = Buffer(NULL, 0)
+        self.storage = Buffer(NULL, 0, 0)
         self.nodes = 0
         self.signatures = SignatureTable(old.exponent)
         memset(self.table, 0xFF, (self.mask + 1) * sizeof(int32_t))
