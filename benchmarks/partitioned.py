@@ -1,6 +1,6 @@
 """A model on local Dask clusters of one worker and of two, and on the explicit engine of a process.
 
-python benchmarks/partitioned.py [TotalRuns=5,CrowdSize=15]
+python benchmarks/partitioned.py [MODEL PROPERTY [CONSTANTS]]
 
 Times are wall times of the exploration and of one property; processor time and memory are those of
 each worker.
@@ -29,7 +29,7 @@ def used() -> tuple[float, float]:
     return usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024
 
 
-def measured(model: symcheck.Model, workers: int) -> None:
+def measured(model: symcheck.Model, formula: str, workers: int) -> None:
     """Print a line about a cluster."""
     with (
         LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=":0") as cluster,
@@ -38,7 +38,7 @@ def measured(model: symcheck.Model, workers: int) -> None:
         before = client.run(used)
         distributed = explore_on_cluster(model, client)
         explored = client.run(used)
-        result = distributed.check(PROPERTY)
+        result = distributed.check(formula)
         after = client.run(used)
         print(
             f"{workers} workers: {distributed.states} states, {distributed.ghosts} ghosts; "
@@ -55,14 +55,15 @@ def measured(model: symcheck.Model, workers: int) -> None:
 def main() -> None:
     """Print a line for each number of workers, and one for a single process."""
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    constants = sys.argv[1] if len(sys.argv) > 1 else "TotalRuns=5,CrowdSize=15"
-    model = symcheck.load(CROWDS, constants, engine="explicit")
+    given = sys.argv[1:] or [str(CROWDS), PROPERTY, "TotalRuns=5,CrowdSize=15"]
+    file, formula, constants = (*given, None)[:3]
+    model = symcheck.load(str(file), constants, engine="explicit")
     for workers in (1, 2):
-        measured(model, workers)
+        measured(model, str(formula), workers)
     started, before = perf_counter(), process_time()
     states = model.engine.states
     explored, middle = perf_counter() - started, process_time()
-    result = model.check(PROPERTY)
+    result = model.check(str(formula))
     print(
         f"one process: {states} states in {explored:.1f} s (processor {middle - before:.1f} s), "
         f"checked in {result.seconds:.1f} s (processor {process_time() - middle:.1f} s), memory "

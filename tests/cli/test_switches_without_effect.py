@@ -54,6 +54,7 @@ VALUE_OF = {
     "-with": "prism",
     "-mainlog": "log.txt",
     "-scheduler": "tcp://localhost:1",
+    "-checkpoints": "folder",
 }
 
 

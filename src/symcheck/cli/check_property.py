@@ -47,12 +47,15 @@ def check_property(
     plan: Plan | None,
     shared: SharedQuotient | None,
     varying: ConstantTexts,
+    *,
+    sizes: tuple[int, int] | None = None,
 ) -> None:
     """Check a property, or estimate it with a plan, and report the result.
 
     A fault of the property does not stop the others.
 
     shared: a quotient for several properties. varying: the constants in the names of files.
+    sizes: the numbers of states and transitions of a model without an engine here.
 
     Raises:
         ResourceError, MemoryError: a limit was reached.
@@ -86,11 +89,11 @@ def check_property(
     else:
         row = replace(row, value=outcome.value, accuracy=outcome.accuracy, seconds=outcome.seconds)
     if plan is None:
-        engine = model.engine
+        states, transitions = sizes or (model.engine.states, model.engine.transitions)
         row = replace(
             row,
-            states=engine.states,
-            transitions=engine.transitions,
+            states=states,
+            transitions=transitions,
             build_seconds=state.build_seconds,
         )
     state.rows.append(row)

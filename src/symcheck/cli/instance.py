@@ -20,7 +20,7 @@ from symcheck.errors import OutputError, ResourceError, SymcheckError, UsageErro
 from symcheck.semantics.model import Value
 from symcheck.syntax.declarations import PropertiesFile
 
-__all__ = ["GivenTexts", "InstancesTask"]
+__all__ = ["GivenTexts", "InstancesTask", "report_fault"]
 
 GivenTexts = Mapping[str, Sequence[str]]
 """The values of each constant, as texts."""
@@ -80,7 +80,7 @@ def _check_instance(
     except (ResourceError, OutputError):
         raise
     except SymcheckError as error:
-        _report_fault(state, error, instances, constants, alone=not varying)
+        report_fault(state, error, instances, constants, alone=not varying)
         return
     shared = None
     if plan is None:
@@ -164,7 +164,7 @@ def _build(state: RunState, model: Model, watch: Progress) -> None:
     state.output.built(engine, watch.choice, state.build_seconds, partial=partial)
 
 
-def _report_fault(
+def report_fault(
     state: RunState,
     error: SymcheckError,
     instances: Sequence[PropertyInstance],

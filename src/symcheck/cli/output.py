@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from threading import Thread
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from symcheck.check.result import Estimate, Result
 from symcheck.check.testing.property_tests import PropertyTests
@@ -18,6 +18,9 @@ from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.semantics.state_faults import describe_state
 from symcheck.version import __version__
+
+if TYPE_CHECKING:
+    from symcheck.distributed import DistributedModel
 
 __all__ = ["LAST_WORDS", "Output", "fail"]
 
@@ -114,6 +117,23 @@ class Output:
             self.warn(
                 f"deadlocks were given self-loops in {_count(deadlocks, 'state')}, "
                 f"such as {_example(engine)}"
+            )
+        self.out.flush()
+
+    def partitioned(self, model: DistributedModel) -> None:
+        """Counts of a model whose states are partitioned over workers."""
+        self.line()
+        workers = _count(len(model.parts), "worker")
+        self.line(f"Engine:      explicit, on {workers}")
+        self.line(f"States:      {model.states} ({model.initial} initial)")
+        self.line(f"Transitions: {model.transitions}")
+        if model.model.type.value == "mdp":
+            self.line(f"Choices:     {model.choices}")
+        self.line(f"Time for model construction: {model.seconds:.3f} seconds.")
+        if model.deadlocks:
+            self.warn(
+                f"deadlocks were given self-loops in {_count(model.deadlocks, 'state')}, "
+                f"such as {model.deadlock_examples()[0]}"
             )
         self.out.flush()
 

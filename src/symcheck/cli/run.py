@@ -153,6 +153,11 @@ def _check_choices(
 ) -> None:
     """Check an instance for each choice of constants that has no finished results."""
     a, several = state.arguments, len(choices) > 1
+    if a.distributed:
+        from symcheck.cli.partitioned import check_partitioned
+
+        check_partitioned(state, task, choices)
+        return
     if finished is not None:
         choices = finished.open(choices)
     if not a.step and (a.scheduler is not None or (a.jobs > 1 and (len(choices) > 1 or a.sim))):

@@ -98,21 +98,11 @@ def explore_on_cluster(
         folder, partition = Folder.open(Path(checkpoints).absolute(), _name(bound), partition)
     parts = Parts(bound, cluster, workers, partition, folder, check_sums=chosen.check_sums)
     counts, rounds = _explored(parts)
-    deadlocks = sum(c.deadlocks for c in counts)
-    if deadlocks and not chosen.fix_deadlocks:
-        examples = [text for part in parts.call(Part.deadlock_examples) for text in part]
-        raise ModelFault(state_faults.deadlocks(examples, deadlocks))
-    return DistributedModel(
-        bound,
-        chosen,
-        parts,
-        sum(c.states for c in counts),
-        sum(c.transitions for c in counts),
-        deadlocks,
-        sum(c.ghosts for c in counts),
-        rounds,
-        perf_counter() - started,
-    )
+    total = Counts(*map(sum, zip(*counts, strict=True)))
+    explored = DistributedModel(bound, chosen, parts, total, rounds, perf_counter() - started)
+    if total.deadlocks and not chosen.fix_deadlocks:
+        raise ModelFault(state_faults.deadlocks(explored.deadlock_examples(), total.deadlocks))
+    return explored
 
 
 def _name(model: BoundModel) -> str:
@@ -144,8 +134,7 @@ class DistributedModel:
     """An explored model, whose states and rows stay on the workers of a cluster.
 
     Attributes:
-        states, transitions, deadlocks: their numbers.
-        ghosts: number of states of other parts that the rows of parts lead to.
+        counts: the sizes of all parts together.
         rounds: rounds of the exploration.
         seconds: time of the exploration.
     """
@@ -153,12 +142,43 @@ class DistributedModel:
     model: BoundModel
     options: Options
     parts: Parts
-    states: int
-    transitions: int
-    deadlocks: int
-    ghosts: int
+    counts: Counts
     rounds: int
     seconds: float
+
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return self.counts.states
+
+    @property
+    def transitions(self) -> int:
+        """Number of transitions."""
+        return self.counts.transitions
+
+    @property
+    def choices(self) -> int:
+        """Number of choices; of states, if the model has none."""
+        return self.counts.choices
+
+    @property
+    def initial(self) -> int:
+        """Number of initial states."""
+        return self.counts.initial
+
+    @property
+    def deadlocks(self) -> int:
+        """Number of states that had no transition."""
+        return self.counts.deadlocks
+
+    @property
+    def ghosts(self) -> int:
+        """Number of states of other parts that the rows of parts lead to."""
+        return self.counts.ghosts
+
+    def deadlock_examples(self) -> list[str]:
+        """Some deadlock states, as texts."""
+        return [text for part in self.parts.call(Part.deadlock_examples) for text in part]
 
     def __repr__(self) -> str:
         return (

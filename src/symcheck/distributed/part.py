@@ -47,8 +47,10 @@ class Counts(NamedTuple):
 
     states: int
     transitions: int
+    choices: int
     ghosts: int
     deadlocks: int
+    initial: int
 
 
 class Part:
@@ -113,7 +115,15 @@ class Part:
             self._start(rows)
         rows = self._rows
         ghosts = int(rows.starts[-1] - rows.starts[0])
-        return Counts(self._n, rows.matrix.entries, ghosts, int(rows.deadlocks.sum()))
+        groups = rows.matrix.groups
+        return Counts(
+            self._n,
+            rows.matrix.entries,
+            self._n if groups is None else int(groups[-1]),
+            ghosts,
+            int(rows.deadlocks.sum()),
+            len(rows.initial),
+        )
 
     def _start(self, rows: PartRows) -> None:
         self._rows, self._matrix = rows, rows.matrix

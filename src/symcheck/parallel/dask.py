@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from contextlib import AbstractContextManager
 from functools import lru_cache
 from threading import Lock
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from symcheck.errors import UsageError
 from symcheck.machine import limit_memory, used_data
@@ -37,6 +37,14 @@ class Cluster(Protocol):
 class Client(Cluster, AbstractContextManager["Client"], Protocol):
     """A client that ends its connection when its context ends."""
 
+    def submit(self, function: Callable[..., object], *arguments: object, **options: object) -> Any:
+        """Submit a task."""
+        ...
+
+    def nthreads(self) -> dict[str, int]:
+        """The workers by address."""
+        ...
+
 
 def connect(address: str) -> Client:
     """A client of the Dask cluster with this scheduler, such as "tcp://host:8786".
@@ -48,17 +56,18 @@ def connect(address: str) -> Client:
         from distributed import Client as DaskClient
     except ModuleNotFoundError:
         raise UsageError("-scheduler needs Dask\n  hint: pip install 'symcheck[dask]'") from None
-    open_client: Callable[..., Client] = DaskClient
+    open_client: Callable[..., Any] = DaskClient
     # Dask logs that workers restart or connections end; what matters is an outcome or an error.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     try:
-        return open_client(address, timeout=tuning.CONNECT_SECONDS)
+        client: Client = open_client(address, timeout=tuning.CONNECT_SECONDS)
     except (OSError, ValueError) as error:
         reason = str(error).partition("\n")[0]
         raise UsageError(
             f"there is no Dask scheduler at '{address}': {reason}"
             "\n  hint: 'dask scheduler' prints its address, such as tcp://192.168.1.2:8786"
         ) from None
+    return client
 
 
 def do_on_cluster(function: Callable[[T], R], task: T) -> R:

@@ -101,6 +101,8 @@ class Arguments(argparse.Namespace):
     importresults: str | None
     jobs: int
     scheduler: str | None
+    distributed: bool
+    checkpoints: str | None
     resume: str | None
     exportstrat: str | None
     importstrat: str | None

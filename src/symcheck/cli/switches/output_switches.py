@@ -201,6 +201,22 @@ def add_output(parser: SwitchParser) -> None:
         "as tcp://host:8786",
     )
     parser.add(
+        "distributed",
+        needs=Needs(
+            ("-scheduler", PROPERTY),
+            not_with=("-sim", "-simpath", "-step", "-nobuild", "-exact", "-resume", COMPARE),
+        ),
+        action="store_true",
+        help="partition the states of each model over the workers of -scheduler",
+    )
+    parser.add(
+        "checkpoints",
+        needs=Needs(("-distributed",), not_with=(BATCH,)),
+        metavar="DIR",
+        help="keep the parts of -distributed in a folder that all machines share, to go on from "
+        "when a worker is lost or the run is started again",
+    )
+    parser.add(
         "exportstrat",
         needs=_RESULT,
         metavar="FILE[:type=KIND]",
