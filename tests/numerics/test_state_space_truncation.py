@@ -35,3 +35,24 @@ def test_the_resolvent_is_bounded(transposed: bool) -> None:
     assert found is not None
     assert np.all(found >= truth)
     assert np.all(found <= 3.0 * truth)
+
+
+def test_no_kept_state_earns_nothing() -> None:
+    """0 to 1 to 2, where 2 earns, and 0 to 3, which returns through 4, …, 11. Each of these is rarer than
+    3, so that there are rates at which 3 would be kept alone."""
+    kept = set()
+    for rare in np.geomspace(1e-12, 1e-2, 100):
+        rates = np.zeros((12, 12))
+        rates[0, 1] = rates[1, 2] = rates[2, 0] = rates[0, 3] = 1.0
+        rates[3, 4:], rates[4:, 0] = rare, 1.0
+        nonzero = rates > 0
+        indptr = np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64)
+        matrix = SparseMatrix(indptr, np.nonzero(nonzero)[1].astype(np.int32), rates[nonzero], 12)
+        found = state_space_truncation.truncate(
+            matrix, rates.sum(1), 1.0, np.eye(12)[2], np.array([0]), 1e-7, 1.0
+        )
+        assert found is not None
+        assert len(found.values) == len(found.kept)
+        assert 3 not in found.kept or found.kept[-1] >= 4
+        kept.add(len(found.kept))
+    assert {3, 12} <= kept

@@ -85,6 +85,9 @@ def truncate(
     keep[interest] = True
     crossing = keep[owner] & ~keep[rates.indices]
     loss = float(np.sum(flow[crossing] * value[rates.indices[crossing]])) * (1.0 + 1e-9)
+    # States that reach no reward any more have the value 0, and no positive weights exist for them.
+    keep &= graph.backward_reachable(rates, keep & (reward_rate > 0.0), keep)
+    keep[interest] = True
     return Truncation(np.flatnonzero(keep).astype(np.int64), loss, value[keep])
 
 
