@@ -11,13 +11,14 @@ from symcheck.numerics.transient import state_space_truncation
 REST = 0.05
 
 
-def slow(n: int, seed: int) -> tuple[Floats, SparseMatrix, Floats, Floats]:
-    """A chain without leaks and with rates of several sizes, (rest - Q) in full, and a reward rate in one place."""
+def slow(n: int, seed: int, loops: float = 0.0) -> tuple[Floats, SparseMatrix, Floats, Floats]:
+    """A chain without leaks, with rates of several sizes, (rest - Q) in full, and a reward rate in one place."""
     rng = np.random.default_rng(seed)
     rates = np.zeros((n, n))
     for step, fast in ((1, 20.0), (3, 0.5)):
         for sign in (1, -1):
             rates[np.arange(n), (np.arange(n) + sign * step) % n] += fast * rng.random(n)
+    rates[np.arange(n), np.arange(n)] += loops * rng.random(n)
     nonzero = rates > 0
     indptr = np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64)
     matrix = SparseMatrix(indptr, np.nonzero(nonzero)[1].astype(np.int32), rates[nonzero], n)
@@ -26,10 +27,11 @@ def slow(n: int, seed: int) -> tuple[Floats, SparseMatrix, Floats, Floats]:
     return np.diag(leave + REST) - rates, matrix, leave, right
 
 
+@pytest.mark.parametrize("loops", [0.0, 1.0, 1000.0])
 @pytest.mark.parametrize("transposed", [False, True])
-def test_the_resolvent_is_bounded(transposed: bool) -> None:
+def test_the_resolvent_is_bounded(transposed: bool, loops: float) -> None:
     shift, time = 2.0, 2.0 / REST
-    full, matrix, leave, right = slow(50, 5)
+    full, matrix, leave, right = slow(50, 5, loops)
     truth = np.exp(shift) * np.linalg.solve(full.T if transposed else full, right)
     found = state_space_truncation._resolvent(matrix, leave, time, right, shift, transposed)
     assert found is not None

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from symcheck.kernels.chains import ssor_eisenstat
 from symcheck.kernels.graph import components
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.component_bounds import ComponentSolver
@@ -100,13 +101,16 @@ def _resolvent(
     transposed: bool,
 ) -> Floats | None:
     """Upper bounds on e^a (a/time - Q)^-1 right (or its transpose), within about a factor of 2."""
-    scale = 1.0 / (exit_rates + laplace_shift / time)
     arrays = rates.arrays
+    loops = ssor_eisenstat.diagonal(*arrays)
+    leaving = np.maximum(exit_rates - loops - 4.0 * tuning.UNIT_ROUNDOFF * exit_rates, 0.0)
+    scale = 1.0 / (leaving + laplace_shift / time)
     back = sparse.transpose_values(*arrays, rates.columns)
     if transposed:
         arrays, back = back, arrays
-    data = arrays[2] * np.repeat(scale, np.diff(arrays[0]))
-    # Self-loops are part of the exit rates. The equations are used whatever their rows sum to.
+    owner = np.repeat(np.arange(rates.states), np.diff(arrays[0]))
+    # Without self-loops, the equations are used whatever their rows sum to.
+    data = np.where(arrays[1] == owner, 0.0, arrays[2] * scale[owner])
     system = ComponentSolver(
         *arrays[:2], data, None, right * scale, right * scale, np.ones(rates.states), 0
     )
