@@ -354,9 +354,13 @@ class Options:
         None,
         _FLAG_OR_NONE,
         "model",
-        "Explore one state for all that exchanging equal components makes of it; values are those "
-        "at initial states. None: on the command line if nothing shows other states, else not.",
-        _switch("symmetry", "explore one of the states that equal components make", True),
+        "Symmetry reduction: of states that differ by an exchange of equal modules, or by a "
+        "rotation of a ring of them, only one is explored. It applies to explicit exploration (the "
+        "engine explicit, or the default one from 50,000 states on) and to values at initial "
+        "states: not to exports, strategies, counterexamples and lists of states, nor to "
+        "properties that tell the modules apart. None: on the command line where it applies, in "
+        "Python nowhere.",
+        _switch("symmetry", "explore one of the states that equal modules may exchange", True),
         _switch("nosymmetry", "explore every state", False),
     )
     order: tuple[str, ...] | None = _option(

@@ -48,6 +48,7 @@ def test_a_large_model_of_copies_is_explored_up_to_symmetry(run):
     _, whole = run("-pf", 'P=? [ F<=50 "all" ]', "-nosymmetry")
     assert "Symmetry" not in whole
     assert f"States:      {STATES} (1 initial)" in whole
+    assert re.findall(r"Transitions: \d+", out) == re.findall(r"Transitions: \d+", whole)
     assert value(out) == pytest.approx(value(whole), rel=1e-6)
 
 
@@ -71,6 +72,37 @@ def test_what_shows_states_has_all_of_them(run, switches: tuple[str, ...]):
 def test_a_request_that_cannot_be_honoured_is_told(run):
     _, out = run("-pf", 'P=? [ F<=5 "all" ]', "-symmetry", "-exportlabels", "stdout")
     assert "-symmetry is not used" in out
+
+
+@pytest.mark.parametrize(
+    ("switches", "reason"),
+    [
+        (
+            ("-m", "-pf", 'P=? [ F<=5 "all" ]'),
+            "the engine mtbdd has no symmetry reduction, -ex has",
+        ),
+        (("-ex", "-pf", "P=? [ F<=5 x1=6 & x2=5 & x3=4 & x4=3 & x5=2 & x6=1 ]"), "tell them apart"),
+        (("-ex", "-pf", 'P=? [ F<=5 "all" ]', "-fair"), "values at initial states alone"),
+    ],
+)
+def test_a_request_without_effect_is_noted(run, switches: tuple[str, ...], reason: str):
+    _, out = run("-symmetry", *switches)
+    note = next(line for line in out.splitlines() if line.startswith("Note: -symmetry"))
+    assert note.endswith(reason)
+
+
+def test_a_small_model_is_explored_as_it_is_unless_the_engine_is_named(tmp_path, capsys):
+    file = tmp_path / "small.pm"
+    file.write_text(MODEL.replace("[0..6]", "[0..2]").replace("=6", "=2").replace("x1<6", "x1<2"))
+    words = [str(file), "-symmetry", "-pf", 'P=? [ F<=5 "all" ]']
+    main(words)
+    assert (
+        "-symmetry has no effect: the default engine uses it for large" in capsys.readouterr().out
+    )
+    main([*words, "-ex"])
+    out = capsys.readouterr().out
+    assert "Symmetry:" in out
+    assert "no effect" not in out
 
 
 def test_the_explicit_engine_uses_symmetry_if_asked(run):

@@ -213,9 +213,9 @@ def test_components_of_nearly_a_word(high: int, represented: int) -> None:
     asked = "P=? [ F x1=2&x2=2&x3=2 ]"
     model = symcheck.loads(text)
     smaller = explore(model.bound, Options(), symmetries=tuple(found(text, asked)))
-    counted = smaller.orbits.count(smaller.states.rows) if smaller.orbits else len(smaller.states)
-    assert counted == represented
-    assert (smaller.orbits is not None) == (high < 2**31)
+    counts = smaller.represented
+    assert (counts.states if counts else len(smaller.states)) == represented
+    assert (counts is not None) == (high < 2**31)
 
 
 def test_sums_of_doubles_keep_their_order() -> None:
@@ -231,10 +231,12 @@ def orbits(text: str, asked: str) -> tuple[int, int, int]:
     model = symcheck.loads(text)
     whole = explore(model.bound, Options())
     smaller = explore(model.bound, Options(), symmetries=tuple(found(text, asked)))
-    assert smaller.orbits is not None
-    rows = smaller.states.rows
-    assert smaller.orbits.count(rows[smaller.initial]) == len(whole.initial)
-    return len(whole.states), len(rows), smaller.orbits.count(rows)
+    counts = smaller.represented
+    assert counts is not None
+    assert counts.initial == len(whole.initial)
+    assert counts.deadlocks == len(whole.deadlocks)
+    assert (counts.choices, counts.transitions) == (whole.matrix.rows, whole.matrix.entries)
+    return len(whole.states), len(smaller.states), counts.states
 
 
 def test_representatives_stand_for_all_states() -> None:

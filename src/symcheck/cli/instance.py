@@ -162,6 +162,27 @@ def _build(state: RunState, model: Model, watch: Progress) -> None:
     state.build_seconds = perf_counter() - started
     partial = isinstance(model, ReducedModel) and model.partial
     state.output.built(engine, watch.choice, state.build_seconds, partial=partial)
+    if state.options.symmetry and not state.arguments.needs_model:
+        reason = _why_no_symmetry(model)
+        if reason is not None:
+            state.output.line(f"Note: -symmetry has no effect: {reason}")
+
+
+def _why_no_symmetry(model: Model) -> str | None:
+    """Why every state of a model was explored; None if it was not."""
+    from symcheck.engines.capabilities import RepresentsOrbits
+    from symcheck.semantics.reduction.symmetry import observed_symmetries
+
+    explored = model.engine.capability(RepresentsOrbits)
+    if explored is not None and explored.represented is not None:
+        return None
+    if model.bound.observed is None:
+        return "the properties are not checked for values at initial states alone"
+    if not observed_symmetries(model.bound):
+        return "no modules are equal, or the properties tell them apart"
+    if explored is None or model.options.engine not in ("auto", "explicit"):
+        return f"the engine {model.engine.name} has no symmetry reduction, -ex has"
+    return "the default engine uses it for large models; -ex uses it for this one"
 
 
 def report_fault(

@@ -105,12 +105,14 @@ class Output:
             self.line(f"Transitions: {engine.transitions}")
         else:
             self.line(f"States:      {whole.states} ({whole.initial} initial{part})")
+            self.line(f"Transitions: {whole.transitions}")
+        if engine.model.type.value == "mdp":
+            self.line(f"Choices:     {engine.choices if whole is None else whole.choices}")
+        if whole is not None:
             self.line(f"Symmetry:    {'; '.join(map(str, whole.symmetries))}")
             self.line(
                 f"  {engine.states} states and {engine.transitions} transitions represent them"
             )
-        if engine.model.type.value == "mdp":
-            self.line(f"Choices:     {engine.choices}")
         self.line(f"Time for model construction: {seconds:.3f} seconds.")
         deadlocks = engine.deadlocks.count if whole is None else whole.deadlocks
         if deadlocks:

@@ -260,6 +260,13 @@ class Exploration:
         deadlocks = np.sort(rank[e.deadlocks].astype(np.int64))
         self._check_deadlocks(states, deadlocks)
         matrix, actions, choice_rewards = self._matrix(order, rank)
+        initial = np.sort(rank[: len(self._initial)].astype(np.int64))  # they were found first
+        represented = None
+        if self.orbits is not None:
+            choices = np.ones(n, np.int64) if matrix.groups is None else np.diff(matrix.groups)
+            represented = self.orbits.represented(
+                states.rows, initial, deadlocks, choices, self._transition_counts(order, choices)
+            )
         levels = e.level + 1
         state_rewards = self._state_rewards(states)
         if n > tuning.MIN_STATES_TO_TRIM:
@@ -270,14 +277,29 @@ class Exploration:
             states,
             matrix,
             actions,
-            np.sort(rank[: len(self._initial)].astype(np.int64)),  # they were found first
+            initial,
             deadlocks,
             state_rewards,
             choice_rewards,
             levels,
             self._seconds,
-            self.orbits,
+            represented,
         )
+
+    def _transition_counts(self, order: Int32s, choices: Int64s) -> Int64s:
+        """The number of transitions of each state, before successors are represented: int64[n].
+
+        Args:
+            order: the states in the order in which they were found.
+            choices: the number of choices of each state.
+        """
+        found = np.empty(len(order), np.int64)
+        found[order] = choices
+        ends = found.cumsum()
+        counts = self._explorer.target_counts.astype(np.int64).cumsum()
+        until = counts[ends - 1]
+        found[0], found[1:] = until[0], np.diff(until)
+        return found[order]
 
     def _check_deadlocks(self, states: StateTable, deadlocks: Int64s) -> None:
         if len(deadlocks) and not self.options.fix_deadlocks:

@@ -13,7 +13,7 @@ from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
-    from symcheck.explicit.orbits import Represented, StateOrbits
+    from symcheck.explicit.orbits import Represented
 
 __all__ = ["ExplicitModel"]
 
@@ -34,8 +34,8 @@ class ExplicitModel:
             (rate), summed over the row.
         levels: number of breadth-first levels, the initial states included.
         seconds: duration of the exploration.
-        orbits: if not None, the states are representatives of these orbits, and the matrix leads
-            to the representatives of successors.
+        represented: if not None, the states are representatives of orbits, the matrix leads to the
+            representatives of successors, and these are the counts of the whole model.
     """
 
     model: BoundModel
@@ -48,7 +48,7 @@ class ExplicitModel:
     choice_rewards: list[Floats]
     levels: int = 0
     seconds: float = 0.0
-    orbits: StateOrbits | None = None
+    represented: Represented | None = None
 
     def __repr__(self) -> str:
         m = self.matrix
@@ -65,15 +65,6 @@ class ExplicitModel:
         """Memory of all arrays, in bytes."""
         rewards = sum(r.nbytes for r in (*self.state_rewards, *self.choice_rewards))
         return self.states.rows.nbytes + self.matrix.nbytes + self.choice_actions.nbytes + rewards
-
-    @property
-    def represented(self) -> Represented | None:
-        """The counts of the whole model; None if every state is explored."""
-        if self.orbits is None:
-            return None
-        rows = self.states.rows
-        initial = rows[sorted(self.initial.tolist())]
-        return self.orbits.represented(rows, initial, rows[self.deadlocks])
 
     def evaluate(self, expression: Expression) -> Column:
         """The value of an expression over the variables in each state.

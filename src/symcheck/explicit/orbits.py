@@ -25,7 +25,7 @@ _WORD = 64
 
 @dataclass(frozen=True, slots=True)
 class Represented:
-    """The numbers of states, initial states and deadlocks that representatives stand for.
+    """The numbers of what representatives stand for, in the whole model.
 
     initial_orbits: the number of states that each initial representative stands for, in order.
     """
@@ -33,6 +33,8 @@ class Represented:
     states: int
     initial: int
     deadlocks: int
+    choices: int
+    transitions: int
     symmetries: tuple[Symmetry, ...]
     initial_orbits: tuple[int, ...]
 
@@ -74,23 +76,44 @@ class StateOrbits:
         self.compiled.represent(rows)
         return self.layout.unpack(rows[0])
 
-    def count(self, rows: Rows) -> int:
-        """The number of states in the orbits of some representatives."""
+    def count(self, rows: Rows, each: Int64s | None = None) -> int:
+        """The number of states in the orbits of some representatives.
+
+        Args:
+            rows: the representatives.
+            each: what each of these states has, int64[n]: its sum over all of them is counted.
+        """
         total = 0
         for start in range(0, len(rows), tuning.VALUATIONS_PER_BLOCK):
             block = rows[start : start + tuning.VALUATIONS_PER_BLOCK]
             sizes = [self._sizes(block, symmetry) for symmetry in self.symmetries]
+            if each is not None:
+                sizes.append(each[start : start + tuning.VALUATIONS_PER_BLOCK])
             distinct, states = np.unique(np.stack(sizes), axis=1, return_counts=True)
             for factors, count in zip(distinct.T.tolist(), states.tolist(), strict=True):
                 total += prod(factors) * count
         return total
 
-    def represented(self, states: Rows, initial: Rows, deadlocks: Rows) -> Represented:
-        """What representatives stand for, of which some are initial and some deadlocks."""
-        factors = (self._sizes(initial, symmetry).tolist() for symmetry in self.symmetries)
+    def represented(
+        self, states: Rows, initial: Int64s, deadlocks: Int64s, choices: Int64s, transitions: Int64s
+    ) -> Represented:
+        """What representatives stand for.
+
+        Args:
+            states: the representatives.
+            initial, deadlocks: the numbers of some of them, ascending.
+            choices, transitions: how many each of them has in the whole model, int64[n].
+        """
+        factors = (self._sizes(states[initial], symmetry).tolist() for symmetry in self.symmetries)
         orbits = tuple(map(prod, zip(*factors, strict=True)))
         return Represented(
-            self.count(states), sum(orbits), self.count(deadlocks), self.symmetries, orbits
+            self.count(states),
+            sum(orbits),
+            self.count(states[deadlocks]),
+            self.count(states, choices),
+            self.count(states, transitions),
+            self.symmetries,
+            orbits,
         )
 
     def _sizes(self, rows: Rows, symmetry: Symmetry) -> Int64s:

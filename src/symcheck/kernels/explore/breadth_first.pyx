@@ -95,7 +95,7 @@ cdef class Explorer:
     cdef readonly int fault_status
     cdef Expander expander
     cdef Orbits orbits
-    cdef Buffer ids
+    cdef Buffer ids, counts, target_table
     cdef const uint64_t[::1] mask
     cdef uint64_t seed
     cdef int parts, number
@@ -112,16 +112,25 @@ cdef class Explorer:
 
     def __dealloc__(self):
         release(&self.ids)
+        release(&self.counts)
+        release(&self.target_table)
 
     @property
     def nbytes(self) -> int:
         """Memory held, in bytes."""
-        return self.states.nbytes + self.expander.nbytes + self.ids.size
+        return (self.states.nbytes + self.expander.nbytes + self.ids.size
+                + self.counts.size + self.target_table.size)
 
     @property
     def deadlocks(self) -> Int64s:
         """The states without a transition, in the order in which they were found: int64[k]."""
         return array_of(self.expander.deadlocks.data, self.expander.deadlock_count, np.int64)
+
+    @property
+    def target_counts(self) -> Int32s:
+        """With orbits: the number of successors of each row before they are replaced: int32[rows].
+        """
+        return array_of(self.counts.data, self.rows.closed, np.int32)
 
     def add(self, const uint64_t[:, ::1] rows):
         """Insert states (uint64[n, words]) to be explored; known ones are ignored."""
@@ -202,6 +211,8 @@ cdef class Explorer:
             return 1
         ids = <int32_t*> self.ids.data
         if self.orbits is not None:
+            if self._count_targets():
+                return 1
             self.orbits.represent_rows(<uint64_t*> self.expander.targets.data, n)
         status = self.states.insert(<const uint64_t*> self.expander.targets.data, n, ids)
         if status:
@@ -212,3 +223,42 @@ cdef class Explorer:
                 return 1
             begin = end
         return 0
+
+    cdef int _count_targets(self) noexcept nogil:
+        """Count the different successors of each row of the batch; 1 when memory ends."""
+        cdef long long row, begin = 0, end
+        cdef const uint64_t* targets = <const uint64_t*> self.expander.targets.data
+        cdef int32_t* counts
+        if reserve(&self.counts, (self.rows.closed + self.expander.row_count) * 4):
+            return 1
+        counts = <int32_t*> self.counts.data + self.rows.closed
+        for row in range(self.expander.row_count):
+            end = (<const int64_t*> self.expander.ends.data)[row]
+            counts[row] = self._different(targets + begin * self.states.words, end - begin)
+            if counts[row] < 0:
+                return 1
+            begin = end
+        return 0
+
+    cdef int32_t _different(self, const uint64_t* rows, long long n) noexcept nogil:
+        """The number of different rows; -1 when memory ends."""
+        cdef int words = self.states.words
+        cdef int32_t count = 0
+        cdef long long i
+        cdef uint64_t capacity = 4, slot
+        cdef int32_t* table
+        while capacity < <uint64_t> n * 2:
+            capacity *= 2
+        if reserve(&self.target_table, capacity * 4):
+            return -1
+        table = <int32_t*> self.target_table.data
+        memset(table, 0, capacity * 4)
+        for i in range(n):
+            slot = hash_row(rows + i * words, words) & (capacity - 1)
+            while table[slot] and not rows_equal(rows + (table[slot] - 1) * words,
+                                                 rows + i * words, words):
+                slot = (slot + 1) & (capacity - 1)
+            if not table[slot]:
+                table[slot] = <int32_t> (i + 1)
+                count += 1
+        return count
