@@ -12,6 +12,14 @@ __all__ = ["meant"]
 
 _MODEL_TYPES = frozenset(("dtmc", "ctmc", "mdp", "probabilistic", "stochastic", "nondeterministic"))
 _MEASURES = frozenset(("P", "Pmin", "Pmax", "R", "Rmin", "Rmax", "T", "Tmin", "Tmax"))
+_OTHER = {
+    spelling: measure + direction
+    for measure in "PR"
+    for direction in ("min", "max")
+    for spelling in ((measure + direction).lower(), (direction + measure).lower())
+}
+"""Names that stand for measures in other tools, in lower case."""
+_STRUCTURE = re.compile(r"[\[{]\s*\"?(\w+)\"?\s*[\]}]\s*(min|max|)")
 _RANGE = "a variable is declared as name : [low..high] or name : bool"
 _BRACKETS = "its path stands in brackets: P=? [ F … ]"
 _COMMAND = "a command starts with [action] or []: [] guard -> updates;"
@@ -42,6 +50,10 @@ def meant(fault: Fault, source: Source, language: Language) -> str | None:
         return _COMMAND
     if "[" in signs and (last == "?" or (not found and _MEASURES & set(before))):
         return _BRACKETS
+    if not in_model and (hint := _measure_meant(found, last, after_fault)) is not None:
+        return hint
+    if found == "?" and last == "=" and before[-2:-1] and (name := _OTHER.get(before[-2].lower())):
+        return f"write {name}=?"
     if found == "?" and last == "=" and before[-2:-1] and before[-2].isidentifier():
         return "P, R, S and T ask for values: P=? [ F … ]"
     if not in_model and re.match(r"\[\s*\]|<>", after_fault):
@@ -49,4 +61,20 @@ def meant(fault: Fault, source: Source, language: Language) -> str | None:
         return f"{name} is written {letter}: P>=1 [ {letter} … ], or A [ {letter} … ]"
     if in_model and found.isdigit() and not before:
         return "explicit files are read by -importtrans and -importmodel"
+    return None
+
+
+def _measure_meant(found: str, last: str, after_fault: str) -> str | None:
+    """A hint at a measure whose parts are in the wrong order or in the wrong brackets."""
+    if last not in _MEASURES or not (part := _STRUCTURE.match(after_fault)):
+        return None
+    if found == "[" and not (last == "R" and '"' in part[0]):
+        return None  # a path
+    structure, direction = '{"' + part[1] + '"}', part[2] or last[1:]
+    if last[0] == "R" and last != "R":
+        return f"the reward structure comes before {direction}: R{structure}{direction}"
+    if last == "R":
+        return f"a reward structure stands in braces: R{structure}{direction}"
+    if last[0] == "P":
+        return f"P reads no rewards; R does: R{structure}{direction}"
     return None
