@@ -311,3 +311,21 @@ def test_compare_takes_no_switches_that_it_does_not_honour(capsys):
     assert "-test has no effect: compare prints a table of answers only" in capsys.readouterr().err
     assert main(["compare", die, "-with", "storm"]) == 2
     assert "compare has no effect without a property to check" in capsys.readouterr().err
+
+
+def test_a_strategy_that_needs_no_decision_in_some_states_is_read_without_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, file = tmp_path / "m.nm", tmp_path / "best.txt"
+    model.write_text(
+        "mdp module m x : [0..2]; [a] x=0 -> (x'=1); [b] x=0 -> (x'=2);"
+        " [c] x=1 -> (x'=0); [d] x=1 -> true; [] x=2 -> true; endmodule"
+    )
+    assert main([str(model), "-pf", "Pmax=? [ F x=1 ]", "-exportstrat", str(file)]) == 0
+    assert file.read_text() == "(0)=a\n# other states: any choice\n"
+    capsys.readouterr()
+    assert main([str(model), "-pf", "P=? [ F x=1 ]", "-importstrat", str(file)]) == 0
+    assert "leaves out" not in capsys.readouterr().out
+    file.write_text("(0)=a\n")
+    assert main([str(model), "-pf", "P=? [ F x=1 ]", "-importstrat", str(file)]) == 0
+    assert "leaves out 1 states" in capsys.readouterr().out

@@ -105,10 +105,10 @@ def _check_instance(
 def _under_strategy(state: RunState, model: Model, file: str) -> Model:
     """The chain that a strategy in a file induces. Raises SymcheckError."""
     from symcheck.exchange.strategies.induced_chain import induced_chain
-    from symcheck.exchange.strategies.reader import load_strategy
+    from symcheck.exchange.strategies.reader import load_strategy, undecided_states
 
     strategy = load_strategy(model, file)
-    open_ = int((strategy.reachable & ~strategy.matters & (strategy.choice_counts > 1)).sum())
+    open_ = undecided_states(strategy, file)
     if open_:
         state.output.warn(
             f'"{file}" leaves out {open_} states that are reached and have several choices: '

@@ -28,6 +28,7 @@ from symcheck.semantics.expressions.literals import format_state
 from symcheck.whole_file import uncompressed_name
 
 __all__ = [
+    "ANY_CHOICE",
     "KINDS",
     "StrategyTarget",
     "strategy_target",
@@ -38,6 +39,9 @@ __all__ = [
 
 _TEXT = ("", ".txt", ".strat", ".adv", ".dat", ".res", ".log")
 """The extensions of a list of decisions."""
+
+ANY_CHOICE = "# other states: any choice"
+"""The comment of a file that leaves out reachable states whose choice is irrelevant."""
 
 KINDS = ("actions", "indices", "induced", "dot")
 
@@ -149,7 +153,8 @@ def strategy_texts(strategy: Strategy, target: StrategyTarget) -> Iterator[str]:
 
     By kind: 'actions' has `(values)=action` per state, 'indices' `state=choice` with the number of
     the choice within its state; with memory, `(values),memory=action` and `state,memory=choice`. A
-    random choice is `p:action+q:action`. States whose choice is irrelevant are left out. Comments
+    random choice is `p:action+q:action`. States whose choice is irrelevant are left out; if some of
+    them are reached and have several choices, a comment at the end says so. Comments
     tell how the memory changes: `# memory: 0` is its first value, and `# (values),0 -> 1` its next
     one after the choice (one for each of several, joined by `+`); without, it keeps its value.
     'induced' is the induced Markov chain as a `.tra` file (or the MDP with one choice per state),
@@ -190,12 +195,19 @@ def _decisions(
         for name, choice, there in zip(names, chosen, shown.tolist(), strict=True):
             if there:
                 yield f"{name}={choice}\n"
+        yield from _left_out(strategy)
         return
     states = [f"{name},{m}" for name, m in zip(names, strategy.memory.tolist(), strict=True)]
     for state, choice, there in zip(states, chosen, shown.tolist(), strict=True):
         if there:
             yield f"{state}={choice}\n"
     yield from _memory(strategy, states, shown)
+    yield from _left_out(strategy)
+
+
+def _left_out(strategy: Strategy) -> Iterator[str]:
+    if (strategy.reachable & ~strategy.matters & (strategy.choice_counts > 1)).any():
+        yield f"{ANY_CHOICE}\n"
 
 
 def _memory(strategy: Strategy, states: Sequence[str], shown: Bools) -> Iterator[str]:

@@ -17,12 +17,13 @@ from symcheck.engines.explicit.strategy import Strategy
 from symcheck.engines.registry import build
 from symcheck.errors import UnsupportedError
 from symcheck.exchange.column_reader import Columns, read_columns
+from symcheck.exchange.strategies.files import ANY_CHOICE
 from symcheck.matrices.numbers import numbers
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.expressions.literals import format_state
 from symcheck.syntax.ast import ModelType
 
-__all__ = ["load_strategy"]
+__all__ = ["load_strategy", "undecided_states"]
 
 _LINE = re.compile(r"(\([^()]*\)|\d+)(?:,(\d+))?[=:](.*)")
 _FIRST = re.compile(r"#memory:(\d+)")
@@ -75,6 +76,18 @@ def load_strategy(model: Model, file: str | Path) -> Strategy:
     return _File(explicit, read_columns(Path(file)), groups).strategy()
 
 
+def undecided_states(strategy: Strategy, file: str | Path) -> int:
+    """The number of reached states with several choices that a file leaves out without saying so.
+
+    Args:
+        strategy: what was read from the file.
+    """
+    if ANY_CHOICE in read_columns(Path(file)).source.text.splitlines():
+        return 0
+    left_out = strategy.reachable & ~strategy.matters & (strategy.choice_counts > 1)
+    return int(left_out.sum())
+
+
 @dataclass
 class _Decision:
     """The rows of a line, their probabilities, and the memory after each; line: its index."""
@@ -101,7 +114,7 @@ class _File:
         if remembers and first is None:
             raise UnsupportedError(
                 f"'{self.file.source.name}' is a strategy with memory, and its file does not "
-                "say how the memory changes\n  hint: symcheck's -exportstrat writes it in "
+                "say how the memory changes\n  hint: symcheck writes it in "
                 "comments, such as '# memory: 0' and '# (0,true),0 -> 1'"
             )
         counts = [len(d.rows) for d in decisions.values()]
@@ -217,6 +230,6 @@ class _File:
                 f"the state has {actions.count(choice)} choices with action '{choice}'",
                 "action",
                 None,
-                "-exportstrat FILE:type=indices tells them apart",
+                "a file of type indices tells them apart",
             )
         return int(start + actions.index(choice))
