@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from symcheck.cli import main
-from symcheck.cli.input.properties import read_properties
 from symcheck.errors import SyntaxFault
+from symcheck.experiments.properties_input import read_properties
 
 MODEL = "dtmc module m x:[0..1]; [] x=0 -> 0.5:(x'=1)+0.5:(x'=0); [] x=1 -> true; endmodule label \"up\" = x=1;"
 

@@ -114,3 +114,14 @@ def _kept() -> int:
 
     gc.collect()
     return tracemalloc.get_traced_memory()[0]
+
+
+def test_a_property_that_does_not_follow_the_grammar_has_a_row_of_its_own() -> None:
+    text = "P=? [ F x=1 ]; P=? [ F x=1 ; x=0"
+    [results] = symcheck.check_many([(COIN, text, "N=1")])
+    assert [(row.value, row.error is None) for row in results] == [
+        (0.5, True),
+        (True, True),
+        (None, False),
+    ]
+    assert "']' is missing" in (results[2].error or "")

@@ -14,7 +14,6 @@ from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
 from symcheck.check.testing.expected_results import Verdict, VerdictKind, expected_value, judge
 from symcheck.check.testing.property_tests import PropertyTest, property_test
-from symcheck.cli.input.properties import UnparsedProperty
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import ConstantTexts, instance_path
 from symcheck.cli.run_state import RunState
@@ -27,6 +26,7 @@ from symcheck.errors import (
     SymcheckError,
     UnsupportedError,
 )
+from symcheck.experiments.properties_input import UnparsedProperty
 from symcheck.experiments.rows import Row, error_text, row_of
 from symcheck.machine import memory_ended
 from symcheck.whole_file import is_output_fault

@@ -9,7 +9,6 @@ from symcheck.api import Model
 from symcheck.cli import exports
 from symcheck.cli.check_property import report_unparsed
 from symcheck.cli.input.model import STANDARD_INPUT, choose_model_file, read_model
-from symcheck.cli.input.properties import PropertiesInput, read_properties
 from symcheck.cli.instance import GivenTexts, InstancesTask
 from symcheck.cli.output_paths import NO_CONSTANTS
 from symcheck.cli.run_state import RunState, TestFailed
@@ -17,6 +16,7 @@ from symcheck.cli.switches.arguments import Arguments
 from symcheck.cli.switches.needs import BUILT, MDP, PROPERTY, VALUES, unmet_needs
 from symcheck.constant_values import combinations, parse_constants
 from symcheck.errors import Diagnostic, NameFault, UsageError
+from symcheck.experiments.properties_input import PropertiesInput, read_properties
 from symcheck.semantics.binding.bind import split_constants
 from symcheck.syntax.ast import ModelType
 from symcheck.syntax.declarations import PropertiesFile
@@ -53,7 +53,7 @@ def run(state: RunState) -> int:
         files.append(f'Reading properties file "{a.properties}"')
     state.output.header(files)
     model = read_model(a)
-    properties = read_properties(a.properties, a.pf)
+    properties = read_properties(a.properties, a.pf, "-pf")
     split = split_constants(model.program, properties.file, dict.fromkeys(given, ""))
     for warning in split.warnings:
         # No error: scripts give one list of constants to many models.

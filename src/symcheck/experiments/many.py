@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
 from contextlib import closing
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple, Unpack, cast
 
 from symcheck.api import Model, takes_options
 from symcheck.constant_values import GivenValues
-from symcheck.errors import SymcheckError, UsageError
+from symcheck.errors import SymcheckError, SyntaxFault, UsageError
+from symcheck.experiments.properties_input import PropertiesInput, read_properties
 from symcheck.experiments.rows import Row, error_text
-from symcheck.experiments.run import experiment
+from symcheck.experiments.run import experiment, is_file
 from symcheck.experiments.table import Experiment
 from symcheck.options import OptionValues, make_options
 from symcheck.parallel.dask import Cluster
@@ -60,7 +62,8 @@ def check_many(
 
     Tasks are read when they are done, and neither models nor results are kept: the iterable may be
     endless. A faulty task, such as a file that cannot be read, has one row with an error, and the
-    others go on.
+    others go on. So has a property that does not follow the grammar, after
+    the other rows of its task.
 
     Args:
         checks: the tasks: `Check`, or tuples of model, properties, constants and options, of which
@@ -131,9 +134,29 @@ def _experiment(options: OptionValues, task: Check) -> Experiment:
     """The rows of a task; a fault of the task as a whole is a row."""
     merged = cast(OptionValues, {**options, **task.options})
     try:
-        return experiment(task.model, task.properties, task.constants, **merged)
+        try:
+            return experiment(task.model, task.properties, task.constants, **merged)
+        except SyntaxFault:
+            given = _parsed_in_part(task.properties)
+            if not given.unparsed or given.declarations:
+                raise
+        faulty = given.unparsed
+        rest = tuple(p for i, p in enumerate(given.file.properties) if i not in faulty)
+        file = replace(given.file, properties=rest)
+        results = experiment(task.model, file, task.constants, **merged)
     except SymcheckError as error:
         return _failed(task, error_text(error))
+    errors = (Row(f.text, {}, error=error_text(f.fault), formula=f.text) for f in faulty.values())
+    return replace(results, rows=(*results.rows, *errors))
+
+
+def _parsed_in_part(properties: PropertiesFile | str | Path) -> PropertiesInput:
+    """The properties of a task, and those that do not follow the grammar. Raises SymcheckError."""
+    if isinstance(properties, PropertiesFile):
+        return PropertiesInput(properties)
+    if is_file(properties):
+        return read_properties(properties, [])
+    return read_properties(None, [str(properties)])
 
 
 def _failed(task: Check, error: str) -> Experiment:

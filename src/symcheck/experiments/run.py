@@ -38,7 +38,7 @@ from symcheck.syntax.parse import (
 from symcheck.syntax.printer import pretty
 from symcheck.version import __version__
 
-__all__ = ["Progress", "experiment", "experiment_description", "row_key"]
+__all__ = ["Progress", "experiment", "experiment_description", "is_file", "row_key"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +176,7 @@ def experiment(
 def _model(model: Model | str | Path, options: OptionValues) -> Model:
     if isinstance(model, Model):
         return replace(model, options=make_options(options, model.options), observer=None)
-    program = parse_model_file(model) if _is_file(model) else parse_model(str(model))
+    program = parse_model_file(model) if is_file(model) else parse_model(str(model))
     return Model(program, {}, make_options(options))
 
 
@@ -188,12 +188,12 @@ def _properties(properties: PropertiesFile | str | Path) -> PropertiesFile:
             f"properties are a text or a file, not {properties!r}\n"
             '  hint: a text names several properties: "six": P=? [ F d=6 ]; "two": P=? [ F d=2 ]'
         )
-    if _is_file(properties):
+    if is_file(properties):
         return parse_properties_file(properties)
     return parse_properties(str(properties))
 
 
-def _is_file(text: str | Path) -> bool:
+def is_file(text: str | Path) -> bool:
     """Whether it is a file and no text: there is one, or it looks like the name of one."""
     return (
         isinstance(text, Path)

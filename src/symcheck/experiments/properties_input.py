@@ -1,4 +1,4 @@
-"""The properties of a run, from a file and from -pf.
+"""The properties of a run, from a file and from texts.
 
 Those that do not follow the grammar are reported in their place.
 """
@@ -61,15 +61,22 @@ class PropertiesInput:
     declarations: Sequence[SyntaxFault] = ()
 
 
-def read_properties(path: str | None, texts: Sequence[str]) -> PropertiesInput:
+def read_properties(
+    path: str | Path | None, texts: Sequence[str], name: str = "<properties>"
+) -> PropertiesInput:
     """The properties of a file, followed by those of some texts.
+
+    Args:
+        path: the file, or None.
+        texts: the texts.
+        name: what messages call them.
 
     Raises:
         UsageError: the file cannot be read.
         SyntaxFault: no property of a text follows the grammar.
     """
     parts = [] if path is None else [_file(path)]
-    parts += [_parsed(partial(parse_properties, text, "-pf")) for text in texts]
+    parts += [_parsed(partial(parse_properties, text, name)) for text in texts]
     unparsed: dict[int, UnparsedProperty] = {}
     count = 0
     for part in parts:
@@ -79,7 +86,7 @@ def read_properties(path: str | None, texts: Sequence[str]) -> PropertiesInput:
     return PropertiesInput(_joined([part.file for part in parts]), unparsed, declarations)
 
 
-def _file(path: str) -> PropertiesInput:
+def _file(path: str | Path) -> PropertiesInput:
     if not is_jani(path):
         return _parsed(partial(parse_properties_file, Path(path)))
     parsed = parse_jani_file(path)
