@@ -136,3 +136,10 @@ def test_faults_of_any_property_are_found_before_the_model_is_built():
     with pytest.raises(NameFault, match="no such constant"):
         next(model.check_all("P=? [ F x=N ]; x=1", {"z": 1}))
     assert "engine" not in vars(model)
+
+
+@pytest.mark.parametrize(("name", "hint"), [("at", "result.value"), ("get_values", "numpy")])
+def test_the_names_of_stormpy_have_a_hint(name: str, hint: str):
+    result = symcheck.loads(WALK, "N=3").check("P=? [ F x=N ]")
+    with pytest.raises(AttributeError, match=hint):
+        getattr(result, name)

@@ -313,6 +313,46 @@ def test_compare_takes_no_switches_that_it_does_not_honour(capsys):
     assert "compare has no effect without a property to check" in capsys.readouterr().err
 
 
+def test_properties_that_jani_cannot_express_are_left_out_with_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model, file = tmp_path / "m.pm", tmp_path / "m.jani"
+    model.write_text("dtmc module m x : [0..1]; [] x=0 -> (x'=1); [] x=1 -> true; endmodule")
+    given = (
+        '"six": P=? [ F x=1 ]; "both": P=? [ (G F x=1) & (F G x=1) ]; "odd": P=? [ F x=1 || F x=1 ]'
+    )
+    assert main([str(model), "-pf", given, "-exportjani", str(file)]) == 0
+    names = [p["name"] for p in json.loads(file.read_text())["properties"]]
+    assert "six" in names
+    assert "odd" not in names
+    assert 'JANI cannot express the property "odd"' in capsys.readouterr().out
+
+
+def test_the_paths_of_a_counterexample_may_be_more(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "m.pm"
+    model.write_text(
+        "dtmc module m x : [0..20]; [] x<20 -> 1/20:(x'=20) + 19/20:(x'=x+1);"
+        " [] x=20 -> true; endmodule"
+    )
+    words = [str(model), "-pf", "P<=0.9 [ F<=20 x=20 ]", "-counterexample"]
+    assert main([*words, "-counterexamplepaths", "2"]) == 0
+    assert "the limit of 2 paths was reached" in capsys.readouterr().out
+    assert main([*words, "-counterexamplepaths", "30"]) == 0
+    assert "the limit" not in capsys.readouterr().out
+
+
+def test_without_properties_nostates_has_one_note(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = tmp_path / "m.pm"
+    model.write_text("dtmc module m x : [0..1]; [] true -> true; endmodule")
+    assert main([str(model), "-nostates"]) == 0
+    notes = [line for line in capsys.readouterr().out.splitlines() if line.startswith("Note:")]
+    assert len(notes) == 1
+
+
 def test_a_strategy_that_needs_no_decision_in_some_states_is_read_without_a_warning(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

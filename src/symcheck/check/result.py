@@ -122,6 +122,15 @@ class SolverRun:
     certified: bool = True
 
 
+_STORMPY = {
+    "at": "result.value is that of the initial state, result.values[i] that of state i",
+    "get_values": "numpy.asarray(result.values) has the value of each state",
+    "scheduler": "result.strategy, with the option strategy=True",
+    "has_scheduler": "result.strategy is None without one; the option strategy=True asks for it",
+}
+"""What stormpy calls the attributes of a result."""
+
+
 @dataclass(frozen=True, eq=False)
 class Result:
     """The result of one property.
@@ -163,6 +172,15 @@ class Result:
     seconds: float = field(default=0.0, repr=False)
     engine: Engine | None = field(default=None, repr=False)
     explain: Callable[[int | None], Counterexample] | None = field(default=None, repr=False)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> object:
+            """Only called for what does not exist. Raises AttributeError."""
+            hint = _STORMPY.get(name)
+            raise AttributeError(
+                f"a result has no attribute '{name}'" + (f"\n  hint: {hint}" if hint else "")
+            )
 
     def counterexample(self, paths: int | None = None) -> Counterexample:
         """Likeliest paths, and few commands, that show why a bound is false, or true.

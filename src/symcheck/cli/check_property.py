@@ -215,7 +215,7 @@ def _write_iterations(state: RunState, log: IterationLog, varying: ConstantTexts
 def _explain(a: Arguments, output: Output, result: Result, varying: ConstantTexts) -> None:
     """Print and write a counterexample."""
     try:
-        counterexample = result.counterexample()
+        counterexample = result.counterexample(a.counterexamplepaths)
     except UnsupportedError as error:
         output.warn(f"no counterexample: {error}")
         return

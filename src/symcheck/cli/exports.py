@@ -19,6 +19,7 @@ from symcheck.errors import UnsupportedError, UsageError
 from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.expressions.literals import format_state
 from symcheck.syntax.declarations import Program, PropertiesFile
+from symcheck.syntax.printer import pretty
 
 if TYPE_CHECKING:
     from symcheck.check.state_distributions import Distribution
@@ -112,7 +113,6 @@ def export_constants(
 
 def _write_program(a: Arguments, path: str, output: Output, program: Program) -> None:
     from symcheck.exchange.text import write_text
-    from symcheck.syntax.printer import pretty
 
     if a.imports_model:
         raise UsageError(
@@ -156,7 +156,11 @@ def export_model(
         bound = exact.properties(file, given).properties
         return [bound[i] for i in indices]
 
-    for path in export_targets(model, targets, output.out, labels, properties):
+    def left_out(property: BoundProperty, error: UnsupportedError) -> None:
+        name = f'"{property.name}"' if property.name else pretty(property.formula)
+        output.warn(f"JANI cannot express the property {name}, which is left out: {error}")
+
+    for path in export_targets(model, targets, output.out, labels, properties, left_out):
         output.exported(path)
 
 

@@ -147,7 +147,7 @@ def _bound_model(state: RunState, model: Model, instances: Sequence[PropertyInst
     partial = isinstance(reduced, ReducedModel) and reduced.partial
     if isinstance(reduced, ReducedModel) and reduced.reduction is not None:
         state.output.line(f"Reduction:   {reduced.reduction}")
-    if options.stop_at_targets and not partial:
+    if options.stop_at_targets and instances and not partial:
         state.output.line(
             "Note: -nostates has no effect: what is asked for may need every state of the model"
         )

@@ -19,7 +19,7 @@ from symcheck.errors import converts_memory_error
 from symcheck.exchange import export as targets
 from symcheck.exchange.explicit_data import ExplicitData, build_imported, imported_program
 from symcheck.exchange.explicit_export import explicit_export
-from symcheck.exchange.formats.jani_writer import jani_text
+from symcheck.exchange.formats.jani_writer import LeftOut, jani_text
 from symcheck.exchange.formats.prism_reader import ModelFiles, read_files, read_model
 from symcheck.exchange.text import write_text
 from symcheck.options import Options, OptionValues, make_options
@@ -131,6 +131,7 @@ def export_targets(
     out: TextIO,
     labels: Mapping[str, Expression] | None = None,
     properties: Callable[[Model], Sequence[BoundProperty]] = lambda _: (),
+    left_out: LeftOut | None = None,
 ) -> Iterator[str]:
     """Write parts of a model one after the other, and yield the names of the files.
 
@@ -140,11 +141,12 @@ def export_targets(
         out: the stream that 'stdout' stands for.
         labels: those of the model and of properties, if the latter may be written too.
         properties: those that a JANI file holds, bound to the model with exact numbers.
+        left_out: as in `jani_text`.
     """
     for part in parts:
         if part.kind == "jani":
             exact = replace(model, options=replace(model.options, exact=True))
-            write_text(part.path, jani_text(exact.bound, properties(exact)), out)
+            write_text(part.path, jani_text(exact.bound, properties(exact), left_out), out)
             yield part.path
     parts = [part for part in parts if part.kind != "jani"]
     if not parts:

@@ -108,6 +108,7 @@ class Arguments(argparse.Namespace):
     importstrat: str | None
     counterexample: bool
     exportcounterexample: str | None
+    counterexamplepaths: int | None
     exportvector: list[str]
     exportprodtrans: str | None
     exportprodstates: str | None

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from symcheck.cli.switches.needs import BATCH, COMPARE, PROPERTY, VALUES, Needs
-from symcheck.cli.switches.parser import ExportPart, SwitchParser, digits, positive_count
+from symcheck.cli.switches.parser import ExportPart, SwitchParser, digits, positive_count, typed
+from symcheck.options import read_count
 
 __all__ = ["add_distributions", "add_exports", "add_output"]
 
@@ -244,6 +245,13 @@ def add_output(parser: SwitchParser) -> None:
         needs=_RESULT,
         metavar="FILE",
         help="write them: .txt, .json or .dot",
+    )
+    parser.add(
+        "counterexamplepaths",
+        needs=Needs(("-counterexample|-exportcounterexample",)),
+        metavar="N",
+        type=typed(read_count),
+        help="the most paths of a counterexample (default: 1000)",
     )
     for part, what in (("trans", "transitions"), ("states", "states")):
         parser.add(

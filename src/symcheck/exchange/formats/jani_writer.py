@@ -10,7 +10,7 @@ model and tool interaction. TACAS 2017; https://jani-spec.org.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
@@ -58,7 +58,9 @@ from symcheck.syntax.jani.properties import FILTERS
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 from symcheck.syntax.printer import pretty
 
-__all__ = ["jani_text"]
+__all__ = ["LeftOut", "jani_text"]
+
+LeftOut = Callable[[BoundProperty, UnsupportedError], object]
 
 Value = bool | int | float | str | Sequence["Value"] | Mapping[str, "Value"] | None
 Object = dict[str, Value]
@@ -70,22 +72,28 @@ _LOCATION = "l"
 _INITIAL: Object = {"op": "initial"}
 
 
-def jani_text(model: BoundModel, properties: Sequence[BoundProperty] = ()) -> Iterator[str]:
+def jani_text(
+    model: BoundModel,
+    properties: Sequence[BoundProperty] = (),
+    left_out: LeftOut | None = None,
+) -> Iterator[str]:
     """The text of a JANI file, in one chunk.
 
     Args:
         model: a model with commands.
         properties: those that the file holds.
+        left_out: is told of each property that JANI has nothing for, and why.
 
     Raises:
-        UnsupportedError: the model has no commands, or JANI has nothing for a property.
+        UnsupportedError: the model has no commands, or JANI has nothing for a property and
+            `left_out` is None.
     """
     if model.builder is not None:
         raise UnsupportedError(
             "a model without commands cannot be written as JANI: formats for lists of states are "
             ".tra, .drn and .umb"
         )
-    root = _Writer(model).root(properties)
+    root = _Writer(model).root(properties, left_out)
     yield json.dumps(root, ensure_ascii=False, indent=1) + "\n"
 
 
@@ -113,7 +121,7 @@ class _Writer:
         self.types = {v.name: v.type for v in model.variables}
         self.rewards = [self.names.take(r.name or "reward") for r in model.rewards]
 
-    def root(self, properties: Sequence[BoundProperty]) -> Object:
+    def root(self, properties: Sequence[BoundProperty], left_out: LeftOut | None) -> Object:
         """The whole file."""
         model = self.model
         parts, vectors = self._composition()
@@ -139,10 +147,15 @@ class _Writer:
         }
         if model.initial is not None:
             root["restrict-initial"] = {"exp": self.expression(model.initial)}
-        root["properties"] = [
-            {"name": p.name or f"property{i}", "expression": self.query(p)}
-            for i, p in enumerate(properties, 1)
-        ]
+        written: list[Object] = []
+        for i, p in enumerate(properties, 1):
+            try:
+                written.append({"name": p.name or f"property{i}", "expression": self.query(p)})
+            except UnsupportedError as error:
+                if left_out is None:
+                    raise
+                left_out(p, error)
+        root["properties"] = written
         return root
 
     # ---------------------------------------------------------------------------------- variables
