@@ -111,8 +111,9 @@ UNCLEAR = [
 
 @pytest.mark.parametrize("text", UNCLEAR)
 def test_requests_that_are_not_understood(text: str) -> None:
-    with pytest.raises(UsageError, match="-simpath"):
+    with pytest.raises(UsageError, match=r"needs|must|unknown") as error:
         parse_path_options(text)
+    assert "-simpath" not in str(error.value)
 
 
 def test_requests() -> None:

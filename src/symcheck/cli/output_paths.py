@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 
@@ -18,6 +19,7 @@ __all__ = [
     "check_files",
     "check_results_file",
     "instance_path",
+    "of_switch",
     "write_results",
 ]
 
@@ -52,19 +54,27 @@ def _target(argument: str) -> tuple[Path, list[str]]:
     return Path(argument), ["text"] if Path(argument).suffix in _TEXT else []
 
 
+@contextmanager
+def of_switch(name: str) -> Iterator[None]:
+    """A context whose UsageErrors name a switch."""
+    try:
+        yield
+    except UsageError as error:
+        raise UsageError(f"{name}: {error}") from None
+
+
 def check_files(a: Arguments) -> None:
     """Find faults of some export switches before anything is computed. Raises UsageError."""
     if a.exportstrat is not None:
         from symcheck.exchange.strategies.files import strategy_target
 
-        strategy_target(a.exportstrat)
+        with of_switch("-exportstrat"):
+            strategy_target(a.exportstrat)
     if a.exportpareto is not None:
         from symcheck.exchange.pareto_fronts import check_front_file
 
-        try:
+        with of_switch("-exportpareto"):
             check_front_file(a.exportpareto)
-        except UsageError as error:
-            raise UsageError(f"-exportpareto: {error}") from None
     if a.exportiterations is not None:
         from symcheck.exchange.iterations import check_iterations_file
 
@@ -78,18 +88,14 @@ def check_files(a: Arguments) -> None:
     if a.exporttests is not None:
         from symcheck.check.testing.property_tests import check_report_file
 
-        try:
+        with of_switch("-exporttests"):
             check_report_file(a.exporttests)
-        except UsageError as error:
-            raise UsageError(f"-exporttests: {error}") from None
         _check_folder("-exporttests", Path(a.exporttests))
     if a.exportcounterexample is not None:
         from symcheck.check.counterexample import check_counterexample_file
 
-        try:
+        with of_switch("-exportcounterexample"):
             check_counterexample_file(a.exportcounterexample)
-        except UsageError as error:
-            raise UsageError(f"-exportcounterexample: {error}") from None
         _check_folder("-exportcounterexample", Path(a.exportcounterexample))
     if a.exportpage is not None:
         page = Path(a.exportpage)
@@ -112,7 +118,8 @@ def check_results_file(argument: str) -> None:
     from symcheck.experiments.prism_tables import render
 
     path, kinds = _target(argument)
-    render([], (), kinds)
+    with of_switch("-exportresults"):
+        render([], (), kinds)
     if not path.name:
         raise UsageError(f"-exportresults: '{argument}' names no file")
     if path.is_dir():
@@ -137,15 +144,13 @@ def write_results(argument: str, rows: Sequence[Row], varying: Sequence[str]) ->
 
     path, kinds = _target(argument)
     text = render(rows, varying, kinds)
-    try:
+    with of_switch("-exportresults"):
         if str(path) == "stdout":
             print(f"\nResults:\n\n{text}", end="", flush=True)
         elif kinds:
             write_whole(path, lambda temporary: _write(temporary, text))
         else:
             save(rows, varying, path)
-    except UsageError as error:
-        raise UsageError(f"-exportresults: {error}") from None
 
 
 def _write(path: Path, text: str) -> None:

@@ -38,7 +38,7 @@ class PathOptions:
 
 
 def parse_path_options(text: str) -> PathOptions:
-    """Parse the first argument of -simpath. Raises UsageError."""
+    """Parse what is asked of a path, such as `time=10,sep=comma`. Raises UsageError."""
     options, changes = PathOptions(), None
     for item in map(str.strip, re.split(_COMMA, text)):
         name, equals, value = (x.strip() for x in item.partition("="))
@@ -61,8 +61,7 @@ def parse_path_options(text: str) -> PathOptions:
                 )
     if sum((options.steps is not None, options.time is not None, options.deadlock)) != 1:
         raise UsageError(
-            f"-simpath: '{text}' must give the length of the path: a number of steps, time=T or "
-            "deadlock"
+            f"'{text}' must give the length of the path: a number of steps, time=T or deadlock"
         )
     shown = options.path_format.variables is not None if changes is None else changes
     return replace(options, path_format=replace(options.path_format, changes=shown))
@@ -84,18 +83,17 @@ def _format_option(path_format: PathFormat, item: str, name: str, value: str) ->
         case "snapshot":
             step = _number(item, value)
             if step == 0:
-                raise UsageError("-simpath: snapshot needs a time step above 0")
+                raise UsageError("snapshot needs a time step above 0")
             return replace(path_format, snapshot=step)
         case _:
             raise UsageError(
-                f"-simpath: unknown option '{item}'\n  hint: N, time=T or deadlock, and then "
-                f"{_OPTIONS}"
+                f"unknown option '{item}'\n  hint: N, time=T or deadlock, and then {_OPTIONS}"
             )
 
 
 def _flag(item: str, value: str) -> bool:
     if value not in ("true", "false"):
-        raise UsageError(f"-simpath: '{item}' must be true or false")
+        raise UsageError(f"'{item}' must be true or false")
     return value == "true"
 
 
@@ -105,5 +103,5 @@ def _number(item: str, value: str) -> float:
     except ValueError:
         number = -1.0
     if not 0 <= number < float("inf"):
-        raise UsageError(f"-simpath: '{item}' needs a non-negative number")
+        raise UsageError(f"'{item}' needs a non-negative number")
     return number

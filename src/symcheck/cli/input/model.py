@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from symcheck.api import Model
+from symcheck.cli.output_paths import of_switch
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import UsageError
 from symcheck.syntax.parse import is_jani, parse_model, parse_model_file
@@ -96,7 +97,8 @@ def read_model(a: Arguments) -> Model:
     from symcheck.exchange.formats.prism_reader import ModelFiles
 
     if a.importmodel is not None:
-        return imported_model(a.importmodel, a.options, a.model_type)
+        with of_switch("-importmodel"):
+            return imported_model(a.importmodel, a.options, a.model_type)
     assert a.importtrans is not None
     states, labels, state_rewards, transition_rewards = (
         None if name is None else Path(name)

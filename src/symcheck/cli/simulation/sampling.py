@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from symcheck.api import Model
 from symcheck.cli.output import Output
-from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path
+from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path, of_switch
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import NumericalError, SymcheckError, UsageError
 
@@ -81,7 +81,8 @@ def write_path(
 
     assert a.simpath is not None
     description, target = a.simpath
-    request = parse_path_options(description)
+    with of_switch("-simpath"):
+        request = parse_path_options(description)
     path = _path(a, model, request)
     output.line()
     wanted_deadlock = request.deadlock and path.end == "deadlock"

@@ -66,8 +66,7 @@ def model_files(argument: str) -> ModelFiles:
     kinds = set(listed.split(","))
     if not dot or not kinds <= {*_KINDS, "rew", "all"}:
         raise UsageError(
-            f"-importmodel: '{argument}' does not end in .all, .pexp, .umb, .drn, "
-            f"or some of .{',.'.join(_KINDS)}"
+            f"'{argument}' does not end in .all, .pexp, .umb, .drn, or some of .{',.'.join(_KINDS)}"
         )
     everything = "all" in kinds
     if everything or "rew" in kinds:
@@ -85,8 +84,7 @@ def model_files(argument: str) -> ModelFiles:
     rewards = [*filter(any, [pair("")]), *takewhile(any, map(pair, count(1)))]
     if not rewards and not everything and kinds & {"srew", "trew"}:
         raise UsageError(
-            f"-importmodel: there is no reward file '{base}.srew', '{base}1.srew', "
-            "or the same with .trew"
+            f"there is no reward file '{base}.srew', '{base}1.srew', or the same with .trew"
         )
     return ModelFiles(Path(f"{base}.tra{packed}"), one("sta"), one("lab"), tuple(rewards))
 

@@ -81,7 +81,7 @@ def strategy_target(argument: str) -> StrategyTarget:
         path, text = argument, ""
     name, compressed = uncompressed_name(path)
     if compressed and _parts(name):
-        raise UsageError("-exportstrat: the files of an induced chain are not compressed")
+        raise UsageError("the files of an induced chain are not compressed")
     options = dict(part.partition("=")[::2] for part in text.split(",") if part)
     # This option merges states with equal observations, and applies to POMDPs only.
     options.pop("obs", None)
@@ -100,7 +100,7 @@ def strategy_target(argument: str) -> StrategyTarget:
         known = (
             f"FILE:type={'|'.join(KINDS)},mode=restrict|reduce,reach=true|false,states=true|false"
         )
-        raise UsageError(f"-exportstrat: cannot read '{text}'\n  hint: {known}")
+        raise UsageError(f"cannot read '{text}'\n  hint: {known}")
     return StrategyTarget(path, kind, reach == "true", mode == "restrict", states == "true")
 
 
@@ -114,7 +114,7 @@ def _kind(name: str) -> str:
     if extension not in _TEXT:
         known = ", ".join(("FILE", *(f"FILE{e}" for e in _TEXT if e)))
         raise UsageError(
-            f"-exportstrat: '{name}': the extension '{extension}' names no kind of strategy file"
+            f"'{name}': the extension '{extension}' names no kind of strategy file"
             f"\n  hint: {known} write the actions, FILE.dot the graph, FILE.tra and FILE.all the "
             f"induced chain, '{name}:type=actions' the actions under any name"
         )
