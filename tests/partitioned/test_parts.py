@@ -177,10 +177,20 @@ def test_an_mdp_needs_a_direction() -> None:
 
 def test_several_initial_states_are_refused() -> None:
     model = symcheck.loads(
-        "dtmc module m x:[0..9]; [] x<9 -> 0.5:(x'=x+1) + 0.5:(x'=0); endmodule init x<3 endinit"
+        "dtmc module m x:[0..9]; [] x<9 -> 0.5:(x'=x+1) + 0.5:(x'=0); endmodule init x<3 endinit rewards true : 1; endrewards"
     )
-    with pytest.raises(UnsupportedError, match="one initial state"):
-        explore_on_cluster(model, cluster(2)).check("P=? [ F<=20 x=9 ]")
+    distributed = explore_on_cluster(model, cluster(2))
+    for formula in ("P=? [ F<=20 x=9 ]", "P=? [ F x=2 ]", "R=? [ F x=0 ]"):
+        with pytest.raises(UnsupportedError, match="one initial state"):
+            distributed.check(formula)
+
+
+def test_estimates_are_not_taken_for_bounds() -> None:
+    """A method without bounds is not used, also where there is one part."""
+    model = symcheck.loads(WALK, method="jacobi", epsilon=1e-3)
+    result = explore_on_cluster(model, cluster(1)).check("P=? [ x>0 U x=N ]")
+    assert isinstance(result.accuracy, Certified)
+    assert result.accuracy.lower <= 0.5 <= result.accuracy.upper
 
 
 def test_an_undecided_threshold_is_an_error() -> None:

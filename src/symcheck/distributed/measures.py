@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from math import nextafter
 from time import perf_counter
 from typing import NamedTuple, assert_never
 
@@ -120,7 +121,7 @@ class Measures:
             case Negated(operand):
                 dual = None if direction is None else direction.dual
                 lower, upper, method = self._probability(operand, dual, labels)
-                return Bounds(1 - upper, 1 - lower, method)
+                return Bounds(_complement(upper, 0.0), _complement(lower, 1.0), method)
             case UntilReached(StateFormula(left), StateFormula(right), extent):
                 window = only_window(extent)
                 if window.lower or window.lower_strict:
@@ -303,7 +304,8 @@ class Measures:
 
     def _solve(self, *, is_reward: bool = False) -> Bounds:
         if len(self.parts) == 1:
-            settings = replace(self.options, epsilon=self.epsilon)
+            # Estimates of other methods are no bounds.
+            settings = replace(self.options, epsilon=self.epsilon, method="auto")
             ((lower, upper, method),) = self.parts.call(Part.solve_alone, settings)
             return Bounds(lower, upper, method)
         found = self._iterate(is_reward)
@@ -391,8 +393,13 @@ class Measures:
             self.parts.folder.forget(self.formula)
 
 
+def _complement(bound: float, towards: float) -> float:
+    """1 minus a bound, rounded towards a value; exact for 0 and 1."""
+    return 1.0 - bound if bound in (0.0, 1.0) else nextafter(1.0 - bound, towards)
+
+
 def _any_messages(outgoing: list[list[Message]]) -> bool:
-    return any(len(places) for messages in outgoing for places, _ in messages)
+    return any(places is None or len(places) > 0 for messages in outgoing for places, _ in messages)
 
 
 def decided(lower: float, upper: float, operator: Operator, threshold: Fraction) -> bool | None:

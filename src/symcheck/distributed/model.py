@@ -210,6 +210,8 @@ class DistributedModel:
         Args:
             labels: state formulas of the properties file by name.
         """
+        if self.initial != 1:
+            raise UnsupportedError("a distributed model is checked from one initial state")
         started = perf_counter()
         if isinstance(formula, Measure) and formula.bound is not None:
             return self._verdict(formula, labels, formula.bound, started)

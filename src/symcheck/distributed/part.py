@@ -36,8 +36,8 @@ from symcheck.syntax.ast import Expression, ModelType
 
 __all__ = ["Counts", "Message", "Part"]
 
-Message = tuple[Int32s, NDArray[np.generic]]
-"""Places in the list of the ghosts of a part, and their values."""
+Message = tuple[Int32s | None, NDArray[np.generic]]
+"""Places in the list of the ghosts of a part (None: all of them), and their values."""
 
 _UNIT_ROUNDOFF = float(np.finfo(np.float64).eps)
 
@@ -152,7 +152,7 @@ class Part:
             members = np.asarray(holds(self._rows.states, self._rows.deadlocks), np.bool_)
             bits[: self._n] |= members.astype(np.uint8) << np.uint8(bit)
         self._bits = bits
-        return [(np.arange(len(s), dtype=np.int32), bits[s]) for s in self._rows.sent]
+        return [(None, bits[s]) for s in self._rows.sent]
 
     def receive_sets(self, incoming: Sequence[Message]) -> None:
         """Complete the sets by the ghosts; `through` are the states of `left` and not `right`."""
@@ -354,7 +354,8 @@ class Part:
 
         threshold: relative changes up to this one are not passed on.
         """
-        self._activate_before(self._receive(self._lower, incoming))
+        self._receive(self._lower, incoming)
+        self._activate_before(self._ghosts(incoming))
         left = self._system.raise_lower(
             self._lower, self._active, threshold, tuning.SWEEPS_PER_ROUND
         )
@@ -385,7 +386,8 @@ class Part:
         bounds, and messages.
         """
         assert self._upper is not None
-        self._activate_before(self._receive(self._upper, incoming))
+        self._receive(self._upper, incoming)
+        self._activate_before(self._ghosts(incoming))
         left, violated = self._system.lower_upper(
             self._upper,
             self._active,
@@ -473,6 +475,11 @@ class Part:
             if threshold:
                 with np.errstate(invalid="ignore"):
                     changed &= np.abs(new - told) > threshold * new
+            count = np.count_nonzero(changed)
+            if count > tuning.DENSE_SHARE * len(new):
+                told[:] = new
+                messages.append((None, new))
+                continue
             places = np.flatnonzero(changed).astype(np.int32)
             told[places] = new[places]
             messages.append((places, new[places]))
@@ -481,13 +488,16 @@ class Part:
     def _ghosts(self, incoming: Sequence[Message]) -> Int32s:
         """The ghosts that messages are about."""
         starts = self._rows.starts
-        found = [
-            (starts[part] + places).astype(np.int32) for part, (places, _) in enumerate(incoming)
-        ]
+        found = [np.empty(0, np.int32)]
+        for part, (places, _) in enumerate(incoming):
+            first, last = starts[part], starts[part + 1]
+            ghosts = np.arange(first, last) if places is None else first + places
+            found.append(ghosts.astype(np.int32))
         return np.concatenate(found)
 
-    def _receive(self, values: NDArray[np.generic], incoming: Sequence[Message]) -> Int32s:
-        """Write values of ghosts; which ones."""
-        ghosts = self._ghosts(incoming)
-        values[ghosts] = np.concatenate([v for _, v in incoming])
-        return ghosts
+    def _receive(self, values: NDArray[np.generic], incoming: Sequence[Message]) -> None:
+        """Write values of ghosts."""
+        starts = self._rows.starts
+        for part, (places, new) in enumerate(incoming):
+            of_part = values[starts[part] : starts[part + 1]]
+            of_part[slice(None) if places is None else places] = new

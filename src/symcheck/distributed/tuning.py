@@ -28,6 +28,9 @@ SWEEPS_PER_ROUND = 32
 FIRST_TOLERANCE = 0.1
 """At first, changes of lower bounds below this share of the requested width are not passed on."""
 
+DENSE_SHARE = 0.6
+"""Values are sent without their places if more than this share of them has changed."""
+
 MAX_ROUNDS = 1_000_000
 """Rounds after which an iteration is given up."""
 
