@@ -118,9 +118,10 @@ def _resolvent(
     reached, parent = components.breadth_first(back[0], back[1], (right > 0.0).view(np.uint8))
     nearest = np.append(reached, np.flatnonzero(parent == -2).astype(np.int32))
     del back
-    trials = [(nearest, tuning.TRUNCATION_SWEEPS)]
+    trials = [(nearest, tuning.TRUNCATION_SWEEPS[-1])]
     if not transposed:
-        trials.insert(0, (graph.sccs(rates).order, tuning.COMPONENT_ORDER_SWEEPS))
+        orders = (graph.sccs(rates).order, nearest) * 2
+        trials = list(zip(orders, tuning.TRUNCATION_SWEEPS, strict=True))
     for order, sweeps in trials:
         block = system.block(order, np.zeros((rates.states, 2)))
         if block.optimistic_value_iteration(1.0, True, sweeps)[0]:
