@@ -25,12 +25,13 @@ from symcheck.syntax.ast import ModelType
 
 __all__ = ["load_strategy", "undecided_states"]
 
-_LINE = re.compile(r"(\([^()]*\)|\d+)(?:,(\d+))?[=:](.*)")
-_FIRST = re.compile(r"#memory:(\d+)")
-_CHANGE = re.compile(r"#(\([^()]*\)|\d+),(\d+)->(\d+(?:\+\d+)*)")
-_SHARE = r"\d+(?:\.\d*)?(?:[eE]-?\d+)?(?:/\d+)?"
+_NUMBER = r"\d{1,18}"
+_LINE = re.compile(rf"(\([^()]*\)|{_NUMBER})(?:,({_NUMBER}))?[=:](.*)")
+_FIRST = re.compile(rf"#memory:({_NUMBER})")
+_CHANGE = re.compile(rf"#(\([^()]*\)|{_NUMBER}),({_NUMBER})->({_NUMBER}(?:\+{_NUMBER})*)")
+_SHARE = r"(?:\d{1,400}/0*[1-9]\d{0,400}|\d{1,400}(?:\.\d{0,400})?(?:[eE]-?\d{1,3})?)"
 _MIXED = re.compile(rf"{_SHARE}:\w*(?:\+{_SHARE}:\w*)*")
-_INDICES = re.compile(rf".*[=:]\d+|.*=({_SHARE}:\d+)(\+{_SHARE}:\d+)*")
+_INDICES = re.compile(rf"[^=:]*(?:[=:]{_NUMBER}|={_SHARE}:{_NUMBER}(\+{_SHARE}:{_NUMBER})*)")
 _SUM = Fraction(1, 10**9)
 """Probabilities that sum to 1 up to this are taken for rounded; they are divided by their sum."""
 
@@ -171,7 +172,8 @@ class _File:
         shares = [Fraction(share) for share, _ in parts]
         total = sum(shares, Fraction(0))
         if abs(total - 1) > _SUM:
-            message = f"the probabilities of the choices sum to {float(total):g}, not 1"
+            shown = f"{float(total):g}" if total < 1000 else "more than 1000"
+            message = f"the probabilities of the choices sum to {shown}, not 1"
             self.file.fault(line, message, "sum")
         rows = [self._row(line, pair[0], choice, index=index) for _, choice in parts]
         return _Decision(line, rows, [s / total for s in shares], [pair[1]] * len(rows))
