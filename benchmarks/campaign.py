@@ -62,6 +62,7 @@ ROUNDING = Fraction(1, 10**10)
 """The largest error of values that are exact up to rounding, relative to them."""
 
 Outcome = Result | BaseException
+Bounds = tuple[float | Fraction, float | Fraction]
 
 
 def random_case(seed: str) -> tuple[str, list[str]]:
@@ -139,22 +140,36 @@ def _values_differ(found: Result, true: Result) -> str:
             return "" if near else "front"
         case (list(), _) | (_, list()):
             return "kind of value"
-    low, high = found.bounds
-    least, greatest = true.bounds
+    pairs = zip(_ends(found), _ends(true), strict=True)
+    kinds = (_bounds_differ(*pair, overlap=isinstance(true.accuracy, Certified)) for pair in pairs)
+    return next(filter(None, kinds), "" if _is_narrow(found) else "wide")
+
+
+def _bounds_differ(found: Bounds, true: Bounds, *, overlap: bool) -> str:
+    """Whether bounds do not contain the true ones, or, of which none is known, not overlap."""
+    (low, high), (least, greatest) = found, true
     if isnan(low) or isnan(least):
         return "" if isnan(low) and isnan(least) else "NaN"
-    slack = _slack(found, high) + _slack(true, greatest)
-    if isinstance(true.accuracy, Certified) and not isinstance(true.value, tuple):
-        return "" if low - slack <= greatest and least <= high + slack else "apart"
-    if low > least + slack or high < greatest - slack:
-        return "outside"
-    return "" if _is_narrow(found) else "wide"
+    if overlap:
+        return "" if low <= greatest and least <= high else "apart"
+    return "" if low <= least and greatest <= high else "outside"
 
 
-def _slack(result: Result, value: object) -> Fraction:
-    if isinf(value) or not isinstance(result.accuracy, Exact) or not result.accuracy.rounding:
-        return Fraction(0)
-    return ROUNDING * abs(Fraction(value))
+def _ends(result: Result) -> list[Bounds]:
+    """The bounds of a number, or of the least and greatest one over several initial states."""
+    pair = isinstance(result.value, tuple)
+    values = result.value if pair else result.bounds
+    match result.accuracy:
+        case Certified() as within if pair:
+            radius = Fraction(within.epsilon)
+        case Exact(rounding=True):
+            radius = Fraction(0)
+        case _:
+            return [(v, v) for v in values] if pair else [values]
+    wide = [v if isinf(v) or isnan(v) else Fraction(v) for v in values]
+    slack = [0 if isinstance(v, float) else radius + ROUNDING * abs(v) for v in wide]
+    ends = [(v - s, v + s) for v, s in zip(wide, slack, strict=True)]
+    return ends if pair else ends[:1]
 
 
 def _is_narrow(result: Result) -> bool:

@@ -22,19 +22,23 @@ from types import FrameType
 
 import atheris
 
-PACKAGES = ["automata", "check", "exchange", "semantics", "syntax"]
+HERE = Path(__file__).resolve().parent.parent
+PACKAGES = ("automata", "check", "exchange", "semantics", "syntax")
 """What is instrumented, for all of the program: modules are imported where they are used."""
-FAILS = ["symcheck.exchange.formats.prism_writer"]
-"""What atheris cannot instrument."""
+FAILS = ("symcheck.exchange.formats.prism_writer",)  # in atheris 3.0
+MODULES = [
+    ".".join(path.relative_to(HERE / "src").with_suffix("").parts)
+    for path in (HERE / "src").rglob("*.py")
+]
 atheris.instrument_imports(
-    include=[*(f"symcheck.{name}" for name in PACKAGES), "umbi"], exclude=FAILS
+    include=["symcheck", "umbi"],
+    exclude=[m for m in MODULES if m in FAILS or m.split(".")[1] not in PACKAGES],
 ).__enter__()
 import symcheck  # noqa: E402
 from symcheck.errors import InternalError, SymcheckError, TimeLimitError  # noqa: E402
 from symcheck.semantics.binding.bind_model import undefined_constants  # noqa: E402
 from symcheck.semantics.model import BoundModel  # noqa: E402
 
-HERE = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(HERE / "tests"))
 from generate import random_question, wild_model  # noqa: E402
 
@@ -64,7 +68,7 @@ SECONDS = 5
 MOST_STATES = 1000
 """Of models and files that are built."""
 
-TOKEN = re.compile(rb"\s+|[A-Za-z_]+|\d+(?:\.\d+)?|.", re.DOTALL)
+TOKEN = re.compile(rb"\s+|[A-Za-z_]\w*|\d+(?:\.\d+)?|.", re.DOTALL)
 
 
 def small(bound: BoundModel) -> bool:
@@ -203,15 +207,24 @@ class Faults:
         print(f"fault {len(self.known)}: {kind[0]}: {error} at {kind[1]}", flush=True)
 
 
+def kind(word: bytes) -> bytes:
+    """What may stand where the word stands: another name, number or operator, or only itself."""
+    if word[:1].isdigit():
+        return b"number"
+    if word in b"+-*/<>=&|!":
+        return b"operator"
+    return b"name" if len(word) < 3 and word[:1].isalpha() else word
+
+
 def mutated(data: bytes, most: int, seed: int) -> bytes:
     """Words moved, repeated, left out or taken from another place; or what libFuzzer does."""
     rng = Random(seed)
     if rng.random() < 0.2:
         return bytes(atheris.Mutate(data, most))
     words = TOKEN.findall(data) or [b" "]
-    for _ in range(rng.randint(1, 4)):
+    for _ in range(rng.randint(1, 6)):
         at, length = rng.randrange(len(words)), rng.choice((1, 1, 1, 3, 10))
-        match rng.randrange(4):
+        match rng.choice((0, 1, 2, 3, *(4,) * 20)):
             case 0:
                 del words[at : at + length]
             case 1:
@@ -221,6 +234,8 @@ def mutated(data: bytes, most: int, seed: int) -> bytes:
             case 3:
                 other = rng.randrange(len(words))
                 words[at:at] = words[other : other + length]
+            case 4:  # what is likely to follow the grammar
+                words[at] = rng.choice(ALIKE.get(kind(words[at]), [words[at]]))
         words = words or [b" "]
     return b"".join(words)[:most]
 
@@ -250,6 +265,9 @@ if __name__ == "__main__":
         b"inf",
         b"\xff",
     ]
+    ALIKE: dict[bytes, list[bytes]] = {}
+    for word in WORDS:
+        ALIKE.setdefault(kind(word), []).append(word)
     for i, text in enumerate(seeds):
         (corpus / f"seed{i}").write_bytes(text)
     signal.signal(signal.SIGALRM, stop)
