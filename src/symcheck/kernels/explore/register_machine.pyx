@@ -213,7 +213,7 @@ def evaluate(const int[:, ::1] code, long long[::1] registers) -> int:
     return execute(program, program, <Register*> &registers[0])
 
 
-def apply_to_doubles(op: int, const double[::1] x, const double[::1] y) -> Floats:
+def apply_to_doubles(op: int, const double[:] x, const double[:] y) -> Floats:
     """The doubles that an operation on two doubles gives for each pair.
 
     Args:
@@ -225,6 +225,8 @@ def apply_to_doubles(op: int, const double[::1] x, const double[::1] y) -> Float
     cdef Instruction[2] code = [Instruction(op, 2, 0, 1), Instruction(Op.HALT, 0, 0, 0)]
     cdef Register[3] r
     cdef Py_ssize_t i
+    if x.shape[0] != y.shape[0]:
+        raise ValueError("the operands differ in length")
     result = np.empty(x.shape[0])
     cdef double[::1] out = result
     with nogil:
