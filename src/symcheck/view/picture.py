@@ -22,6 +22,9 @@ Kind = Literal["row", "column", "pair", "leaf", "root", "state", "initial", "mar
 Emphasis = Literal["", "chosen", "other", "path"]
 Format = Literal["svg", "png", "pdf"]
 
+_MOST_LABELS_WITHIN_LAYERS = 150
+"""With more of them, Graphviz would take minutes to rank the nodes, and nobody could read them."""
+
 _STATE = 'shape=box, style="rounded,filled", margin="0.09,0.04", width=0.4, height=0.3'
 _STYLES: dict[Kind, str] = {
     "row": 'shape=ellipse, style=filled, fillcolor="#dce9f7"',
@@ -120,17 +123,20 @@ class Picture:
             )
         layer = {n.name: n.layer for n in self.nodes}
         # An edge with a label needs room along its length, and has none within a rank.
-        loose = {
-            layer[e.source]
+        within = {
+            e
             for e in self.edges
             if e.label and e.source != e.target and layer[e.source] == layer[e.target]
         }
+        crowded = within if len(within) > _MOST_LABELS_WITHIN_LAYERS else set[Edge]()
+        loose = {layer[e.source] for e in within - crowded}
         for number, name in enumerate(self.layers):
             members = " ".join(f"{_quoted(n.name)};" for n in self.nodes if n.layer == number)
             if members and number not in loose:
                 lines.append(f"  {{ rank=same; {members} }}" + (f" // {name}" if name else ""))
         for edge in self.edges:
-            label = f"label={_quoted(_padded(edge.label))}" if edge.label else ""
+            labelled = edge.label and edge not in crowded
+            label = f"label={_quoted(_padded(edge.label))}" if labelled else ""
             classes = f"class={_quoted(edge.classes)}" if edge.classes else ""
             dashed = "style=dashed" if edge.dashed else ""
             parts = (label, dashed, _EMPHASES[edge.emphasis], classes)
