@@ -16,7 +16,7 @@ def test_what_is_whole_keeps_its_number():
     assert len(texts.file.properties) == 4
     assert list(texts.unparsed) == [1]
     assert texts.unparsed[1].text == "P=? [ F x="
-    assert "-pf:1:26" in str(texts.unparsed[1].fault)
+    assert "<properties>:1:26" in str(texts.unparsed[1].fault)
     assert [p.span.text for i, p in enumerate(texts.file.properties) if i != 1] == [
         "P=? [ F x=1 ]",
         "x=0",

@@ -248,7 +248,7 @@ def test_equal_actions_need_indices(tmp_path):
     text = "mdp module m x:[0..1]; [a] x=0 -> true; [a] x=0 -> (x'=1); [a] x=1 -> true; endmodule"
     model = symcheck.loads(text)
     (tmp_path / "s.txt").write_text("(0)=a\n")
-    with pytest.raises(SyntaxFault, match=r"(?s)2 choices with action 'a'.*type=indices"):
+    with pytest.raises(SyntaxFault, match=r"(?s)2 choices with action 'a'.*type indices"):
         symcheck.load_strategy(model, tmp_path / "s.txt")
     (tmp_path / "s.txt").write_text("0=1\n")
     chain = symcheck.induced_chain(model, symcheck.load_strategy(model, tmp_path / "s.txt"))

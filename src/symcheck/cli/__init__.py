@@ -44,9 +44,13 @@ def main(words: list[str] | None = None) -> int:
         gc.enable()
         return run_safely(words, started)
     except Exception as error:  # the errors of a run are reported there
-        from symcheck.machine import memory_ended
+        try:
+            from symcheck.machine import memory_ended
 
-        if words is None and memory_ended(error):
+            ended = memory_ended(error)
+        except (ImportError, MemoryError):  # there is no memory for this module either
+            ended = True
+        if words is None and ended:
             _leave("there is not enough memory", 3)
         raise
 
