@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from collections.abc import Callable
 from time import perf_counter, sleep
@@ -30,6 +31,7 @@ def in_thread(call: Callable[[], object]) -> None:
     errors: list[BaseException] = []
 
     def run() -> None:
+        sys.settrace(None)  # an interrupt within the tracer of coverage would leave its lock held
         try:
             call()
         except BaseException as error:

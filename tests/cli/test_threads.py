@@ -21,7 +21,12 @@ ENDLESS = """dtmc module m x : [0..100000000]; y : [0..100000000];
 
 def in_thread(*words: str) -> int:
     statuses: list[int] = []
-    thread = threading.Thread(target=lambda: statuses.append(main(list(words))))
+
+    def run() -> None:
+        sys.settrace(None)  # an interrupt within the tracer of coverage would leave its lock held
+        statuses.append(main(list(words)))
+
+    thread = threading.Thread(target=run)
     thread.start()
     thread.join()
     return statuses[0]
