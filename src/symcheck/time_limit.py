@@ -19,6 +19,9 @@ T = TypeVar("T")
 
 PATIENCE = 0.1  # seconds until an interrupt without effect is repeated
 
+_LOCKING = {"threading", "importlib", "_frozen_importlib", "_weakrefset", "logging", "coverage"}
+"""Modules in whose functions an interrupt may leave a lock held."""
+
 
 class _Deadline(threading.local):
     """When the time limit of the outermost call of a thread ends, by `monotonic`."""
@@ -156,7 +159,8 @@ class _AlarmTimer:
 class ThreadTimer:
     """A thread that interrupts the one that has made it, at one of its next instructions.
 
-    Compiled loops that last long watch the time limit themselves.
+    Compiled loops that last long watch the time limit themselves. Both threads share only what one
+    call of C changes: an interrupt within a lock of Python's would leave it held.
 
     Args:
         seconds: until then.
@@ -168,28 +172,49 @@ class ThreadTimer:
         self._seconds = seconds
         self._tell = tell
         self._target = threading.get_ident()
-        self._over = threading.Event()
-        self._acknowledged = False
-        self._thread: threading.Thread | None = None
+        self._started = False
+        self._over = False
+        self._alarm = threading.Lock()  # held until the thread is to end
+        self._has_ended = False
+        self._running = threading.Lock()  # held until it has ended
 
     def start(self) -> None:
         """Start the time."""
         _DESTRUCTORS.watch(self)
-        self._thread = threading.Thread(target=self._interrupt, daemon=True)
-        self._thread.start()
+        self._alarm.acquire()
+        self._running.acquire()
+        self._started = True
+        threading.Thread(target=self._interrupt, daemon=True).start()
 
     def _interrupt(self) -> None:
+        # CPython 3.11 repeats a traced call for ever while an error is set for a thread that waits.
+        sys.settrace(None)
+        sys.setprofile(None)
         seconds = self._seconds
-        while not self._over.wait(seconds):
+        patience = PATIENCE
+        while not self._is_over_within(seconds):
             self.expired = True
             self._tell()
-            if not self._acknowledged:
+            self._wait_for_locks()
+            if not self._over:
                 self._raise()
-            seconds = PATIENCE
+            seconds = patience
+            patience *= 2  # the thread may be busy with its clauses `finally`
+        self._has_ended = True
+        self._running.release()
 
-    def acknowledge(self) -> None:
-        """The interrupt has taken effect, and is not repeated."""
-        self._acknowledged = True
+    def _is_over_within(self, seconds: float) -> bool:
+        self._alarm.acquire(timeout=min(seconds, threading.TIMEOUT_MAX))
+        return self._over
+
+    def _wait_for_locks(self) -> None:
+        """Wait at most a second until the thread is not in a module that may just take a lock."""
+        for _ in range(1000):
+            frame = sys._current_frames().get(self._target)
+            if frame is None or frame.f_globals.get("__name__", "").split(".")[0] not in _LOCKING:
+                return
+            if self._is_over_within(0.001):
+                return
 
     def end(self) -> None:
         """End the thread, and receive the error that it may still have set for this one.
@@ -197,13 +222,16 @@ class ThreadTimer:
         A last one is set and raised here: withdrawing it would leave CPython 3.11 looking for an
         error at every call, and for ever where calls are traced.
         """
-        if self._thread is None:
+        if not self._started:
             return
         ended = False
         while True:
             try:
-                self._over.set()
-                self._thread.join()
+                self._over = True
+                if self._alarm.locked():
+                    self._alarm.release()
+                if not self._has_ended:
+                    self._running.acquire()
                 ended = True
                 if not self.expired:
                     break
@@ -213,7 +241,7 @@ class ThreadTimer:
             except KeyboardInterrupt:
                 if ended:
                     break
-        self._thread = None
+        self._started = False
         _DESTRUCTORS.leave(self)
 
     def _raise(self) -> None:

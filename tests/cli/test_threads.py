@@ -23,7 +23,6 @@ def in_thread(*words: str) -> int:
     statuses: list[int] = []
 
     def run() -> None:
-        sys.settrace(None)  # an interrupt within the tracer of coverage would leave its lock held
         statuses.append(main(list(words)))
 
     thread = threading.Thread(target=run)

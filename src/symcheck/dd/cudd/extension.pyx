@@ -40,7 +40,7 @@ __all__ = [
     "from_bits", "from_rows", "from_table", "import_nodes", "import_sets", "pick", "shared_size",
 ]
 
-_TIME = "the time limit was reached while working on decision diagrams: raise it (-timeout, time_limit) or try another engine"
+_TIME = "the time limit was reached in an operation on decision diagrams\n  hint: raise it, or try another engine"
 
 cdef bint loaded = False
 
