@@ -134,6 +134,8 @@ def memory_ended(error: BaseException) -> bool:
             return True
         case ImportError() | RuntimeError() if any(words in str(error) for words in _WORDS):
             return True
+        case SystemError() if "without" in str(error) and "exception" in str(error):
+            return True  # CPython has lost the MemoryError
         case _:
             return error.__context__ is not None and memory_ended(error.__context__)
 

@@ -7,20 +7,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
+import counters
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-
-
-@pytest.fixture(scope="module")
-def counters():
-    sys.path.insert(0, str(BENCHMARKS))
-    try:
-        import counters
-
-        return counters
-    finally:
-        sys.path.remove(str(BENCHMARKS))
 
 
 def test_nothing_has_grown():
@@ -34,7 +23,7 @@ def test_nothing_has_grown():
     assert ran.returncode == 0, ran.stdout[-2000:] + ran.stderr
 
 
-def test_growth_is_noticed(counters):
+def test_growth_is_noticed():
     reference = json.loads(counters.REFERENCE.read_text())
     name = next(iter(reference))
     worse = {**reference, name: {**reference[name], "lookups": 2 * reference[name]["lookups"]}}
@@ -44,26 +33,26 @@ def test_growth_is_noticed(counters):
     ]
 
 
-def test_a_case_cannot_be_dropped(counters):
+def test_a_case_cannot_be_dropped():
     reference = json.loads(counters.REFERENCE.read_text())
     name = next(iter(reference))
     assert counters.grown({k: v for k, v in reference.items() if k != name}, reference)
 
 
-def test_the_number_of_states_is_exact(counters):
+def test_the_number_of_states_is_exact():
     reference = json.loads(counters.REFERENCE.read_text())
     name = next(iter(reference))
     wrong = {**reference, name: {**reference[name], "states": reference[name]["states"] - 1}}
     assert len(counters.grown(wrong, reference)) == 1
 
 
-def test_a_small_run_imports_few_libraries(counters):
+def test_a_small_run_imports_few_libraries():
     """Each of scipy, matplotlib, dd (with CUDD), flint and rich costs more than the whole run."""
     roots = {name.partition(".")[0] for name in counters.imported()} - sys.stdlib_module_names
     assert {name for name in roots if "cython" not in name} == {"lark", "numpy", "symcheck"}
 
 
-def test_modules_may_not_creep_in(counters):
+def test_modules_may_not_creep_in():
     reference = json.loads(counters.REFERENCE.read_text())
     more = {**reference, "start-up": {"modules": reference["start-up"]["modules"] + 3}}
     assert len(counters.grown(more, reference)) == 1

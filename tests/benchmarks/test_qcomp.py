@@ -5,24 +5,13 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from types import ModuleType
 
 import pytest
+import qcomp
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 COIN = "dtmc const int N; module m x : [0..N]; [] x=0 -> 1/2 : (x'=1) + 1/2 : true; endmodule"
 PROPERTIES = '"one": P=? [ F<=1 x=1 ]; "sure": P>=1 [ F x=1 ]; "unknown": P=? [ F<=2 x=1 ];'
-
-
-@pytest.fixture(scope="module")
-def qcomp() -> ModuleType:
-    sys.path.insert(0, str(BENCHMARKS))
-    try:
-        import qcomp
-
-        return qcomp
-    finally:
-        sys.path.remove(str(BENCHMARKS))
 
 
 @pytest.fixture
@@ -39,7 +28,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "set"
 
 
-def test_every_property_of_each_instance_is_a_task(qcomp: ModuleType, folder: Path) -> None:
+def test_every_property_of_each_instance_is_a_task(folder: Path) -> None:
     tasks = qcomp.tasks(folder)
     assert [(t.name, t.states, t.reference) for t in tasks] == [
         ("coin: coin N=1: one", 2, 0.5),
@@ -48,7 +37,7 @@ def test_every_property_of_each_instance_is_a_task(qcomp: ModuleType, folder: Pa
     ]
 
 
-def test_runs_are_measured_once_and_summarised(qcomp: ModuleType, folder: Path) -> None:
+def test_runs_are_measured_once_and_summarised(folder: Path) -> None:
     out = folder / "measured.jsonl"
     words = [str(folder), "--out", str(out), "--tools", "symcheck", "--only", "one", "sure"]
     qcomp.main(words)
@@ -67,7 +56,7 @@ def test_runs_are_measured_once_and_summarised(qcomp: ModuleType, folder: Path) 
 
 
 def test_a_limit_is_kept_and_larger_instances_are_left_out(
-    qcomp: ModuleType, folder: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(qcomp, "command", lambda *_: [sys.executable, "-c", "while True: pass"])
     row = qcomp.run(qcomp.tasks(folder)[0], "symcheck", 1, 8000)
@@ -97,6 +86,6 @@ def test_a_limit_is_kept_and_larger_instances_are_left_out(
     ],
 )
 def test_results_are_compared_with_the_reference(
-    qcomp: ModuleType, value: str, reference: float | bool | None, verdict: str
+    value: str, reference: float | bool | None, verdict: str
 ) -> None:
     assert qcomp.verdict(value, reference) == verdict

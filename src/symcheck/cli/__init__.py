@@ -48,7 +48,7 @@ def main(words: list[str] | None = None) -> int:
             from symcheck.machine import memory_ended
 
             ended = memory_ended(error)
-        except (ImportError, MemoryError):  # there is no memory for this module either
+        except Exception:  # there is no memory for this module either
             ended = True
         if words is None and ended:
             _leave("there is not enough memory", 3)

@@ -15,6 +15,7 @@ import numpy as np
 from symcheck.distributed import tuning
 from symcheck.distributed.partition import Partition
 from symcheck.errors import ResourceError
+from symcheck.explicit.build import row_arrays
 from symcheck.explicit.faults import raise_model_fault
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.states import Rows, StateLayout
@@ -22,7 +23,6 @@ from symcheck.explicit.tables import tables
 from symcheck.kernels.explore.breadth_first import Explorer, Outcome, malloc_trim
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["PartExploration", "PartRows"]
 
@@ -153,7 +153,7 @@ class PartExploration:
         counts = np.bincount(owners[others], minlength=parts)
         deadlocks = np.zeros(len(own), np.bool_)
         deadlocks[rank[e.deadlocks]] = True
-        matrix, rewards = self._matrix(order, rank)
+        matrix, _, rewards = row_arrays(e.rows, order, rank, self._model)
         malloc_trim()
         return PartRows(
             states,
@@ -164,22 +164,3 @@ class PartExploration:
             np.sort(rank[self._initial].astype(np.int64)),
             rewards,
         )
-
-    def _matrix(self, order: Int32s, rank: Int32s) -> tuple[SparseMatrix, list[Floats]]:
-        result, n = self._explorer.rows, len(order)
-        groups = np.zeros(n + 1, np.int64) if self._model.type is ModelType.MDP else None
-        indptr = np.zeros(result.closed + 1, np.int64)
-        indices, data = np.empty(result.entries, np.int32), np.empty(result.entries)
-        earning = [any(not i.on_states for i in r.items) for r in self._model.rewards]
-        rewards = [np.empty(result.closed) if e else np.zeros(result.closed) for e in earning]
-        result.build(
-            order,
-            rank,
-            indptr,
-            indices,
-            data,
-            groups,
-            np.empty(result.closed, np.int32),
-            [r for r, e in zip(rewards, earning, strict=True) if e],
-        )
-        return SparseMatrix(indptr, indices, data, n, groups), rewards

@@ -62,8 +62,8 @@ def check_many(
 
     Tasks are read when they are done, and neither models nor results are kept: the iterable may be
     endless. A faulty task, such as a file that cannot be read, has one row with an error, and the
-    others go on. So has a property that does not follow the grammar, after
-    the other rows of its task.
+    others go on. So has a property that does not follow the grammar, after the other rows of its
+    task.
 
     Args:
         checks: the tasks: `Check`, or tuples of model, properties, constants and options, of which

@@ -32,7 +32,7 @@ from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateLayout, StateTable
 from symcheck.explicit.tables import tables, total_reward
-from symcheck.kernels.explore.breadth_first import Explorer, Outcome, malloc_trim
+from symcheck.kernels.explore.breadth_first import CsrBuilder, Explorer, Outcome, malloc_trim
 from symcheck.machine import available_memory
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.options import Options
@@ -44,11 +44,36 @@ if TYPE_CHECKING:
     from symcheck.explicit.orbits import StateOrbits
     from symcheck.semantics.reduction.symmetry import Symmetry
 
-__all__ = ["Exploration", "ExplorationObserver", "ExplorationProgress", "explore"]
+__all__ = ["Exploration", "ExplorationObserver", "ExplorationProgress", "explore", "row_arrays"]
 
 _EXAMPLES = 3  # deadlock states in a message
 _NO_BUDGET = 1 << 62
 _LESS_MEMORY = f"-cuddmaxmem gives more; {SMALLER_ENGINES}"
+
+
+def row_arrays(
+    rows: CsrBuilder, order: Int32s, rank: Int32s, model: BoundModel
+) -> tuple[SparseMatrix, Int32s, list[Floats]]:
+    """The matrix of explored rows, the action of each row, and its reward in each structure.
+
+    Args:
+        rows: the rows; they release their memory.
+        order: int32[n], the states in the order of the matrix. States without rows come last.
+        rank: int32[n], the inverse of `order`.
+        model: the model that was explored.
+
+    Returns:
+        The matrix, int32[rows], and a float64[rows] for each reward structure.
+    """
+    groups = np.zeros(len(order) + 1, np.int64) if model.type is ModelType.MDP else None
+    indptr = np.zeros(rows.closed + 1, np.int64)
+    indices, data = np.empty(rows.entries, np.int32), np.empty(rows.entries)
+    actions = np.empty(rows.closed, np.int32)
+    earning = [any(not item.on_states for item in r.items) for r in model.rewards]
+    rewards = [np.empty(rows.closed) if e else np.zeros(rows.closed) for e in earning]
+    earned = [r for r, e in zip(rewards, earning, strict=True) if e]
+    rows.build(order, rank, indptr, indices, data, groups, actions, earned)
+    return SparseMatrix(indptr, indices, data, len(order), groups), actions, rewards
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,7 +284,7 @@ class Exploration:
         e.states.drop_rows()
         deadlocks = np.sort(rank[e.deadlocks].astype(np.int64))
         self._check_deadlocks(states, deadlocks)
-        matrix, actions, choice_rewards = self._matrix(order, rank)
+        matrix, actions, choice_rewards = row_arrays(self._explorer.rows, order, rank, self.model)
         initial = np.sort(rank[: len(self._initial)].astype(np.int64))  # they were found first
         represented = None
         if self.orbits is not None:
@@ -308,29 +333,6 @@ class Exploration:
                 for i in deadlocks[:_EXAMPLES]
             ]
             raise ModelFault(state_faults.deadlocks(examples, len(deadlocks)))
-
-    def _matrix(self, order: Int32s, rank: Int32s) -> tuple[SparseMatrix, Int32s, list[Floats]]:
-        n, result = len(order), self._explorer.rows
-        groups = np.empty(n + 1, np.int64) if self.model.type is ModelType.MDP else None
-        indptr, indices, data = (
-            np.empty(result.closed + 1, np.int64),
-            np.empty(result.entries, np.int32),
-            np.empty(result.entries),
-        )
-        actions = np.empty(result.closed, np.int32)
-        having = [any(not i.on_states for i in r.items) for r in self.model.rewards]
-        rewards = [np.empty(result.closed) if h else np.zeros(result.closed) for h in having]
-        result.build(
-            order,
-            rank,
-            indptr,
-            indices,
-            data,
-            groups,
-            actions,
-            [r for r, h in zip(rewards, having, strict=True) if h],
-        )
-        return SparseMatrix(indptr, indices, data, n, groups), actions, rewards
 
     def _state_rewards(self, states: StateTable) -> list[Floats]:
         result = []

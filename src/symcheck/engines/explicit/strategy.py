@@ -123,6 +123,11 @@ class Strategy(Tabular):
         return np.diff(groups)[self.origin]
 
     @property
+    def undecided(self) -> Bools:
+        """States that are reached, with several choices of which none matters: bool[states]."""
+        return self.reachable & ~self.matters & (self.choice_counts > 1)
+
+    @property
     def choices(self) -> list[str]:
         """The number of the choice within the model's state, in each state: `1`, `0.5:0+0.5:1`."""
         groups = self.base.matrix.groups

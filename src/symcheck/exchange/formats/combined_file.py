@@ -9,12 +9,13 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+from typing import Generic, NoReturn, TypeVar
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault, UnsupportedError
 from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.formats import prism_writer
 
-__all__ = ["ModelTexts", "combined_file", "parts_of"]
+__all__ = ["ModelParts", "combined_file", "parts_of"]
 
 _HEADING = re.compile(
     r'^#\s*(Transitions|States|Labels|Observations?|Reward structure:?(?: "([^"\n]*)")?)'
@@ -23,21 +24,24 @@ _HEADING = re.compile(
 )
 
 
-@dataclass(frozen=True)
-class ModelTexts:
-    """The texts of one model.
+T = TypeVar("T")
 
-    rewards: per reward structure, the text of state rewards and that of transition rewards (None
+
+@dataclass(frozen=True)
+class ModelParts(Generic[T]):
+    """The parts of one model: files, or their texts.
+
+    rewards: per reward structure, the part of state rewards and that of transition rewards (None
         where there is none).
     """
 
-    transitions: Source
-    states: Source | None = None
-    labels: Source | None = None
-    rewards: tuple[tuple[Source | None, Source | None], ...] = ()
+    transitions: T
+    states: T | None = None
+    labels: T | None = None
+    rewards: tuple[tuple[T | None, T | None], ...] = ()
 
 
-def parts_of(source: Source) -> ModelTexts:
+def parts_of(source: Source) -> ModelParts[Source]:
     """The parts of a combined file. Each keeps the numbers of its lines.
 
     Raises:
@@ -65,7 +69,7 @@ def parts_of(source: Source) -> ModelTexts:
                 texts[kind] = part
     if "Transition" not in texts:
         _fault(source, (0, 0), "there is no part '# Transitions'")
-    return ModelTexts(
+    return ModelParts(
         texts["Transition"],
         texts.get("State"),
         texts.get("Label"),
@@ -88,7 +92,7 @@ def _add_rewards(
         rewards.append((name, None, part))
 
 
-def _fault(source: Source, span: tuple[int, int], message: str) -> None:
+def _fault(source: Source, span: tuple[int, int], message: str) -> NoReturn:
     raise SyntaxFault(Diagnostic(message, Span(source, *span), "section"))
 
 

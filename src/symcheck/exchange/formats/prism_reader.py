@@ -13,7 +13,7 @@ import numpy as np
 from symcheck.errors import Source, UsageError
 from symcheck.exchange.column_reader import Columns, columns_of, read_source
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, row_rewards
-from symcheck.exchange.formats.combined_file import ModelTexts, parts_of
+from symcheck.exchange.formats.combined_file import ModelParts, parts_of
 from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.state_faults import SUM_TOLERANCE
@@ -27,18 +27,8 @@ _KINDS = ("tra", "sta", "lab", "srew", "trew")
 _CHAIN_WORDS = "source, target, probability or rate"
 
 
-@dataclass(frozen=True)
-class ModelFiles:
-    """The files of one model.
-
-    rewards: per reward structure, the file of state rewards and that of transition rewards (None
-        where there is none).
-    """
-
-    transitions: Path
-    states: Path | None = None
-    labels: Path | None = None
-    rewards: tuple[tuple[Path | None, Path | None], ...] = ()
+ModelFiles = ModelParts[Path]
+"""The files of one model."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +128,7 @@ def read_model(
     def text(path: Path | None) -> Source | None:
         return None if path is None else read_source(path)
 
-    texts = ModelTexts(
+    texts = ModelParts(
         read_source(files.transitions),
         text(files.states),
         text(files.labels),
@@ -147,7 +137,7 @@ def read_model(
     return _model(texts, kind, check_sums)
 
 
-def _model(texts: ModelTexts, kind: ModelType | None, check_sums: bool) -> ExplicitData:
+def _model(texts: ModelParts[Source], kind: ModelType | None, check_sums: bool) -> ExplicitData:
     result = _read_transitions(texts.transitions, kind, check_sums)
     n = result.matrix.states
     columns = _read_states(texts.states, n) if texts.states else [("x", Type.INT, np.arange(n))]

@@ -206,7 +206,7 @@ def _decisions(
 
 
 def _left_out(strategy: Strategy) -> Iterator[str]:
-    if (strategy.reachable & ~strategy.matters & (strategy.choice_counts > 1)).any():
+    if strategy.undecided.any():
         yield f"{ANY_CHOICE}\n"
 
 

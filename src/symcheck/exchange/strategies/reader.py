@@ -85,8 +85,7 @@ def undecided_states(strategy: Strategy, file: str | Path) -> int:
     """
     if ANY_CHOICE in read_columns(Path(file)).source.text.splitlines():
         return 0
-    left_out = strategy.reachable & ~strategy.matters & (strategy.choice_counts > 1)
-    return int(left_out.sum())
+    return int(strategy.undecided.sum())
 
 
 @dataclass
