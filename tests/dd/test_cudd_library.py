@@ -2,43 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import dd.cudd
 import pytest
 
-MODELS = Path(__file__).resolve().parents[2] / "models"
-WITHOUT_DD = """
-import sys
-class Hidden:
-    def find_spec(self, name, path=None, target=None):
-        if name == "dd.cudd":
-            raise ModuleNotFoundError(name)
-sys.meta_path.insert(0, Hidden())
-import symcheck
-from symcheck import teach, view
-"""
-
-
-def run(code: str, cudd: str = "") -> list[str]:
-    """The lines that Python prints where dd has no CUDD; `cudd` is the file of a shared library."""
-    environment = {k: v for k, v in os.environ.items() if k != "SYMCHECK_CUDD"}
-    if cudd:
-        environment["SYMCHECK_CUDD"] = cudd
-    done = subprocess.run(
-        [sys.executable, "-c", WITHOUT_DD + code],
-        capture_output=True,
-        text=True,
-        cwd=MODELS,
-        env=environment,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout.splitlines()
-
+from without_cudd import run
 
 CHECK = """
 for engine in {engines}:
@@ -90,22 +57,46 @@ print(type(view.state_graph(die)).__name__)
     assert lines[3:] == ["True", "3", "True", "Picture"]
 
 
+BUILT = 'symcheck.reach(symcheck.build(symcheck.load("die/die.pm").bound, symcheck.Options()))'
+
+
 @pytest.mark.parametrize(
     "call",
     [
         'symcheck.load("die/die.pm", engine="hybrid").engine',
         'view.picture(symcheck.load("die/die.pm"))',
-        'list(teach.frontiers(symcheck.load("die/die.pm")))',
+        'list(teach.prob0(symcheck.load("die/die.pm"), "true", "d=6"))',
         "from symcheck.dd.manager import DiagramManager; DiagramManager()",
     ],
 )
 def test_without_cudd_diagrams_say_what_is_missing(call: str) -> None:
+    (message, hint) = fault(call)
+    assert message == "decision diagrams need CUDD, which is not installed here"
+    assert "SYMCHECK_CUDD names a shared library" in hint
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        f"from symcheck.symbolic.matrix.transitions import transitions; "
+        f"transitions({BUILT}, symcheck.Options())",
+        'list(teach.frontiers(symcheck.loads("dtmc module m x:[0..3]; '
+        "[] x>0 -> x/3:(x'=x-1) + 1-x/3:true; endmodule\")))",
+    ],
+)
+def test_without_cudd_sets_work_and_numbers_say_what_is_missing(call: str) -> None:
+    """A matrix, and probabilities that depend on the state, need MTBDDs."""
+    (message, hint) = fault(call)
+    assert "(MTBDDs) need CUDD, which is not installed here" in message
+    assert "SYMCHECK_CUDD names a shared library" in hint
+
+
+def fault(call: str) -> list[str]:
+    """The lines of the error that a call raises where there is no CUDD."""
     code = f"""
 try:
     {call}
 except symcheck.SymcheckError as error:
     print(error)
 """
-    (message, hint) = run(code)
-    assert message == "decision diagrams need CUDD, which is not installed here"
-    assert "SYMCHECK_CUDD names a shared library" in hint
+    return run(code)

@@ -9,21 +9,41 @@ import nbformat
 import pytest
 from nbclient import NotebookClient
 
+from without_cudd import HIDE_CUDD
+
 ROOT = Path(__file__).resolve().parents[2]
 LESSONS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+NEED_CUDD = {"03_until", "08_hybrid_engine"}
+SETS = ("01_decision_diagrams", "02_reachability")
+
+
+def execute(notebook: nbformat.NotebookNode) -> None:
+    resources = {"metadata": {"path": str(ROOT / "notebooks")}}
+    NotebookClient(notebook, timeout=600, resources=resources).execute()
 
 
 @pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)
 def test_a_lesson_runs(path: Path) -> None:
     """Solutions of the exercises included; an error in a cell raises CellExecutionError."""
     notebook = nbformat.read(path, 4)
-    client = NotebookClient(
-        notebook, timeout=600, resources={"metadata": {"path": str(ROOT / "notebooks")}}
-    )
-    client.execute()
+    execute(notebook)
     ran = [cell for cell in notebook.cells if cell.cell_type == "code"]
     assert all(cell.execution_count for cell in ran)
     assert len(ran) > 5
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_a_lesson_about_sets_runs_without_cudd(name: str) -> None:
+    notebook = nbformat.read(ROOT / "notebooks" / f"{name}.ipynb", 4)
+    hidden = "\nfrom symcheck.dd.cudd_import import available\nassert not available()"
+    notebook.cells.insert(0, nbformat.v4.new_code_cell(HIDE_CUDD + hidden))
+    execute(notebook)
+
+
+@pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)
+def test_a_lesson_says_at_its_top_whether_it_needs_cudd(path: Path) -> None:
+    top = nbformat.read(path, 4).cells[0].source
+    assert ("It needs CUDD" in top) == (path.stem in NEED_CUDD)
 
 
 @pytest.mark.parametrize("path", LESSONS, ids=lambda p: p.stem)

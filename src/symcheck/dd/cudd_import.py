@@ -5,7 +5,8 @@
 2. A shared library with CUDD 3.0: the file that the environment variable SYMCHECK_CUDD names, or
    the one that the system finds as `cudd`.
 
-Without both, everything but diagrams works, and the first manager raises UnsupportedError.
+Without both, everything but diagrams works, and the first `DiagramManager` raises UnsupportedError;
+`python_manager.py` has BDDs of sets for teaching.
 
 dd imports networkx at import time if it is installed, which more than triples the start-up time of
 a small run, and uses it for `to_nx` only. While dd is imported, an entry None in `sys.modules`
@@ -23,9 +24,15 @@ from types import ModuleType
 
 from symcheck.errors import UnsupportedError
 
-__all__ = ["REQUIRED_VERSION", "Function", "available", "cudd", "library"]
+__all__ = ["INSTALL_HINT", "REQUIRED_VERSION", "Function", "available", "cudd", "library"]
 
 REQUIRED_VERSION = "0.6.0"
+INSTALL_HINT = (
+    f"wheels of dd {REQUIRED_VERSION} for Linux on x86-64 and CPython up to 3.13 contain it; "
+    "elsewhere, SYMCHECK_CUDD names a shared library with CUDD 3.0. The engines -ex and -exact "
+    "need no diagrams"
+)
+"""Where CUDD comes from."""
 
 
 class _OnDemand(ModuleType):
@@ -65,10 +72,7 @@ def library() -> str:
     name = os.environ.get("SYMCHECK_CUDD") or find_library("cudd")
     if name is None:
         raise UnsupportedError(
-            "decision diagrams need CUDD, which is not installed here\n  hint: wheels of dd "
-            f"{REQUIRED_VERSION} for Linux on x86-64 and CPython up to 3.13 contain it; elsewhere, "
-            "SYMCHECK_CUDD names a shared library with CUDD 3.0. The engines -ex and -exact need "
-            "no diagrams"
+            f"decision diagrams need CUDD, which is not installed here\n  hint: {INSTALL_HINT}"
         )
     return name
 

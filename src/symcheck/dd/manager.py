@@ -110,6 +110,9 @@ class DiagramManager:
         1.0
     """
 
+    has_mtbdds = True
+    """Whether there are diagrams with numbers; the manager in pure Python has none."""
+
     def __init__(self, max_memory: int | None = None, time_limit: float | None = None) -> None:
         if available_memory() < tuning.LEAST_MEMORY:  # CUDD would end the process
             raise MemoryLimitError("there is not enough memory for decision diagrams")

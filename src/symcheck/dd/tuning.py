@@ -21,6 +21,9 @@ BYTES_PER_FAST_GROWTH_SLOT = 160
 a fifth of the nodes that fit. Collecting does not pay below that.
 """
 
+MOST_PYTHON_NODES = 200_000
+"""Nodes of a manager in pure Python, at most. It is for teaching, and far slower than CUDD."""
+
 MAX_PARTITIONS = 200_000
 """Event partitions of a saturation, at most. Their number may grow with the states, and saturation
 then does not pay."""

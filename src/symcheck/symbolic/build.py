@@ -5,7 +5,7 @@ space and matrices.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from symcheck.errors import converts_memory_error
 from symcheck.options import Options
@@ -40,7 +40,8 @@ def build(
         options: limits of memory and time, and the variable order.
         observer: is called with a SiftedOrder, where sifting finds one, and with each EncodedEvent.
         order: names of variables from the top of the diagrams down; None: as in the options.
-        manager: a new diagram manager to use; None: one is created.
+        manager: a new diagram manager to use; None: one is created, with CUDD or, where there is
+            none, with the BDDs of dd.autoref, which are for teaching.
         limits: where one way of translating expressions ends and the next begins; None: the default
             limits.
 
@@ -59,11 +60,20 @@ def build(
         ('x.2', 'x.1', 'x.0')
     """
     order = order or chosen_order(model, options, observer)
-    if manager is None:
-        from symcheck.dd.manager import DiagramManager
+    return encode_events(model, manager or _new_manager(options), order, observer, limits=limits)
 
-        manager = DiagramManager(max_memory=options.max_memory, time_limit=options.time_limit)
-    return encode_events(model, manager, order, observer, limits=limits)
+
+def _new_manager(options: Options) -> DiagramManager:
+    from symcheck.dd.cudd_import import available
+
+    if not available():
+        from symcheck.dd.python_manager import PythonManager
+
+        # It has the part of the interface that sets need, and refuses MTBDDs.
+        return cast("DiagramManager", PythonManager(options.time_limit))
+    from symcheck.dd.manager import DiagramManager
+
+    return DiagramManager(max_memory=options.max_memory, time_limit=options.time_limit)
 
 
 def chosen_order(
@@ -114,7 +124,12 @@ def build_state_space(
     *,
     order: Sequence[str] | None = None,
 ) -> StateSpace:
-    """Encode a model and search its reachable states: `construct` without the matrices."""
+    """Encode a model and search its reachable states: `construct` without the matrices. Raises
+    UnsupportedError where there is no CUDD.
+    """
+    from symcheck.dd.cudd_import import library
+
+    library()  # an engine does not search in pure Python what it then cannot multiply
     space = reach(build(model, options, observer, order=order), observer)
     if observer is not None:
         observer(space)

@@ -9,7 +9,9 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from symcheck.options import Options
-from symcheck.symbolic.build import construct
+from symcheck.symbolic.build import build
+from symcheck.symbolic.matrix.transitions import transitions
+from symcheck.symbolic.reachability.search import reach
 from symcheck.teach.source import bound_of
 from symcheck.view.choice_graph import GivenModel
 
@@ -21,13 +23,17 @@ __all__ = ["OrderFrame", "compare_orders"]
 
 @dataclass(frozen=True, slots=True)
 class OrderFrame:
-    """A model built under one variable order: states, diagram nodes, seconds."""
+    """A model built under one variable order: states, diagram nodes, seconds.
+
+    Nodes of the matrix and at the peak are None where there is no CUDD: only the reachable states
+    are computed there.
+    """
 
     order: tuple[str, ...]
     states: int
     states_nodes: int
-    matrix_nodes: int
-    peak_nodes: int
+    matrix_nodes: int | None
+    peak_nodes: int | None
     seconds: float
 
 
@@ -53,14 +59,17 @@ def compare_orders(
     names = [v.name for v in bound.variables]
     for order in islice(permutations(names) if orders is None else orders, limit):
         started = perf_counter()
-        made = construct(bound, options or Options(), order=order)
-        seconds = perf_counter() - started
-        manager = made.space.symbolic.manager
+        symbolic = build(bound, options or Options(), order=order)
+        space = reach(symbolic)
+        manager, matrix, peak = symbolic.manager, None, None
+        if manager.has_mtbdds:
+            matrix = manager.shared_size(transitions(space, options or Options()).roots)
+            peak = manager.statistics().peak_live_nodes
         yield OrderFrame(
-            tuple(v.name for v in made.space.symbolic.encoding.ordered),
-            made.space.count,
-            made.space.states.node_count,
-            manager.shared_size(made.roots),
-            manager.statistics().peak_live_nodes,
-            seconds,
+            tuple(v.name for v in symbolic.encoding.ordered),
+            space.count,
+            space.states.node_count,
+            matrix,
+            peak,
+            perf_counter() - started,
         )

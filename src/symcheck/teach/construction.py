@@ -28,7 +28,7 @@ class BuildFrame:
 
     Attributes:
         stage: 'guard' and 'update' (sets); 'command', 'module', 'event' and 'model' (functions to
-            probabilities or rates).
+            probabilities or rates). Without CUDD, 'relation' (a set) takes the place of functions.
         title: the stage, with action, command and module.
         diagram: the BDD or MTBDD.
         encoding: says which bits encode which variable.
@@ -56,7 +56,8 @@ def construction(
 
     Per event: guards and updates of its commands, the commands, their sum per module, and the
     product over modules. The last frames are the matrices of the model: one of a chain, one per
-    choice class of an MDP.
+    choice class of an MDP. Without CUDD there are guards, updates and the transition relation of
+    each event over the variables that it changes.
 
     Args:
         model: the model, or its reachable states.
@@ -72,7 +73,7 @@ def construction(
 
 
 def _construction(space: StateSpace, options: Options) -> Iterator[BuildFrame]:
-    symbolic = space.symbolic
+    symbolic, has_mtbdds = space.symbolic, space.symbolic.manager.has_mtbdds
     for number, event in enumerate(symbolic.events):
         if event.guard.disjoint(space.states):
             continue
@@ -82,12 +83,14 @@ def _construction(space: StateSpace, options: Options) -> Iterator[BuildFrame]:
                 yield from _command(
                     space, command, f"[{name}] command {index + 1} of {_module(symbolic, command)}"
                 )
-            if len(commands) > 1:
+            if len(commands) > 1 and has_mtbdds:
                 matrix = participant_matrix(symbolic, commands, touched_by(commands), space.states)
                 module = _module(symbolic, commands[0])
                 title = f"[{name}] module {module}: sum of {len(commands)} commands"
                 yield _frame(space, "module", title, matrix, event.guard)
         yield _event(space, event, name)
+    if not has_mtbdds:
+        return
     made = transitions(space, options)
     for slot, root in enumerate(made.roots):
         title = "matrix" if made.matrix is not None else f"choice class {slot + 1}"
@@ -100,13 +103,16 @@ def _command(space: StateSpace, command: EncodedCommand, title: str) -> Iterator
     for number, update in enumerate(command.updates):
         name = f"{title}: update {number + 1}"
         yield _frame(space, "update", name, update.relation, command.guard)
-    matrix = participant_matrix(space.symbolic, [command], touched_by([command]), space.states)
-    yield _frame(space, "command", title, matrix, command.guard)
+    if space.symbolic.manager.has_mtbdds:
+        matrix = participant_matrix(space.symbolic, [command], touched_by([command]), space.states)
+        yield _frame(space, "command", title, matrix, command.guard)
 
 
 def _event(space: StateSpace, event: EncodedEvent, name: str) -> BuildFrame:
-    matrix = full_matrix(space.symbolic, [(event, event.participants)], space.states)
     modules = " × ".join(_module(space.symbolic, commands[0]) for commands in event.participants)
+    if not space.symbolic.manager.has_mtbdds:
+        return _frame(space, "relation", f"[{name}] {modules}", event.relation, event.guard)
+    matrix = full_matrix(space.symbolic, [(event, event.participants)], space.states)
     return _frame(
         space, "event", f"[{name}] {modules}, other variables unchanged", matrix, event.guard
     )

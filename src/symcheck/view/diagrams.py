@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,11 +84,16 @@ def picture(
         >>> view.picture(symcheck.load("models/die/die.pm"), bits=True)  # doctest: +SKIP
     """
     if isinstance(diagram, GivenModel):
-        from symcheck.symbolic.build import construct
+        from symcheck.symbolic.build import build, construct
+        from symcheck.symbolic.reachability.search import reach
 
-        made = construct(diagram.bound, diagram.options)
-        encoding = made.space.symbolic.encoding
-        diagrams: Sequence[Bdd | Mtbdd] = [made.space.states] if part == "states" else made.roots
+        if part == "states":
+            space = reach(build(diagram.bound, diagram.options))
+            diagrams: Sequence[Bdd | Mtbdd] = [space.states]
+        else:
+            made = construct(diagram.bound, diagram.options)
+            space, diagrams = made.space, made.roots
+        encoding = space.symbolic.encoding
     elif encoding is None:
         raise UsageError("a diagram is drawn with its encoding: picture(diagram, encoding)")
     else:
@@ -157,6 +162,14 @@ class _Graph:
 
     @staticmethod
     def of(diagrams: Sequence[Bdd | Mtbdd]) -> _Graph:
+        from symcheck.dd.python_manager import PythonBdd
+
+        if isinstance(diagrams[0], PythonBdd):
+            manager = diagrams[0].manager
+            table = manager.export_bdd(*cast("Sequence[PythonBdd]", diagrams))
+            leaves, roots = np.array([0.0, 1.0]), tuple(table.roots.tolist())
+            order = manager.order()
+            return _Graph(table.level, table.low, table.high, leaves, roots, order, is_set=True)
         from symcheck.dd.cudd import extension
 
         core = diagrams[0].core

@@ -38,7 +38,7 @@ class Ordered(Protocol):
     @property
     def states_nodes(self) -> int: ...
     @property
-    def matrix_nodes(self) -> int: ...
+    def matrix_nodes(self) -> int | None: ...
 
 
 def _pyplot() -> ModuleType:
@@ -136,18 +136,15 @@ def plot_bounds(
 
 
 def plot_orders(frames: Sequence[Ordered], axes: Axes | None = None, title: str = "") -> Axes:
-    """Plot the nodes of reachable states and matrix under each variable order, fewest first."""
+    """Plot the nodes of reachable states and matrix under each variable order, fewest first.
+    Without CUDD there is no matrix.
+    """
     _require_frames(frames, "plot_orders takes the frames of teach.compare_orders(model)")
-    best = sorted(frames, key=lambda f: f.matrix_nodes, reverse=True)
+    best = sorted(frames, key=lambda f: (f.matrix_nodes or 0, f.states_nodes), reverse=True)
     axes = axes_of(axes, (6.4, 1.0 + 0.32 * len(best)))
     positions = range(len(best))
-    axes.barh(
-        [p + 0.2 for p in positions],
-        [f.matrix_nodes for f in best],
-        height=0.38,
-        color=_BLUE,
-        label="matrix",
-    )
+    if matrix := [f.matrix_nodes for f in best if f.matrix_nodes is not None]:
+        axes.barh([p + 0.2 for p in positions], matrix, height=0.38, color=_BLUE, label="matrix")
     axes.barh(
         [p - 0.2 for p in positions],
         [f.states_nodes for f in best],
