@@ -8,7 +8,7 @@ from random import Random
 
 import pytest
 
-from check.test_multi import FORK, LOOPS, absorbing, ask, strategies
+from check.multi_objective.test_multi import FORK, LOOPS, absorbing, ask, strategies
 from checking import check_text, engine_of
 from symcheck.errors import UnsupportedError
 

@@ -18,7 +18,7 @@ from symcheck.errors import UnsupportedError
 from symcheck.numerics.transient.phase_type import least_probability_within
 from symcheck.semantics.interpreter import choices
 
-MODELS = Path(__file__).parents[2] / "models"
+MODELS = Path(__file__).parents[3] / "models"
 DIE = MODELS / "die/die.pm"
 STAKES = MODELS / "gambler/stakes.nm"
 

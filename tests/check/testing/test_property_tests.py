@@ -12,7 +12,7 @@ import symcheck
 from symcheck.cli import main
 from symcheck.errors import SyntaxFault, UsageError
 
-DIE = Path(__file__).parents[2] / "models/die/die.pm"
+DIE = Path(__file__).parents[3] / "models/die/die.pm"
 PROPERTIES = """const int k;
 // RESULT (k=6): 1/6
 // RESULT (k=7): 0

@@ -17,7 +17,7 @@ from symcheck.cli import main
 from symcheck.errors import UnsupportedError, UsageError
 from symcheck.semantics.interpreter import choices
 
-MODELS = Path(__file__).parents[2] / "models"
+MODELS = Path(__file__).parents[3] / "models"
 DIE = MODELS / "die/die.pm"
 STAKES = MODELS / "gambler/stakes.nm"
 

@@ -8,7 +8,7 @@ import pytest
 
 import symcheck
 from automata.words import random_tree
-from check.linear import Chain, spelled
+from check.omega_regular.linear import Chain, spelled
 from generate import random_model
 from symcheck.errors import InputError, UnsupportedError
 
