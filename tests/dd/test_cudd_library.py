@@ -65,7 +65,8 @@ BUILT = 'symcheck.reach(symcheck.build(symcheck.load("die/die.pm").bound, symche
     [
         'symcheck.load("die/die.pm", engine="hybrid").engine',
         'view.picture(symcheck.load("die/die.pm"))',
-        'list(teach.prob0(symcheck.load("die/die.pm"), "true", "d=6"))',
+        'teach.prob0(symcheck.load("dining/dining.nm"), "true", "p1=5")',
+        'teach.block_structure(symcheck.load("die/die.pm"))',
         "from symcheck.dd.manager import DiagramManager; DiagramManager()",
     ],
 )
@@ -80,6 +81,7 @@ def test_without_cudd_diagrams_say_what_is_missing(call: str) -> None:
     [
         f"from symcheck.symbolic.matrix.transitions import transitions; "
         f"transitions({BUILT}, symcheck.Options())",
+        'teach.prob0(symcheck.load("die/die.pm"), "true", "P>0.5 [ F d=6 ]")',
         'list(teach.frontiers(symcheck.loads("dtmc module m x:[0..3]; '
         "[] x>0 -> x/3:(x'=x-1) + 1-x/3:true; endmodule\")))",
     ],

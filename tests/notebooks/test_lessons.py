@@ -13,8 +13,8 @@ from without_cudd import HIDE_CUDD
 
 ROOT = Path(__file__).resolve().parents[2]
 LESSONS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-NEED_CUDD = {"03_until", "08_hybrid_engine"}
-SETS = ("01_decision_diagrams", "02_reachability")
+NEED_CUDD = {"08_hybrid_engine"}
+SETS = ("01_decision_diagrams", "02_reachability", "03_until")
 
 
 def execute(notebook: nbformat.NotebookNode) -> None:

@@ -101,6 +101,29 @@ def test_predecessors_deadlocks_and_valuations_are_the_same(path: str) -> None:
     assert seen[0] == seen[1]
 
 
+@pytest.mark.parametrize("question", ["prob0", "prob1"])
+@pytest.mark.parametrize(
+    ("path", "left", "right"),
+    [
+        ("die/die.pm", "true", "d=6"),
+        ("die/die.pm", "d!=1", "d>4"),
+        ("gambler/gambler.pm", "true", "money=0"),
+        ("queue/queue.sm", "n<5", "n=3"),
+        ("polling/polling.sm", "!busy", "at=2"),
+    ],
+)
+def test_prob0_and_prob1_of_chains_have_the_sets_of_cudd(
+    path: str, left: str, right: str, question: str
+) -> None:
+    code = f"""
+for frame in teach.{question}(symcheck.load({path!r}), {left!r}, {right!r}):
+    print(frame, sorted(frame.states.odd.to_mask(frame.bdd).nonzero()[0].tolist()))
+"""
+    trace = getattr(teach, question)(symcheck.load(MODELS / path), left, right)
+    expected = [f"{f} {sorted(f.states.odd.to_mask(f.bdd).nonzero()[0].tolist())}" for f in trace]
+    assert run(code) == expected
+
+
 @pytest.mark.parametrize("bits", [False, True])
 @MODEL
 def test_pictures_of_sets_are_the_same(path: str, bits: bool) -> None:

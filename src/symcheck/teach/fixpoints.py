@@ -10,7 +10,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import erased
 from symcheck.engines.symbolic.graph import SymbolicGraph
 from symcheck.teach.board import Board, Show, left_out, played, shown
-from symcheck.teach.source import symbolic_engine
+from symcheck.teach.source import graph_engine
 from symcheck.teach.trace import Trace
 from symcheck.view.choice_graph import GivenModel, set_of
 
@@ -85,13 +85,14 @@ def _trace(
     right: str | SymbolicSet,
     direction: Direction | None,
 ) -> Trace[SetFrame]:
-    engine = symbolic_engine(model)
+    engine = graph_engine(model)
     sets = set_of(engine, left), set_of(engine, right)
-    board = Board(erased(engine))
-    return Trace(
-        _frames(engine, question, *sets, direction),
-        lambda made: played(board, fixpoint_show(question, made, engine, board)),
-    )
+
+    def play(made: Sequence[SetFrame]) -> Show:
+        board = Board.of(model) if isinstance(model, GivenModel) else Board(erased(engine))
+        return played(board, fixpoint_show(question, made, engine, board))
+
+    return Trace(_frames(engine, question, *sets, direction), play)
 
 
 def _frames(

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from symcheck.dd.cudd_import import available
+from symcheck.engines.symbolic.diagrams import set_diagrams_of
 from symcheck.engines.symbolic.engine import SymbolicEngine
 from symcheck.errors import UsageError
 from symcheck.semantics.model import BoundModel
 from symcheck.symbolic.build import build, construct
+from symcheck.symbolic.checks import check_model
 from symcheck.symbolic.model import StateSpace, SymbolicModel, Transitions
 from symcheck.symbolic.reachability.search import reach
+from symcheck.syntax.ast import ModelType
 from symcheck.view.choice_graph import GivenModel
 
 __all__ = [
     "bound_of",
     "encoded",
+    "graph_engine",
     "state_space",
     "symbolic_engine",
     "transitions_of",
@@ -48,6 +53,19 @@ def transitions_of(source: GivenModel | Transitions) -> Transitions:
     if isinstance(source, Transitions):
         return source
     return construct(_model(source).bound, source.options)
+
+
+def graph_engine(source: GivenModel | SymbolicEngine) -> SymbolicEngine:
+    """An engine for questions about the graph of a model: of a chain, it needs no CUDD."""
+    if not isinstance(source, GivenModel):
+        return source
+    if available() or source.bound.type is ModelType.MDP:
+        return symbolic_engine(source)
+    from symcheck.engines.symbolic.forms import MtbddEngine
+
+    space = state_space(source)
+    check_model(space, source.options)
+    return MtbddEngine(set_diagrams_of(space), space)
 
 
 def symbolic_engine(source: GivenModel | SymbolicEngine) -> SymbolicEngine:

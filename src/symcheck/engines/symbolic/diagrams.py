@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Protocol, assert_never
 
 from symcheck.dd.odd import Odd
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
-from symcheck.symbolic.model import TransitionPart
+from symcheck.symbolic.model import LazySequence, TransitionPart
 from symcheck.syntax.ast import ModelType
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     )
     from symcheck.symbolic.model import StateSpace, Transitions
 
-__all__ = ["Diagrams", "HasDiagrams", "TransitionPart", "diagrams_of"]
+__all__ = ["Diagrams", "HasDiagrams", "TransitionPart", "diagrams_of", "set_diagrams_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,5 +171,31 @@ def diagrams_of(transitions: Transitions) -> Diagrams:
         transitions.action_sets,
         transitions.state_rewards,
         transitions.transition_rewards,
+        symbolic.model.type is ModelType.CTMC,
+    )
+
+
+def set_diagrams_of(space: StateSpace) -> Diagrams:
+    """The diagrams of a chain where there are no MTBDDs: its graph is complete, and access to its
+    matrix or rewards raises UnsupportedError.
+    """
+    symbolic = space.symbolic
+    assert symbolic.model.type is not ModelType.MDP  # its graph needs choice classes
+    matrix = LazySequence([lambda: symbolic.manager.zero])
+    structures = range(len(symbolic.model.rewards))
+    return Diagrams(
+        symbolic.manager,
+        symbolic.encoding.rows,
+        symbolic.encoding.columns,
+        space.states,
+        symbolic.initial,
+        space.deadlocks,
+        space.deadlocks,
+        symbolic.relations,
+        matrix,
+        None,
+        {},
+        LazySequence([lambda: symbolic.manager.zero for _ in structures]),
+        LazySequence([lambda: (symbolic.manager.zero,) for _ in structures]),
         symbolic.model.type is ModelType.CTMC,
     )
