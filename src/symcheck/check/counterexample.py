@@ -84,7 +84,12 @@ class LikelyPath(Sequence[State]):
 
 @dataclass(frozen=True)
 class CommandSet:
-    """Commands that suffice: the paths that use no others have the required probability.
+    """Commands that suffice for a bound, whatever follows the first step by another command.
+
+    For a probability: the paths that use no others have the required probability. For an expected
+    reward: before a run uses another command, the required reward is earned, in expectation. As
+    rewards are not negative, the whole model cannot earn less. A step of a chain with several
+    enabled commands counts for each of them with its share.
 
     Attributes:
         commands: their texts.
@@ -92,17 +97,23 @@ class CommandSet:
         smallest: whether it is proved that no smaller set suffices (for a lower bound on an MDP, no
             smaller one for the strategy of the paths). Otherwise no single command can be left out.
         any_strategy: whether they suffice under some strategy, which need not be that of the paths.
+        of_reward: whether the bound is on a reward.
     """
 
     commands: tuple[str, ...]
     of: int
     smallest: bool
     any_strategy: bool = False
+    of_reward: bool = False
 
     def __str__(self) -> str:
         kind = "a smallest set" if self.smallest else "a small set, maybe not a smallest one"
         kind += ", for some strategy, maybe not that of the paths" if self.any_strategy else ""
-        verb = "suffices" if len(self.commands) == 1 else "suffice"
+        verb = "suffice"
+        if self.of_reward:
+            verb = "earn enough before a run uses another one"
+        if len(self.commands) == 1:
+            verb = verb.replace("suffice", "suffices").replace("earn ", "earns ")
         return f"{len(self.commands)} of {self.of} commands {verb} ({kind}):"
 
 
@@ -164,9 +175,7 @@ class Counterexample:
         outcome = f"{bound}, {shows}" if self.complete else f"not yet {bound}"
         if self.reward is not None:
             earn = "earns" if n == 1 else "earn"
-            text = (
-                f"{paths} to the target with probability {_number(self.probability)}, which {earn}"
-            )
+            text = f"{paths} with probability {_number(self.probability)}, which {earn}"
             return f"{text} {_number(self.reward)} by probability times reward: {outcome}"
         text = f"{paths} that {verb} the path formula, with probability"
         return f"{text} {_number(self.probability)}: {outcome}"

@@ -20,7 +20,7 @@ from typing import cast
 
 import numpy as np
 
-from symcheck.matrices.numbers import doubles
+from symcheck.matrices.numbers import Numbers, doubles
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, first_best
 
 __all__ = ["FoundPath", "StepProblem", "WalkProblem", "likeliest_paths"]
@@ -76,10 +76,11 @@ class StepProblem:
     """Walks of at most `steps` steps of a chain or an MDP.
 
     A walk ends in the first target, or after all steps in a state of `end`. In an MDP, the strategy
-    is the one that maximises the probability of these walks; it depends on the number of steps that
-    are left.
+    is the one that maximises the probability of these walks, or what they earn; it depends on the
+    number of steps that are left.
 
-    matrix: probabilities. through, target: as in `WalkProblem`. end: bool[n].
+    matrix: probabilities. through, target: as in `WalkProblem`. end: bool[n]. earned: what each row
+    earns, float64[rows] or rationals; None for probabilities.
     """
 
     matrix: SparseMatrix
@@ -87,6 +88,7 @@ class StepProblem:
     target: Bools
     end: Bools
     steps: int
+    earned: Numbers | None = None
 
     def distances(self) -> tuple[list[Floats], list[Int64s]]:
         """The length of the shortest walk from each state, and its row, by steps that are left."""
@@ -94,10 +96,11 @@ class StepProblem:
         lengths, plain = _lengths(m), np.arange(m.states)
         numeric = m.doubles()
         last = self.target | self.end
-        value = last.astype(np.float64)
+        earned = np.zeros(m.rows) if self.earned is None else doubles(self.earned)
+        value = last.astype(np.float64) if self.earned is None else np.zeros(m.states)
         distances, rows = [np.where(last, 0.0, np.inf)], [plain]
         for _ in range(self.steps):
-            by_row = numeric.multiply(value)
+            by_row = numeric.multiply(value) + earned
             chosen = plain if m.groups is None else first_best(by_row, m.groups)
             walks = np.minimum.reduceat(lengths + distances[-1][m.indices], m.indptr[:-1])[chosen]
             value = np.where(self.target, 1.0, np.where(self.through, by_row[chosen], 0.0))

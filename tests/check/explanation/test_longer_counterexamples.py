@@ -114,7 +114,7 @@ def test_rewards_of_paths_exceed_a_bound(bound, exact):
     assert float(found.reward) == pytest.approx(float(total))
     assert total > need if bound[1] == "=" else total >= need
     assert f"more than {bound[2:]}" in found.summary or "at least" in found.summary
-    assert "paths to the target" in found.summary
+    assert "paths with probability" in found.summary
 
 
 def test_a_lower_bound_of_a_reward_that_holds_has_a_witness():

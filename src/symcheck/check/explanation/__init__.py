@@ -1,1 +1,1 @@
-"""Counterexamples and witnesses of bounds on probabilities: likeliest paths, and few commands."""
+"""Counterexamples and witnesses of bounds on probabilities and rewards: paths and commands."""

@@ -22,13 +22,13 @@ def command_set(question: Question) -> tuple[CommandSet | None, str]:
     matrix, rows, steps = problem.matrix, question.rows, None
     if model.builder is not None:
         return None, "no commands: the model has none"
-    if question.reward is not None or question.origin is not None:
+    if question.origin is not None:
         return None, "no commands: they are found for probabilities of one of X, F, G, U, W and R"
     if model.type is ModelType.CTMC:
         return None, "no commands: without a command, the others of a CTMC are more likely"
     if isinstance(problem, StepProblem):
         steps = problem.steps
-        if problem.end.any():
+        if problem.end.any() and question.reward is None:
             return None, "no commands: with a bound on steps, they are found for F and U"
     if engine.states > tuning.COMMAND_STATES:
         return None, f"no commands: they are found for at most {tuning.COMMAND_STATES:,} states"
@@ -37,8 +37,16 @@ def command_set(question: Question) -> tuple[CommandSet | None, str]:
     if question.satisfies:  # any strategy may show it, and another one may need fewer commands
         matrix, rows = engine.matrix, None
     labelled = labelled_transitions(
-        engine, matrix, rows, problem.through, problem.target, question.initial
+        engine,
+        matrix,
+        rows,
+        problem.through,
+        problem.target,
+        question.initial,
+        question.structure,
     )
+    if labelled is not None and (labelled.weight < 0).any():
+        return None, "no commands: they are not found for negative rewards"
     answer = (
         None
         if labelled is None
@@ -50,4 +58,5 @@ def command_set(question: Question) -> tuple[CommandSet | None, str]:
     texts = [command_text(model, labelled.commands[i]) for i in np.flatnonzero(chosen)]
     another = engine.model.type is ModelType.MDP and question.satisfies
     count = len(labelled.commands)
-    return CommandSet(tuple(sorted(texts)), count, smallest, any_strategy=another), ""
+    earn = question.reward is not None
+    return CommandSet(tuple(sorted(texts)), count, smallest, another, earn), ""

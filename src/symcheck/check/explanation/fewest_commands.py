@@ -1,13 +1,16 @@
 """The fewest commands with which a bound is broken already.
 
 A set of commands is critical if the transitions that need no other commands reach the target with
-the required probability. A set that is not critical is enlarged until no command can be added; each
-critical set then contains one of the commands left out. Smallest sets that meet all of these cuts
-are found by integer programming, until one is critical: no smaller set can be.
+the required probability, or for a bound on a reward, if runs earn the required reward before they
+take another transition. Rewards are not negative, so that what they earn in this part of the model
+is a lower bound of the whole. A set that is not critical is enlarged until no command can be added;
+each critical set then contains one of the commands left out. Smallest sets that meet all of these
+cuts are found by integer programming, until one is critical: no smaller set can be.
 
 Sources: Wimmer, Jansen, Vorpahl, Abraham, Katoen & Becker (2013), 'High-level counterexamples for
 probabilistic automata'; Dehnert, Jansen, Wimmer, Abraham & Katoen (2014), 'Fast debugging of PRISM
-models', who learn cuts as well.
+models', who learn cuts as well; Quatmann, Jansen, Dehnert, Wimmer, Abraham, Katoen & Becker (2015),
+'Counterexamples for expected rewards', for subsystems that are critical for rewards.
 """
 
 from __future__ import annotations
@@ -60,7 +63,7 @@ class _Checker:
         return bool(reached)
 
     def _bounds(self, matrix: SparseMatrix) -> tuple[float | Fraction, float | Fraction]:
-        """Bounds on the (maximal) probability of reaching the target."""
+        """Bounds on the (maximal) probability of reaching the target, or expected reward."""
         n, initial = self.transitions.states, self.transitions.initial
         goal, start = np.zeros((2, n + 1), np.bool_)
         goal[n], start[initial] = True, True
@@ -73,7 +76,10 @@ class _Checker:
         first = int(np.count_nonzero(unknown[:initial]))
         if self.steps is None:
             direction = None if inside.groups is None else Direction.MAX
-            problem = LinearProblem(constant, inside, direction=direction)
+            of_reward = self.transitions.of_reward
+            problem = LinearProblem(
+                constant, inside, direction=direction, probability=not of_reward
+            )
             solution = solve_linear(problem, _SETTINGS)
             return solution.lower[first], solution.upper[first]
         value = full(inside.states, 0, exact=matrix.exact)
@@ -92,7 +98,7 @@ def fewest_commands(
 
     Args:
         transitions: with their commands.
-        threshold: the probability to be reached, or with `strict` exceeded.
+        threshold: the probability (reward) to be reached, or with `strict` exceeded.
         strict: see `threshold`.
         steps: the most steps of a path; None for no bound.
 

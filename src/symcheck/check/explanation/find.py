@@ -1,4 +1,4 @@
-"""Counterexamples and witnesses of `P bound [ path ]` and `R bound [ F states ]`.
+"""Counterexamples and witnesses of `P bound [ path ]`, `R bound [ F states ]`, `R bound [ C<=k ]`.
 
 The likeliest paths are added until they show together that the bound is broken, or holds.
 """
@@ -37,8 +37,8 @@ def find_counterexample(
 
     Args:
         context: the model, on any engine.
-        formula: `P bound [ path ]` with any path formula but bounds on rewards, or `R bound
-            [ F states ]`, `T bound [ F states ]`.
+        formula: `P bound [ path ]` with any path formula but bounds on rewards, `R bound
+            [ F states ]`, `T bound [ F states ]`, or in discrete time `R bound [ C<=k ]`.
         paths: the most paths; None for 1000.
         commands: also look for a small set of commands that suffices.
 

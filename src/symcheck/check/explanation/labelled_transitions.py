@@ -16,6 +16,7 @@ from symcheck.matrices.rows import SparseMatrix
 from symcheck.numerics import graph
 from symcheck.semantics.interpreter import Choice, State, choices
 from symcheck.semantics.model import BoundCommand
+from symcheck.semantics.rewards import Reward, Structure
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["LabelledTransitions", "labelled_transitions"]
@@ -25,9 +26,13 @@ __all__ = ["LabelledTransitions", "labelled_transitions"]
 class LabelledTransitions:
     """Transitions with sets of commands, among n states and to the target.
 
+    For a reward, the weights of the transitions to the target are what the steps earn instead: the
+    sum of probability times weight over all walks to the target is the expected reward.
+
     Attributes:
         states: n, without the target, which is state n.
         initial: the number of the first state.
+        of_reward: whether the target stands for what is earned.
         owner: int64[rows], ascending, the state of each row: a choice of an MDP, else a state.
         several: whether a state may have several rows.
         row, target: int64[parts], ascending by row.
@@ -39,6 +44,7 @@ class LabelledTransitions:
 
     states: int
     initial: int
+    of_reward: bool
     owner: Int64s
     several: bool
     row: Int64s
@@ -74,6 +80,7 @@ def labelled_transitions(
     through: Bools,
     target: Bools,
     initial: int,
+    reward: Reward | None = None,
 ) -> LabelledTransitions | None:
     """The transitions that paths from the initial state to the target may take.
 
@@ -85,16 +92,20 @@ def labelled_transitions(
         rows: the rows of the strategy, int64[n]; None without one.
         through, target: bool[n], where paths may pass and where they end.
         initial: the number of the initial state, which is no target.
+        reward: what steps earn, also on paths that miss the target; None for probabilities.
 
     Returns:
-        None if a row of the strategy is not found among the choices of its state.
+        None if a row of the strategy is not found among the choices of its state, or if no path
+        reaches the target (earns anything).
     """
     edges = graph.Incidence(matrix)
     inner = through & ~target
     start = np.zeros(matrix.states, np.bool_)
     start[initial] = True
     relevant = inner & graph.forward_reachable(edges, start, inner)
-    relevant &= graph.backward_reachable(edges, target, inner)
+    if reward is None:
+        relevant &= graph.backward_reachable(edges, target, inner)
+    in_state = None if reward is None else engine.rewards(reward)[0].tolist()
     index = np.full(matrix.states, -1)
     index[relevant] = np.arange(np.count_nonzero(relevant))
     index[target] = n = int(np.count_nonzero(relevant))
@@ -115,6 +126,8 @@ def labelled_transitions(
             enabled = [c for c in enabled if c.action == name and _same(c, taken)][:1]
             if not enabled:
                 return None
+        elif not enabled:  # the step of a deadlock needs no command
+            enabled = [Choice(None, (), ((one, states[s]),), (0,) * len(engine.model.rewards))]
         share = one if several else one / len(enabled)
         for i, choice in enumerate(enabled):
             if several or i == 0:
@@ -124,8 +137,12 @@ def labelled_transitions(
             parts += [
                 (len(owner) - 1, numbers[t], share * cast("float | Fraction", p), label)
                 for p, t in choice.branches
-                if numbers.get(t, -1) >= 0
+                if 0 <= numbers.get(t, -1) < (n if in_state else n + 1)
             ]
+            if in_state is not None:
+                of_step = choice.rewards[reward.index] if isinstance(reward, Structure) else 1
+                earned = share * (in_state[s] + cast("float | Fraction", of_step))
+                parts += [(len(owner) - 1, n, earned, label)] if earned else []
     if not parts:
         return None
     row, goal, weight, label_of = zip(*parts, strict=True)
@@ -135,6 +152,7 @@ def labelled_transitions(
     return LabelledTransitions(
         n,
         int(index[initial]),
+        reward is not None,
         np.array([*owner, n], np.int64),
         several,
         np.array(row, np.int64)[order],

@@ -8,7 +8,8 @@ best case holds, but no set of paths shows what holds under every strategy.
 Paths that violate `left U right` reach a state from which it cannot be satisfied any more, or use
 up the steps that it has. Other LTL formulas are those of the product with an automaton: a path ends
 where the formula is satisfied almost surely. A path within a time bound counts with the probability
-that a CTMC runs it in time, a path to the target of a reward with what it earns.
+that a CTMC runs it in time, a path to the target of a reward (of all steps of `C<=k`) with what it
+earns.
 """
 
 from __future__ import annotations
@@ -48,8 +49,10 @@ from symcheck.numerics import graph
 from symcheck.numerics.likeliest_paths import FoundPath, StepProblem, WalkProblem
 from symcheck.numerics.transient.phase_type import least_probability_within
 from symcheck.semantics.rewards import Reward, Time
+from symcheck.semantics.time_bounds import Window, window
 from symcheck.syntax.ast import (
     Bound,
+    CumulativeReward,
     Eventually,
     ExpectedTime,
     Expression,
@@ -80,6 +83,7 @@ class Question:
             chains, and where it depends on the number of steps.
         origin: the state of the engine of each state of the problem; None: the same.
         reward: what a path earns; None for a bound on a probability.
+        structure: which reward it earns.
         share: the part of the probability of a path that counts; None: all of it.
         note: what else there is to say.
     """
@@ -94,6 +98,7 @@ class Question:
     rows: Int64s | None = None
     origin: Int64s | None = None
     reward: Callable[[FoundPath], Number] | None = None
+    structure: Reward | None = None
     share: Callable[[FoundPath], float] | None = None
     note: str = ""
 
@@ -232,13 +237,18 @@ def _until(context: Context, matrix: SparseMatrix, path: UntilPath) -> tuple[Boo
 
 
 def _bounded(context: Context, matrix: SparseMatrix, path: UntilPath) -> StepProblem:
-    steps = path.window.steps().upper
+    return StepProblem(matrix, *_until(context, matrix, path), _steps(matrix, path.window))
+
+
+def _steps(matrix: SparseMatrix, window: Window) -> int:
+    """The most steps of a path."""
+    steps = window.steps().upper
     assert steps is not None
     if (steps + 1) * matrix.states > tuning.PATH_STEPS:
         raise UnsupportedError(
             f"{steps:,} steps of {matrix.states:,} states are too many for a counterexample"
         )
-    return StepProblem(matrix, *_until(context, matrix, path), steps)
+    return steps
 
 
 def _within(engine: ExplicitEngine, time: float | None) -> Callable[[FoundPath], float]:
@@ -297,14 +307,15 @@ def _reward(
     *,
     satisfies: bool,
 ) -> Question:
-    """Paths to the target of an expected reward, or one that misses it for ever."""
-    path = formula.path if isinstance(formula, ExpectedTime) else formula.query
-    read = (
-        resolve(path, states_of(context), context.engine) if isinstance(path, Eventually) else None
-    )
-    if not isinstance(read, UntilPath) or not read.window.trivial:
+    """Paths to the target of an expected reward, or one that misses it; those of `C<=k`."""
+    query = formula.path if isinstance(formula, ExpectedTime) else formula.query
+    formulas, on = states_of(context), context.engine
+    read = resolve(query, formulas, on) if isinstance(query, Eventually) else None
+    bounded = isinstance(query, CumulativeReward) and engine.model.type is not ModelType.CTMC
+    if not bounded and not (isinstance(read, UntilPath) and read.window.trivial):
         raise UnsupportedError(
-            "counterexamples of expected rewards are supported for F states: R<=r [ F states ]"
+            "counterexamples of expected rewards are supported for F states: R<=r [ F states ], "
+            "and in discrete time for R<=r [ C<=k ]"
         )
     if not satisfies:
         raise UnsupportedError(
@@ -312,25 +323,30 @@ def _reward(
             "  hint: R<=r [ F states ] that is false, and R>=r [ F states ] that is true have one"
         )
     reward: Reward = Time() if isinstance(formula, ExpectedTime) else reward_of(context, formula)
+    earned = context.engine.system(context.engine.all).step_rewards(reward)
     rows, matrix = None, _probabilities(engine)
-    if engine.model.type is ModelType.MDP:
+    if engine.model.type is ModelType.MDP and not bounded:
         rows = strategy_of(context, formula, states_of).rows
-        matrix = matrix.choose(rows)
-    target = context.engine.to_bools(read.right)
-    everything = np.ones_like(target)
+        matrix, earned = matrix.choose(rows), earned[rows]
+    everything = np.ones(engine.states, np.bool_)
+    target = context.engine.to_bools(read.right) if isinstance(read, UntilPath) else ~everything
     start = np.zeros_like(target)
     start[first] = True
     reached = graph.forward_reachable(matrix, start, ~target)
-    missed = graph.prob0(matrix, everything, target) & reached
-    if missed.any():
+    problem: WalkProblem | StepProblem = WalkProblem(matrix, ~target, target)
+    if isinstance(query, CumulativeReward):
+        steps = _steps(matrix, window(query.bound))
+        problem = StepProblem(matrix, everything, target, everything, steps, earned)
+    elif (missed := graph.prob0(matrix, everything, target) & reached).any():
         question = _plain(engine, WalkProblem(matrix, ~target & ~missed, missed), first, False)
         note = "the expected reward is infinite, because the target is missed"
         return replace(question, rows=rows, note=note)
-    earned = context.engine.system(context.engine.all).step_rewards(reward)
-    earned = earned if rows is None else earned[rows]
-    if (earned[reached & ~target] < 0).any():
+    if (earned[matrix.rows_of(reached & ~target)] < 0).any():
         raise UnsupportedError("counterexamples are not supported for negative rewards")
-    question = _plain(engine, WalkProblem(matrix, ~target, target), first, satisfies=True)
+    question = _plain(engine, problem, first, satisfies=True)
     return replace(
-        question, rows=rows, reward=lambda path: sum(earned[list(path.states[:-1])].tolist())
+        question,
+        rows=rows,
+        reward=lambda path: sum(earned[list(path.rows)].tolist()),
+        structure=reward,
     )

@@ -237,8 +237,8 @@ def add_output(parser: SwitchParser) -> None:
         "counterexample",
         needs=Needs((PROPERTY,), not_with=("-resume",), model=True),
         action="store_true",
-        help="show why a bound P<=p [...] or R<=r [F ...] is false or true: likeliest paths, and "
-        "few commands",
+        help="show why a bound P<=p [...], R<=r [F ...] or R<=r [C<=k] is false or true: likeliest "
+        "paths, and few commands",
     )
     parser.add(
         "exportcounterexample",
