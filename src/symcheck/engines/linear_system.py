@@ -7,6 +7,7 @@ Sources: Baier & Katoen (2008), 10.1.1 and 10.6.1; for rewards, Forejt, Kwiatkow
 
 from __future__ import annotations
 
+import sys
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -56,6 +57,27 @@ def refuse_infinite_minimum(direction: Direction | None) -> None:
         raise UnsupportedError(
             "least expected rewards with an infinite reward in a single step are not supported"
         )
+
+
+def require_normal_numbers(smallest: float, largest: float, successors: int, rates: bool) -> None:
+    """Refuse a matrix whose one-step probabilities are not all normal doubles.
+
+    Args:
+        smallest, largest: the positive entries lie between them.
+        successors: the most entries of a row, or more.
+        rates: whether entries are rates, which will be divided by the sum of their row.
+
+    Raises:
+        UnsupportedError: a probability may be subnormal, so that rounding has no relative bound.
+    """
+    exit_rate = successors * largest if rates else 1.0
+    if smallest >= sys.float_info.min * max(exit_rate, 1.0):
+        return
+    numbers = f"rates from {smallest:g} to {largest:g}" if rates else f"probability {smallest:g}"
+    raise UnsupportedError(
+        f"{numbers}: the model has one-step probabilities that are too small for floating-point "
+        "numbers\n  hint: use -exact"
+    )
 
 
 class LinearSystem(SystemOf[S, V]):

@@ -30,7 +30,7 @@ from symcheck.kernels.blocks.block_matrix import BlockOperations
 from symcheck.kernels.diagrams.quad_dag import QuadDag
 from symcheck.kernels.graph.components import components
 from symcheck.matrices import tuning
-from symcheck.matrices.operators import BoundStep
+from symcheck.matrices.operators import BoundStep, underflow_error
 from symcheck.operating_system import processors
 
 if TYPE_CHECKING:
@@ -285,6 +285,7 @@ class BlockMatrix:
                 step.direction == Direction.MAX,
                 step.upper,
                 step.rounding_error,
+                underflow_error(self.divisor),
                 parts,
                 turns,
             )

@@ -8,7 +8,16 @@ from typing import Protocol
 from symcheck.direction import Direction
 from symcheck.matrices.rows import Floats
 
-__all__ = ["BoundStep", "Operator", "SweepOperator"]
+__all__ = ["BoundStep", "Operator", "SweepOperator", "underflow_error"]
+
+
+def underflow_error(divisor: Floats | None) -> float:
+    """The absolute error of a row of products that underflow, divided by one of the numbers.
+
+    A product of doubles loses at most 2^-1074, so that this bounds 10^15 products.
+    """
+    least = 1.0 if divisor is None else float(divisor.min(initial=1.0))
+    return 1e-307 / least
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,9 @@ SMALLEST_INCREMENT = 1e-307
 """Added to positive upper bounds: a relative rounding error is too small for subnormal numbers."""
 UNDERFLOW_RISK = 1e-290
 """Values below it may differ from their bounds by underflow, not only by rounding."""
+ROUNDING_WIDTH = 1e-9
+"""Bounds of this relative width that follow from exact steps differ by rounding; wider ones, by
+underflow."""
 STATES_PER_SLICE = 65_536
 """States processed at a time where temporary arrays of all states would take too much memory."""
 

@@ -30,7 +30,12 @@ from symcheck.engines.explicit.base import Numeric
 from symcheck.engines.explicit.full_matrix import FullMatrix
 from symcheck.engines.explicit.graph import ExplicitGraph
 from symcheck.engines.explicit.rational_values import RationalValues
-from symcheck.engines.linear_system import LinearSystem, Preprocessing, refuse_infinite_minimum
+from symcheck.engines.linear_system import (
+    LinearSystem,
+    Preprocessing,
+    refuse_infinite_minimum,
+    require_normal_numbers,
+)
 from symcheck.explicit.explored import ExploredModel
 from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
@@ -173,9 +178,22 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
 
     def system(self, states: ArraySet, direction: Direction | None = None) -> ExplicitSystem:
         """The equations over some states."""
+        self._require_normal_numbers()
         if self.transitions > tuning.KEPT_TRANSPOSE_TRANSITIONS and 2 * states.count > self.states:
             self.graph.forget()
         return ExplicitSystem(self, states, direction)
+
+    def _require_normal_numbers(self) -> None:
+        if not self.exact and self.transitions:
+            rates = self.model.type is ModelType.CTMC
+            require_normal_numbers(*self._range, self.matrix.longest, rates)
+
+    @cached_property
+    def _range(self) -> tuple[float, float]:
+        data = self.matrix.data
+        if (smallest := float(data.min())) <= 0.0:
+            smallest = float(data.min(initial=np.inf, where=data > 0.0))
+        return smallest, float(data.max())
 
     def finite_reward(
         self, reward: Reward, target: ArraySet, direction: Direction | None

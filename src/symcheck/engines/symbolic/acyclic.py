@@ -61,7 +61,7 @@ def solve_acyclic(
 
     Returns:
         The solution; None if the states are few or have a cycle, if the diagrams of the values are
-        large, or if some reward is negative or infinite.
+        large, if some reward is negative or infinite, or if numbers underflow.
     """
     if states.count < tuning.ACYCLIC_STATES:
         return None
@@ -86,6 +86,9 @@ def solve_acyclic(
         spent += nodes
         if nodes > allowed or spent > budget:
             return None
+    least = float(x.leaves[x.leaves > 0.0].min(initial=np.inf))
+    if d.entry_range[0] * least < np.finfo(np.float64).tiny:
+        return None  # products that underflow have no relative error
     # The sum over the column bits is a tree with one level per bit.
     error = 1.01 * len(levels) * (len(d.columns) + 4) * 2.0**-53
     make = partial(_pieces, d, x, states.bdd, error, known)

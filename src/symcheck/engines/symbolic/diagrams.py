@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, assert_never
 
+import numpy as np
+
 from symcheck.dd.odd import Odd
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
 from symcheck.symbolic.model import LazySequence, TransitionPart
@@ -67,6 +69,13 @@ class Diagrams:
                 return self.manager.zero, [r.sum_over(self.column_cube) for r in self.roots]
             case _:
                 assert_never(reward)
+
+    @cached_property
+    def entry_range(self) -> tuple[float, float]:
+        """The smallest and the largest positive entry of the matrices."""
+        leaves = np.concatenate([root.leaves for root in self.roots])
+        positive = leaves[leaves > 0.0]
+        return float(positive.min(initial=np.inf)), float(positive.max(initial=0.0))
 
     @cached_property
     def odd(self) -> Odd:

@@ -14,7 +14,11 @@ from symcheck.direction import Direction
 from symcheck.engines import tuning
 from symcheck.engines.base import require_expression
 from symcheck.engines.capabilities import Capable, HasActions
-from symcheck.engines.linear_system import Preprocessing, refuse_infinite_minimum
+from symcheck.engines.linear_system import (
+    Preprocessing,
+    refuse_infinite_minimum,
+    require_normal_numbers,
+)
 from symcheck.engines.symbolic.acyclic import AcyclicSolution
 from symcheck.engines.symbolic.deterministic_elimination import DeterministicElimination, ReducedSet
 from symcheck.engines.symbolic.diagrams import Diagrams, HasDiagrams, diagrams_of
@@ -169,6 +173,8 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
 
     def system(self, states: SymbolicSet, direction: Direction | None = None) -> SymbolicSystem:
         """The equations over some states."""
+        d = self.diagrams
+        require_normal_numbers(*d.entry_range, min(self.states, 10**15), d.continuous)
         if isinstance(states, ReducedSet):  # building its diagram takes as long as the solution
             return SymbolicSystem(self, states, direction)
         key = states.bdd, direction

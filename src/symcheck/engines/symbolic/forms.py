@@ -13,16 +13,13 @@ from symcheck.engines import tuning
 from symcheck.engines.symbolic.engine import SymbolicEngine
 from symcheck.engines.symbolic.system import SymbolicSystem
 from symcheck.matrices.blocks import BlockMatrix
-from symcheck.matrices.operators import BoundStep
+from symcheck.matrices.operators import BoundStep, underflow_error
 from symcheck.matrices.rows import Floats, SparseMatrix
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd
 
 __all__ = ["DiagramOperator", "HybridEngine", "MtbddEngine", "SparseEngine"]
-
-TINY = 1e-307
-"""Absolute margin of upper bounds, for values so small that a relative margin underflows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,17 +56,17 @@ class DiagramOperator:
         add = self._by_slot(step.constant)
         scale = None if self.divisor is None else self._by_slot(1.0 / self.divisor)
         bounds = odd.from_vector(x)
+        states, error = self.system.states.bdd, underflow_error(self.divisor)
+        underflow = states.to_mtbdd(error if step.upper else -error)
         for _ in range(tuning.SWEEP_STEPS):
             rows = self.apply(bounds)
             if scale is not None:
                 rows = tuple(row * by for row, by in zip(rows, scale, strict=True))
             best = self._best([row + b for row, b in zip(rows, add, strict=True)], step.direction)
             if step.upper:
-                after = bounds.minimum(
-                    best * (1.0 + step.rounding_error) + best.compare(">", 0.0).to_mtbdd(TINY)
-                )
+                after = bounds.minimum(best * (1.0 + step.rounding_error) + underflow)
             else:
-                after = bounds.maximum(best * (1.0 - step.rounding_error))
+                after = bounds.maximum(best * (1.0 - step.rounding_error) + underflow)
             if after == bounds:
                 break
             bounds = after

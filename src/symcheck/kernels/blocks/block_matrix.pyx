@@ -42,7 +42,7 @@ cdef inline void _improve_best(double value, int64_t row, const double[::1] cons
 
 
 cdef double _tighten(double* x, const double* candidates, int64_t n, bint upper,
-                     double rounding_error) noexcept nogil:
+                     double rounding_error, double underflow) noexcept nogil:
     """Move bounds to new values, rounded outwards, where these are tighter; the greatest relative
     change.
     """
@@ -51,12 +51,12 @@ cdef double _tighten(double* x, const double* candidates, int64_t n, bint upper,
     for i in range(n):
         value = candidates[i]
         if upper:
-            value = value * (1 + rounding_error) + 1e-307 if value > 0 else 0
+            value = value * (1 + rounding_error) + underflow
             if value < x[i]:
                 greatest_change = max(greatest_change, 1 - value / x[i])
                 x[i] = value
         else:
-            value = value * (1 - rounding_error)
+            value = value * (1 - rounding_error) - underflow
             if value > x[i]:
                 greatest_change = max(greatest_change, 1 - x[i] / value)
                 x[i] = value
@@ -159,7 +159,8 @@ cdef class BlockOperations(BlockPartition):
 
     def sweep(self, double[::1] x, const double[::1] constant, const double[::1] divisor,
               groups: Int64s | None, present: Masks | None, bint greatest, bint upper,
-              double rounding_error, const int32_t[::1] order, int repetitions) -> float:
+              double rounding_error, double underflow, const int32_t[::1] order,
+              int repetitions) -> float:
         """Tighten bounds on the solution of x = opt(constant + A x / divisor), in place, range by
         range.
 
@@ -171,7 +172,8 @@ cdef class BlockOperations(BlockPartition):
             constant: float64 per row. divisor: float64 per row, or empty for 1.
             groups, present: as in `multiply_choices`; None where states have one row.
             greatest: maximum instead of minimum.
-            rounding_error: relative error of a step, by which new values are moved outwards.
+            rounding_error, underflow: relative and absolute error of a step, by which new values
+                are moved outwards.
             order: int32, the ranges in the order of their treatment.
             repetitions: how often a range is repeated at most, until it hardly changes.
         Returns:
@@ -203,7 +205,8 @@ cdef class BlockOperations(BlockPartition):
                                           divisor, greatest, &best[s - begin])
                             next_row[s - begin] += 1
                             s = _next_present(&bits[root, 0], s + 1, end) if grouped else s + 1
-                    change = _tighten(&x[begin], &best[0], end - begin, upper, rounding_error)
+                    change = _tighten(&x[begin], &best[0], end - begin, upper, rounding_error,
+                                      underflow)
                     greatest_change = max(greatest_change, change)
                     if change <= 4 * rounding_error:
                         break

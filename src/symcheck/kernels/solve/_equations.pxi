@@ -68,6 +68,31 @@ cdef class Equations:
                 return False
         return self.mode == 1 or self.constant_high is None or self.constant_high[row] == 0.0
 
+    cdef void bounds_near_underflow(self, int64_t state, int64_t row, const double* x, Sum total,
+                                    double* low, double* high) noexcept nogil:
+        """Bounds of b_row + (A_row x without the block that is loaded, and without the loop on the
+        state), divided by `total`, where doubles lose digits.
+        """
+        cdef bint constants = self.constant_low is not None
+        cdef Sum lo = sum_of(self.constant_low[row] if constants else 0.0)
+        cdef Sum hi = sum_of(self.constant_high[row] if constants else 0.0)
+        cdef double lost = 0.0, least = DBL_MIN * DBL_EPSILON  # the smallest double
+        cdef int64_t k
+        cdef int32_t c
+        for k in range(self.indptr[row], self.indptr[row + 1]):
+            c = self.indices[k]
+            if c == state or (self.local_index is not None and self.local_index[c] >= 0):
+                continue
+            lo = add_product(lo, self.data[k], x[2 * <int64_t>c])
+            hi = add_product(hi, self.data[k], x[2 * <int64_t>c + 1])
+            lost += (product_underflows(self.data[k], x[2 * <int64_t>c])
+                     or product_underflows(self.data[k], x[2 * <int64_t>c + 1]))
+        low[0] = high[0] = 0.0
+        if is_positive(hi) or lost > 0.0:
+            high[0] = quotient(hi, total) + least + 2.0 * lost * least / rounded(total)
+            if lost == 0.0:
+                low[0] = max(quotient(lo, total) - least, 0.0)
+
 
 cdef class EquationBlock:
     """The equations of some states, copied together, with self-loops divided out.
@@ -240,7 +265,7 @@ cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x) noe
     cdef int32_t[::1] local_index = system.local_index
     cdef int64_t* row_ptr = &block.row_ptr[0]
     cdef int64_t* group_ptr = &block.group_ptr[0]
-    cdef bint grouped = block.grouped, constants = system.constant_low is not None
+    cdef bint grouped = block.grouped, constants = system.constant_low is not None, tiny
     cdef int64_t i, r, k, s, first, last, rows = 0, entries = 0, first_entry
     cdef int32_t c
     cdef double lo, hi, scale, loop, terms, leaves, lowest = INFINITY, highest = 0.0
@@ -278,6 +303,9 @@ cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x) noe
                     terms = terms + 1.0
             total = add_sum(total, exit_sum)
             leaves = rounded(exit_sum)
+            tiny = lo >= 0.0 and hi < NEAR_UNDERFLOW and terms > EXTRA_ROUNDINGS
+            if tiny:
+                system.bounds_near_underflow(s, r, &x[0, 0], sum_of(1.0), &lo, &hi)
             if not is_positive(total):
                 entries = first_entry
                 if hi > 0.0:
@@ -286,12 +314,16 @@ cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x) noe
                 scale = divide_by(1.0, total)
                 for k in range(first_entry, entries):
                     block.data[k] = block.data[k] * scale
-                lo = lo * scale
-                hi = hi * scale
+                if tiny:
+                    system.bounds_near_underflow(s, r, &x[0, 0], total, &lo, &hi)
+                else:
+                    lo = lo * scale
+                    hi = hi * scale
                 leaves = quotient(exit_sum, total)
             lo = lo - fabs(lo) * terms * UNIT_ROUNDOFF if lo < INFINITY else lo
             hi = (hi + fabs(hi) * terms * UNIT_ROUNDOFF
-                  + (UNDERFLOW_MARGIN if terms > EXTRA_ROUNDINGS and hi != 0.0 else 0.0))
+                  + (UNDERFLOW_MARGIN if terms > EXTRA_ROUNDINGS and hi != 0.0 and not tiny
+                     else 0.0))
             if is_positive(exit_sum):
                 block.has_exit = True
                 if leaves > 0.0:

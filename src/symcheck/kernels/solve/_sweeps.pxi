@@ -167,6 +167,8 @@ cdef class Block(EquationBlock):
             margin = error_of_sum(end - indptr[i])
             lo = round_down(lo, margin)
             hi = round_up(hi, margin)
+            if hi == 0.0:
+                hi = underflow_margin(data, indices, indptr[i], end, x + 1, 2)
             y = x + 2 * i
             if lo > y[0]:
                 y[0] = lo
@@ -213,6 +215,8 @@ cdef class Block(EquationBlock):
                 margin = error_of_sum(indptr[r + 1] - indptr[r])
                 lo = round_down(lo, margin)
                 hi = round_up(hi, margin)
+                if hi == 0.0:
+                    hi = underflow_margin(data, indices, indptr[r], indptr[r + 1], x + 1, 2)
                 if r == first or (lo > best_lo if maximise else lo < best_lo):
                     best_lo = lo
                     row_lo = r
@@ -287,6 +291,9 @@ cdef class Block(EquationBlock):
                 for k in range(indptr[r], indptr[r + 1]):
                     hi = hi + data[k] * high[indices[k]]
                 hi = round_up(hi, error_of_sum(indptr[r + 1] - indptr[r]))
+                if hi == 0.0:
+                    hi = underflow_margin(data, indices, indptr[r], indptr[r + 1], &high[0],
+                                           1)
                 if best_row < 0 or (hi > best if self.mode == 2 else hi < best):
                     best = hi
                     best_row = r

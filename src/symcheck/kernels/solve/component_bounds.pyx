@@ -7,7 +7,7 @@ Rows are rounded outwards (`rounding.pxd`). Functions raise MemoryError when mem
 
 import numpy as np
 
-from libc.float cimport DBL_MAX, DBL_MIN
+from libc.float cimport DBL_EPSILON, DBL_MAX, DBL_MIN
 from libc.math cimport INFINITY, fabs, log
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
@@ -15,8 +15,9 @@ from symcheck.kernels.portable cimport (COMPENSATED_ROUNDINGS, Sum, add_product,
                                         divide_by, divided, in_range, is_positive,
                                         product_underflows, quotient, rounded, sum_of)
 from symcheck.kernels.tuning cimport MAX_SWEEPS, MIN_SWEEPS, SWEEP_ENTRIES, SWEEP_STATES
-from symcheck.kernels.rounding cimport (EXTRA_ROUNDINGS, UNDERFLOW_MARGIN, UNIT_ROUNDOFF,
-                                        error_of_sum, round_down, round_up)
+from symcheck.kernels.rounding cimport (EXTRA_ROUNDINGS, NEAR_UNDERFLOW, UNDERFLOW_MARGIN,
+                                        UNIT_ROUNDOFF, error_of_sum, round_down, round_up,
+                                        underflow_margin)
 
 include "_equations.pxi"
 include "_sweeps.pxi"
@@ -62,7 +63,9 @@ cdef bint eliminate_block(EquationBlock block):
                     block.constant_low[i] += factor * block.constant_low[k]
                     block.constant_high[i] += factor * block.constant_high[k]
                     if (factor < DBL_MIN or (exit_mass[i] < DBL_MIN and exit_mass[k] > 0.0)
-                            or (block.constant_low[i] < DBL_MIN and block.constant_low[k] > 0.0)):
+                            or (block.constant_low[i] < DBL_MIN and block.constant_low[k] > 0.0)
+                            or (block.constant_high[i] < DBL_MIN
+                                and block.constant_high[k] > 0.0)):
                         out_of_range = True
         error = (10.0 * updates + (10.0 + COMPENSATED_ROUNDINGS) * n + 20.0) * UNIT_ROUNDOFF
         for k in range(n):
@@ -77,6 +80,7 @@ cdef bint eliminate_block(EquationBlock block):
             block.bounds[k, 0] = divided(lo, pivot[k])
             block.bounds[k, 1] = divided(hi, pivot[k])
             if ((is_positive(lo) and block.bounds[k, 0] < DBL_MIN)
+                    or (is_positive(hi) and block.bounds[k, 1] < DBL_MIN)
                     or (block.bounds[k, 1] > DBL_MAX and in_range(hi))):
                 out_of_range = True
         for k in range(n):
@@ -124,7 +128,7 @@ cdef class ComponentSolver(Equations):
         cdef double lo, hi, loop, margin, best_lo = 0.0, best_hi = 0.0, a
         cdef int32_t c
         cdef Sum total
-        cdef bint infinite = False, constants = self.constant_low is not None
+        cdef bint infinite = False, constants = self.constant_low is not None, tiny
         for r in range(first, last):
             lo = self.constant_low[r] if constants else 0.0
             hi = self.constant_high[r] if constants else 0.0
@@ -138,6 +142,8 @@ cdef class ComponentSolver(Equations):
                     y = base + 2 * <int64_t>c
                     lo = lo + a * y[0]
                     hi = hi + a * y[1]
+            tiny = lo >= 0.0 and hi < NEAR_UNDERFLOW
+            total = sum_of(1.0)
             if loop > 0.0 or self.normalise:
                 total = sum_of(self.exit_mass[r] if self.exit_mass is not None else 0.0)
                 for k in range(indptr[r], indptr[r + 1]):
@@ -149,6 +155,8 @@ cdef class ComponentSolver(Equations):
                     continue
                 lo = divide_by(lo, total)
                 hi = divide_by(hi, total)
+            if tiny:
+                self.bounds_near_underflow(s, r, base, total, &lo, &hi)
             margin = error_of_sum(indptr[r + 1] - indptr[r])
             lo = round_down(lo, margin)
             hi = round_up(hi, margin)

@@ -13,7 +13,7 @@ from libc.math cimport fabs, isfinite, sqrt, INFINITY
 from libc.stdint cimport int32_t, int64_t
 
 from symcheck.kernels.tuning cimport ANDERSON_MEMORY, SWEEPS_PER_COMBINATION
-from symcheck.kernels.rounding cimport error_of_sum, round_down, round_up
+from symcheck.kernels.rounding cimport error_of_sum, round_down, round_up, underflow_margin
 
 # A row must be better by this relative difference to change the policy: roundings are smaller.
 cdef double CLEARLY_BETTER = 1e-13
@@ -420,6 +420,8 @@ cdef bint sweep_bounds(PolicyEvaluator e, double* x, bint upper,
             margin = error_of_sum(indptr[r + 1] - indptr[r])
             if upper:
                 t = round_up(t, margin)
+                if t == 0.0:
+                    t = underflow_margin(data, indices, indptr[r], indptr[r + 1], x, 1)
             elif t < INFINITY:
                 t = round_down(t, margin)
             if best_row < 0 or (t > best if e.mode == 2 else t < best):

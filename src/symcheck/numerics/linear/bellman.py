@@ -62,12 +62,16 @@ class BellmanOperator:
     def apply_upwards(self, x: Floats) -> Floats:
         """One application to upper bounds, rounded up."""
         out = self.best(self.product(x) + self.problem.high) * (1.0 + self.rounding_error)
-        return np.where(out > 0.0, out + tuning.SMALLEST_INCREMENT, 0.0)
+        positive = out > 0.0
+        if not positive.all():  # a product may have underflowed to 0
+            positive = self.best(self.product(np.sign(x)) + self.problem.high) > 0.0
+        return np.where(positive, out + tuning.SMALLEST_INCREMENT, 0.0)
 
     def improve_lower(self, lower: Floats) -> Floats:
         """Better lower bounds: one application, or a sweep if the matrix is an operator."""
         if self.problem.operator is None:
-            return np.maximum(lower, self.apply(lower) * (1.0 - self.rounding_error))
+            improved = self.apply(lower) * (1.0 - self.rounding_error)
+            return np.maximum(lower, improved - tuning.SMALLEST_INCREMENT)
         return self._sweep(lower, self.problem.constant, upper=False)
 
     def improve_upper(self, upper: Floats) -> Floats:

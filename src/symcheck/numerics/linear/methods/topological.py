@@ -23,7 +23,13 @@ from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.extrapolation import solve_extrapolated
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.methods import policy
-from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
+from symcheck.numerics.linear.problem import (
+    LinearProblem,
+    Observer,
+    Progress,
+    Solution,
+    largest_width,
+)
 from symcheck.numerics.linear.subsystem import (
     Bounds,
     LocalSystem,
@@ -316,7 +322,11 @@ def _solution(
     if run.probability:
         for bound in (lower, upper):
             np.clip(bound, 0.0, 1.0, out=bound)
-    exact = exact and run.known_exactly and not _underflows(lower, upper)
+    exact = (
+        exact
+        and run.known_exactly
+        and largest_width(lower, upper, relative=True) <= tuning.ROUNDING_WIDTH
+    )
     return Solution(
         lower,
         upper,
@@ -327,12 +337,6 @@ def _solution(
         explanation,
         run.strategy if len(run.strategy) else None,
     )
-
-
-def _underflows(lower: Floats, upper: Floats) -> bool:
-    """Whether bounds of tiny values differ by underflow, although every step was exact."""
-    small = np.flatnonzero(lower < tuning.UNDERFLOW_RISK)
-    return bool(np.any(upper[small] - lower[small] > 1e-9 * upper[small]))
 
 
 def _explain(run: TopologicalRun, summary: str) -> str:
