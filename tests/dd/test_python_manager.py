@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import symcheck
+from symcheck import teach
 from symcheck.dd import tuning
 from symcheck.dd.manager import DiagramManager
 from symcheck.dd.python_manager import PythonManager
@@ -139,6 +142,16 @@ def test_limits_of_nodes_and_time(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (x & y).node_count == 3
     with pytest.raises(MemoryLimitError, match="more than 4 nodes"):
         _ = [x & y, x ^ y, x | y]
+
+
+def test_the_search_of_the_die_needs_no_cudd() -> None:
+    """States and nodes of the reached set and of the frontier, as the tutorial shows them."""
+    die = symcheck.load(Path(__file__).resolve().parents[2] / "models/die/die.pm").bound
+    manager: Any = PythonManager()
+    trace = teach.frontiers(symcheck.build(die, symcheck.Options(), manager=manager))
+    counts = [(f.iteration.states, f.iteration.nodes, f.iteration.frontier) for f in trace]
+    assert counts == [(1, 7, 1), (3, 7, 2), (7, 7, 4), (13, 9, 6), (13, 9, 0)]
+    assert list(trace)[1].new_states == ((1, 0), (2, 0))
 
 
 def test_managers_in_cycles_are_freed() -> None:

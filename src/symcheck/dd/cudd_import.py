@@ -20,6 +20,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from functools import cache
 from types import ModuleType
 
 from symcheck.errors import UnsupportedError
@@ -67,14 +68,20 @@ def library() -> str:
     """
     if cudd is not None:
         return str(cudd.__file__)
-    from ctypes.util import find_library  # it imports modules that are needed nowhere else
-
-    name = os.environ.get("SYMCHECK_CUDD") or find_library("cudd")
+    name = os.environ.get("SYMCHECK_CUDD") or _system_library()
     if name is None:
         raise UnsupportedError(
             f"decision diagrams need CUDD, which is not installed here\n  hint: {INSTALL_HINT}"
         )
     return name
+
+
+@cache
+def _system_library() -> str | None:
+    """The library that the system finds as `cudd`; the search starts processes."""
+    from ctypes.util import find_library  # it imports modules that are needed nowhere else
+
+    return find_library("cudd")
 
 
 def available() -> bool:
