@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from decimal import Decimal, localcontext
 from fractions import Fraction
 
 import numpy as np
@@ -113,6 +114,41 @@ def test_poisson_weights(rate: float) -> None:
         exact = math.exp(k * math.log(rate) - rate - math.lgamma(k + 1)) if rate else 1.0
         assert weights.values[k - weights.left] == pytest.approx(exact, rel=1e-12 + 1e-14 * rate)
     assert weights.missing <= 1e-290
+
+
+def exact_weight(rate: float, k: int) -> float:
+    """P(N = k) for large k, by Stirling's series in 60 digits (the next term is below 1e-40)."""
+    with localcontext() as context:
+        context.prec = 60
+        n, mean = Decimal(k), Decimal(rate)
+        two_pi = Decimal("6.28318530717958647692528676655900576839433879875021164194989")
+        log_factorial = n * n.ln() - n + (two_pi * n).ln() / 2 + 1 / (12 * n) - 1 / (360 * n**3)
+        return float((n * mean.ln() - mean - log_factorial).exp())
+
+
+@pytest.mark.parametrize("rate", [3.7e5, 1e8, 2e9 + 0.25, 1e11])
+def test_weights_of_huge_rates_are_as_accurate_as_stated(rate: float) -> None:
+    weights = poisson(rate)
+    assert weights.error <= 1e-8
+    deviation = math.isqrt(int(rate))
+    for k in (int(rate) + i * deviation for i in (-8, -5, -1, 0, 2, 7)):
+        exact = exact_weight(rate, k)
+        assert abs(weights.values[k - weights.left] - exact) <= weights.error * exact
+
+
+def test_a_horizon_beyond_the_proved_weights_is_refused() -> None:
+    with pytest.raises(NumericalError, match="hint: check the property without the time bound"):
+        poisson(1e200)
+
+
+def test_states_that_hardly_stay_are_as_accurate_as_others() -> None:
+    """The probability of still being there falls with the slow state; 1 - rate/q would be 0 there."""
+    slow = np.array([1.0 - 2.0**-53, 1.0])
+    found = transient_values(
+        sparse_of(np.zeros((2, 2))), slow, 40.0, Accuracy(), terminal=np.ones(2)
+    )
+    exact = np.exp(-40.0 * slow)
+    assert np.all((found.lower <= exact) & (exact <= found.upper))
 
 
 def test_few_weights_of_a_huge_rate_are_kept() -> None:

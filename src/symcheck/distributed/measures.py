@@ -241,7 +241,8 @@ class Measures:
             outgoing = [messages for _, messages in answers]
             (total,) = [s for sums, _ in answers for s in sums]
             (value,) = self._initial(upper=False)
-            left, error = weights.tail_sum(k + 1), (k + 4) * slack + tuning.SERIES_ERROR
+            left = weights.tail_sum(k + 1)
+            error = (k + 4) * slack + window.error + tuning.SERIES_ERROR
             lower = (total + left * value) * (1 - error)
             upper = min((total + left + window.missing) * (1 + error), 1.0)
             if upper - lower <= self.epsilon * upper:

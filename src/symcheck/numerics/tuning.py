@@ -91,6 +91,8 @@ CHECK_INTERVAL = 50
 WINDOW = 2e6
 """Poisson weights on each side of the mode from which on the smallest ones are left out: those of
 rates above 3e9. A rate of 5e11 would otherwise take gigabytes."""
+LARGEST_POISSON_RATE = 1e14
+"""Its window takes a gigabyte. Numbers up to 9e15 are exact in doubles."""
 UNDERFLOW_BOUND = 1e-300
 """Added to upper bounds: 1e7 steps with 1e3 roundings each lose less than this to underflow."""
 TRUNCATION_ENTRIES = 1e10

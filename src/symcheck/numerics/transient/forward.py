@@ -149,7 +149,10 @@ class _Run(ForwardValue):
         self.steps += len(values)
         self.largest = max(self.largest, self.count)
         self.terms = max(self.terms, terms)
-        error = (self.steps + 4) * (self.terms + 6) * tuning.UNIT_ROUNDOFF + 1e-10
+        roundings = (self.steps + 4) * (self.terms + 14) + (
+            self.rates.longest + 2
+        ) * self.window.rate
+        error = roundings * tuning.UNIT_ROUNDOFF + self.window.error + 1e-10
         # 1 - exit rate / q has an absolute error, which matters if rewards fall with time.
         absolute = 8 * tuning.UNIT_ROUNDOFF * self.steps * self.greatest * (not self.source)
         self.lower = max(self.total * (1.0 - error) - absolute, 0.0)

@@ -1,8 +1,14 @@
 """Poisson weights for uniformisation.
 
 They are computed outwards from the mode as products of ratios and normalised by their sum, so no
-relevant weight underflows and no large factorial is formed. The relative error of each weight is
-about 1e-12 for rates up to 1e8.
+relevant weight underflows and no large factorial is formed.
+
+The relative error of each weight, and of each sum of weights, is at most `PoissonWeights.error`.
+The weight that is d numbers from the mode is a product of d ratios of exact integers and the rate,
+which takes 2 d roundings. The total of n weights, by which they are divided, has the error of its
+terms, n roundings, and what the window omits; a sum of weights has n roundings more. So with at
+most m numbers on one side of the mode the error is (4 m + 2 n + 1) u to first order; a hundredth
+and 7 u are added for higher orders. The rate is taken as exact.
 
 Sources: Fox & Glynn (1988); Jansen (2011).
 """
@@ -15,6 +21,7 @@ from functools import cached_property
 
 import numpy as np
 
+from symcheck.errors import NumericalError
 from symcheck.matrices.rows import Floats
 from symcheck.numerics import tuning
 
@@ -24,13 +31,14 @@ __all__ = ["PoissonWeights", "WeightSequence", "poisson"]
 @dataclass(frozen=True, eq=False)
 class PoissonWeights:
     """P(N = left + i) = values[i] for N ~ Poisson(rate); `missing` bounds the probability
-    elsewhere.
+    elsewhere, `error` the relative error of values and of sums of them.
     """
 
     rate: float
     left: int
     values: Floats
     missing: float
+    error: float = 0.0
 
     @property
     def right(self) -> int:
@@ -102,9 +110,16 @@ def poisson(rate: float, epsilon: float = 1e-300) -> PoissonWeights:
 
     Raises:
         ValueError: the rate is negative.
+        NumericalError: the rate is so large that the window would not fit into memory.
     """
     if rate < 0.0:
         raise ValueError("a Poisson rate cannot be negative")
+    if rate > tuning.LARGEST_POISSON_RATE:
+        raise NumericalError(
+            f"uniformisation would take {rate:.1e} steps, the greatest rate times the time; more "
+            f"than {tuning.LARGEST_POISSON_RATE:.0e} are not supported\n"
+            "  hint: check the property without the time bound"
+        )
     if rate == 0.0:
         return PoissonWeights(0.0, 0, np.ones(1), 0.0)
     mode = int(rate)
@@ -124,4 +139,7 @@ def poisson(rate: float, epsilon: float = 1e-300) -> PoissonWeights:
     last, first = mode + len(up), mode - len(down)
     beyond = values[-1] * rate / (last + 1.0 - rate) if last + 1.0 > rate else 0.0
     before = values[0] * first / (rate - first) if rate > first > 0 else 0.0
-    return PoissonWeights(rate, first, values / total, float((beyond + before) / total))
+    missing = float((beyond + before) / total)
+    roundings = 4 * max(len(up), len(down)) + 2 * len(values) + 8
+    error = 1.01 * roundings * tuning.UNIT_ROUNDOFF + missing
+    return PoissonWeights(rate, first, values / total, missing, error)

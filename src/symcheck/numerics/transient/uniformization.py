@@ -336,7 +336,12 @@ def _sum_series(
         (lambda v: v) if interest is None else (lambda v: v[interest])
     )
     k, check_interval = 0, min(tuning.CHECK_INTERVAL, len(weights))
-    rounding_error = (chain.longest + 6) * tuning.UNIT_ROUNDOFF
+    # A step rounds each product and sum; the error is relative, because no difference but q - exit
+    # rate is rounded. Besides, exit rates are rounded sums, and q t is a rounded product: if they
+    # differ by e relatively, the weight of each path has a factor within exp(±e q t), however many
+    # steps it has.
+    rounding_error = (chain.longest + 14) * tuning.UNIT_ROUNDOFF
+    fixed_error = 1e-10 + window.error + (chain.longest + 2) * tuning.UNIT_ROUNDOFF * window.rate
     while True:
         # The ratio bounds ignore negligible entries, which converge last.
         floor = (
@@ -349,7 +354,7 @@ def _sum_series(
             y, z, total, weights.between(k, k + check_interval), floor
         )
         k += check_interval
-        error = (k + 4) * rounding_error + 1e-10
+        error = (k + 4) * rounding_error + fixed_error
         below = total * (1.0 - error)
         remaining_weight = weights.tail_sum(k) + window.missing
         size = float(y.sum()) if mass else most * growth

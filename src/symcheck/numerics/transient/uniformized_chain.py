@@ -10,7 +10,6 @@ from symcheck.kernels.chains import uniformization
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Floats, SparseMatrix
-from symcheck.numerics import tuning
 
 __all__ = ["UniformizedChain", "uniformize"]
 
@@ -84,8 +83,7 @@ def uniformize(
         transposed: multiply distributions instead of values (rows are needed for it).
     """
     q = float(np.max(exit_rates, initial=0.0)) or 1.0
-    diagonal = 1.0 - exit_rates / q
-    diagonal[diagonal < 4 * tuning.UNIT_ROUNDOFF] = 0.0
+    diagonal = (q - exit_rates) / q  # two roundings: 1 - exit_rates / q would lose digits near 0
     if not isinstance(rates, SparseMatrix):
         return UniformizedChain(q, diagonal, None, rates, rates.longest)
     arrays = rates.arrays
