@@ -43,6 +43,16 @@ def ask(text, model=FORK, engine="explicit"):
     return check_text(engine_of(model, engine), text).value
 
 
+def test_an_exact_zero_and_an_exact_one_are_rationals():
+    for text, value in (
+        ("multi(Pmin=? [F s=2], P>=0.1 [F s=1])", 0),
+        ("multi(Pmax=? [F s=1], P>=0 [F s=2])", 1),
+    ):
+        answer = ask(text, engine="exact")
+        assert answer == value
+        assert isinstance(answer, Fraction)
+
+
 def random_engine(seed):
     try:
         engine = engine_of(random_model(Random(seed), "mdp").text)

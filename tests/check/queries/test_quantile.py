@@ -61,6 +61,35 @@ def test_by_hand(engine, formula, value):
     assert isinstance(result.value, int) or value in (inf, -inf) or engine == "exact"
 
 
+ABSORBED = """
+mdp
+module m
+  s : [0..2] init 0;
+  [a] s=0 -> 1/2 : (s'=1) + 1/2 : (s'=2);
+  [b] s=0 -> (s'=2);
+  [] s>0 -> true;
+endmodule
+"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    ("formula", "value"),
+    [
+        ("quantile(max B, P>=0 [ F>=B s=1 ])", inf),
+        ("quantile(max B, Pmax>=0.5 [ F>=B s=1 ])", inf),
+        ("quantile(max B, Pmax>=0.6 [ F>=B s=1 ])", -inf),
+        ("quantile(max B, P>=0.9 [ F>=B s=0 ])", 0),
+        ("quantile(min B, P<=0.3 [ F>=B s=1 ])", inf),
+        ("quantile(min B, Pmin>=0.4 [ G>=B s=1 ])", inf),
+        ("quantile(min B, P>=0.7 [ G>=B s>0 ])", 1),
+        ("quantile(max B, P<=0.7 [ G>=B s=1 ])", inf),
+    ],
+)
+def test_lower_limits_that_decide_nothing_end_at_once(engine, formula, value):
+    assert check_text(engine_of(ABSORBED, engine), formula).value == value
+
+
 def test_what_has_no_bound_says_so():
     model = symcheck.loads(CYCLE)
     warnings = model.check('quantile(min B, P>=1 [ F{"c"}<=B "g" ])').warnings

@@ -81,7 +81,7 @@ class Objective:
     def shown(self, value: Number) -> Number:
         """A value as it is reported; never -0."""
         value = self.internal(value)
-        return (min(1, max(0, value)) if self.formula.is_probability else value) + 0
+        return (min(max(value, 0), 1) if self.formula.is_probability else value) + 0
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from symcheck.syntax.ast import (
     Bound,
     Eventually,
     Expression,
+    Globally,
     Limits,
     Literal,
     ModelType,
@@ -155,6 +156,11 @@ class _Search:
             if never:
                 satisfying[inf] = never
             waiting = sure | possible
+        elif waiting and (change := self._recurrence()) is not None:
+            never = waiting - self._crosses_in_the_limit(change, waiting)
+            if never:
+                satisfying[inf] = never
+            sure = waiting = waiting - never
         low, high = 0, 1
         while waiting:
             if high > (tuning.QUANTILE_BOUND if waiting & sure else self._last_trial()):
@@ -211,6 +217,28 @@ class _Search:
         if self._attained_without_cycles():
             possible = states - states
         return sure | crossed, possible
+
+    def _recurrence(self) -> Change | None:
+        """The property with `G F right` for `F>=B right`, or `F G right` for `G>=B right`.
+
+        A path satisfies `G F right` if it satisfies `F>=B right` for all B, so that its probability
+        is at most that of each bound, under each strategy. `F G right` is the dual.
+        """
+        path = self.formula.path
+        limit: UnaryTemporal
+        match path:
+            case Eventually(bound=TimeBound(upper=None)):
+                limit = Globally(Eventually(path.operand, span=path.span), span=path.span)
+            case Globally(bound=TimeBound(upper=None)):
+                limit = Eventually(Globally(path.operand, span=path.span), span=path.span)
+            case _:
+                return None
+        return lambda formula: replace(formula, path=limit)
+
+    def _crosses_in_the_limit(self, change: Change, states: StateSet) -> StateSet:
+        """The states where the property has changed for the limit of the paths."""
+        holds = self._holds(change, states)
+        return states & (holds if self.upward else ~holds)
 
     def _attained_without_cycles(self) -> bool:
         """Whether a limit that is attained is attained within as many steps as states."""
