@@ -210,16 +210,17 @@ class SymbolicGraph(Components):
 
     def _unavoidable(self, left: Bdd, right: Bdd) -> Bdd:
         """States from where all strategies have a positive probability of left U right."""
-        reach = right
-        while reach:
-            before = self.steps.slots_before(reach)
+        reach = fresh = right
+        before = [self._d.manager.false] * len(self._d.slot_guards)
+        while fresh:
+            found = self.steps.slots_before(fresh)
+            before = [known | more for known, more in zip(before, found, strict=True)]
+            near = (left & self._d.union(found)) - reach
             escape = self._d.union(
-                [guard - b for guard, b in zip(self._d.slot_guards, before, strict=True)]
+                [(guard & near) - b for guard, b in zip(self._d.slot_guards, before, strict=True)]
             )
-            more = reach | (left & self._d.union(before) - escape)
-            if more == reach:
-                return reach
-            reach = more
+            fresh = near - escape
+            reach |= fresh
             self.steps.tell("every strategy reaches", reach)
         return reach
 
