@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+import symcheck
 from checking import check_text, engine_of
 from generate import random_model
 from symcheck.check import tuning
@@ -51,6 +52,22 @@ def test_an_exact_zero_and_an_exact_one_are_rationals():
         answer = ask(text, engine="exact")
         assert answer == value
         assert isinstance(answer, Fraction)
+
+
+@pytest.mark.parametrize("symmetry", [False, True])
+def test_initial_states_of_one_orbit_are_several(symmetry):
+    text = """mdp
+    module m1
+      x1 : [0..2];
+      [] x1=0 -> 1/2:(x1'=1) + 1/2:(x1'=2);
+      [] x1>0 -> true;
+    endmodule
+    module m2 = m1 [x1=x2] endmodule
+    init (x1=1 & x2=0) | (x1=0 & x2=1) endinit
+    """
+    model = symcheck.loads(text, engine="explicit", symmetry=symmetry)
+    with pytest.raises(UnsupportedError, match="several initial states"):
+        model.check("multi(Pmax=? [F x1=2|x2=2], P>=0 [F x1=1&x2=1])")
 
 
 def random_engine(seed):

@@ -31,6 +31,7 @@ from symcheck.check.pareto_front import ParetoFront
 from symcheck.check.path_formulas import StatesOf
 from symcheck.check.result import Answer, Estimate, Exact, Number, Result, SolverRun
 from symcheck.check.strategies.to_explicit import to_explicit
+from symcheck.engines.capabilities import RepresentsOrbits
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
 from symcheck.matrices.numbers import numbers
 from symcheck.numerics.multi_objective.exact_lp import ROWS
@@ -230,7 +231,9 @@ def check_supported(context: Context, formula: MultiObjective) -> None:
     """Raise InputError or UnsupportedError if the model has no such queries."""
     if context.engine.model.type is not ModelType.MDP:
         raise InputError(Diagnostic("multi(...) needs an MDP", formula.span, "multi"))
-    if context.engine.initial.count != 1:
+    orbits = context.engine.capability(RepresentsOrbits)
+    whole = None if orbits is None else orbits.represented
+    if (context.engine.initial.count if whole is None else whole.initial) != 1:
         raise UnsupportedError("multi(...) is not supported for models with several initial states")
     if context.options.fairness:
         raise UnsupportedError("multi(...) is not supported with -fair")
