@@ -76,3 +76,14 @@ def test_small_rates_lose_no_digits() -> None:
     result = symcheck.loads(MODEL, constants, engine="explicit").check("P=? [F s=3]")
     exact = symcheck.loads(MODEL, constants, exact=True).check("P=? [F s=3]").value
     assert result.value == pytest.approx(float(exact), rel=1e-12)
+
+
+def test_a_joint_step_whose_probability_underflows_is_not_lost() -> None:
+    text = """dtmc
+    module m  s:[0..1]; [a] s=0 -> 1e-200:(s'=1) + 1:true; [] s=1 -> true; endmodule
+    module n  t:[0..1]; [a] t=0 -> 1e-200:(t'=1) + 1:true; [] t=1 -> true; endmodule
+    """
+    model = symcheck.loads(text, engine="explicit")
+    assert model.check("E [ F s=1&t=1 ]").value is True
+    with pytest.raises(UnsupportedError, match="too small for floating-point numbers"):
+        model.check("P=? [F s=1&t=1]")

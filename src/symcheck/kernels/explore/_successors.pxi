@@ -449,6 +449,7 @@ cdef class Expander:
         cdef bint last = participant == self.part_count - 1
         cdef uint64_t* target = self.level_words + participant * words
         cdef double* weights = <double*> self.weights.data
+        cdef double product
         cdef const uint64_t* keep
         cdef const uint64_t* value
         for i in range(self.enabled_begin[c], self.enabled_begin[c + 1]):
@@ -456,14 +457,16 @@ cdef class Expander:
                 target = <uint64_t*> self.targets.data + self.successor_count * words
             keep = &self.update_keep[self.evaluated_update[i], 0]
             value = self.evaluated_value + i * words
+            product = weight * self.evaluated_weight[i]
+            if product == 0 and weight > 0 and self.evaluated_weight[i] > 0:
+                product = 5e-324  # it underflows; the equations refuse subnormal numbers
             for w in range(words):
                 target[w] = (base[w] & keep[w]) | value[w]
             if last:
-                weights[self.successor_count] = weight * self.evaluated_weight[i]
-                # A product that underflows is no transition.
-                self.successor_count += weight * self.evaluated_weight[i] > 0
+                weights[self.successor_count] = product
+                self.successor_count += product > 0
             else:
-                self._combine_updates(participant + 1, weight * self.evaluated_weight[i], target)
+                self._combine_updates(participant + 1, product, target)
 
     cdef int _add_rewards(self, int32_t event, long long first) noexcept nogil:
         """Add the rewards of the action, times the total weight of the choice, to the current row.
