@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 from itertools import pairwise
 from math import factorial, prod
+from operator import mul
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["Represented", "StateOrbits"]
 
 _WORD = 64
+_TOO_LARGE = 1 << 63  # for int64
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,23 +79,25 @@ class StateOrbits:
         self.compiled.represent(rows)
         return self.layout.unpack(rows[0])
 
-    def count(self, rows: Rows, each: Int64s | None = None) -> int:
-        """The number of states in the orbits of some representatives.
+    def counts(self, rows: Rows, *each: Int64s) -> list[int]:
+        """The number of states in the orbits of some representatives, and sums over these states.
 
         Args:
             rows: the representatives.
-            each: what each of these states has, int64[n]: its sum over all of them is counted.
+            each: what each of the states has, int64[n].
         """
-        total = 0
+        totals = [0] * (1 + len(each))
         for start in range(0, len(rows), tuning.VALUATIONS_PER_BLOCK):
-            block = rows[start : start + tuning.VALUATIONS_PER_BLOCK]
+            part = slice(start, start + tuning.VALUATIONS_PER_BLOCK)
+            block = rows[part]
             sizes = [self._sizes(block, symmetry) for symmetry in self.symmetries]
-            if each is not None:
-                sizes.append(each[start : start + tuning.VALUATIONS_PER_BLOCK])
-            distinct, states = np.unique(np.stack(sizes), axis=1, return_counts=True)
-            for factors, count in zip(distinct.T.tolist(), states.tolist(), strict=True):
-                total += prod(factors) * count
-        return total
+            for number, last in enumerate(([], *([a[part]] for a in each))):
+                factors = [*sizes, *last]
+                greatest = prod(int(f.max()) for f in factors) * len(block)
+                kind = np.int64 if greatest < _TOO_LARGE else np.object_
+                product = reduce(mul, (f.astype(kind, copy=False) for f in factors))
+                totals[number] += int(product.sum())
+        return totals
 
     def represented(
         self, states: Rows, initial: Int64s, deadlocks: Int64s, choices: Int64s, transitions: Int64s
@@ -106,12 +111,13 @@ class StateOrbits:
         """
         factors = (self._sizes(states[initial], symmetry).tolist() for symmetry in self.symmetries)
         orbits = tuple(map(prod, zip(*factors, strict=True)))
+        of_states, of_choices, of_transitions = self.counts(states, choices, transitions)
         return Represented(
-            self.count(states),
+            of_states,
             sum(orbits),
-            self.count(states[deadlocks]),
-            self.count(states, choices),
-            self.count(states, transitions),
+            self.counts(states[deadlocks])[0],
+            of_choices,
+            of_transitions,
             self.symmetries,
             orbits,
         )
