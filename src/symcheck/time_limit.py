@@ -22,6 +22,8 @@ PATIENCE = 0.1  # seconds until an interrupt without effect is repeated
 _LOCKING = {"threading", "importlib", "_frozen_importlib", "_weakrefset", "logging", "coverage"}
 """Modules in whose functions an interrupt may leave a lock held."""
 
+_MOST_DELAYS = 10  # a thread may also wait in one of these modules
+
 
 class _Deadline(threading.local):
     """When the time limit of the outermost call of a thread ends, by `monotonic`."""
@@ -79,15 +81,33 @@ def within(seconds: float | None, compute: Callable[[], T]) -> T:
             timer.start()
             return compute()
         finally:
-            timer.end()
-            limit_time(None)
+            _end(timer)
     except BaseException:
-        timer.end()
-        limit_time(None)
+        _end(timer)
         if timer.expired:
             message = f"the time limit of {seconds:g} s was reached"
             raise TimeLimitError(f"{message}\n  hint: time_limit gives more") from None
         raise
+
+
+def _end(timer: _Timer) -> None:
+    """End a timer, which may interrupt this once more."""
+    while True:
+        try:
+            timer.end()
+            limit_time(None)
+            return
+        except KeyboardInterrupt:
+            if not timer.expired:
+                raise
+
+
+def _may_take_lock(frame: FrameType | None) -> bool:
+    """Whether an interrupt in a function could leave a lock held, or a timer running."""
+    if frame is None:
+        return False
+    name = frame.f_globals.get("__name__", "")
+    return name == __name__ or name.split(".")[0] in _LOCKING
 
 
 def _alarm_is_free() -> bool:
@@ -136,6 +156,7 @@ class _AlarmTimer:
         self.expired = False
         self._seconds = seconds
         self._ended = True
+        self._delays = 0
 
     def start(self) -> None:
         self._ended = False
@@ -150,10 +171,14 @@ class _AlarmTimer:
             signal.signal(ALARM, signal.SIG_DFL)
             _DESTRUCTORS.leave(self)
 
-    def _raise(self, _: int, __: FrameType | None) -> None:
-        if not self._ended:
-            self.expired = True
-            raise KeyboardInterrupt
+    def _raise(self, _: int, frame: FrameType | None) -> None:
+        if self._ended:
+            return
+        self.expired = True
+        if _may_take_lock(frame) and self._delays < _MOST_DELAYS:
+            self._delays += 1
+            return
+        raise KeyboardInterrupt
 
 
 class ThreadTimer:
@@ -208,12 +233,11 @@ class ThreadTimer:
         return self._over
 
     def _wait_for_locks(self) -> None:
-        """Wait at most a second until the thread is not in a module that may just take a lock."""
-        for _ in range(1000):
-            frame = sys._current_frames().get(self._target)
-            if frame is None or frame.f_globals.get("__name__", "").split(".")[0] not in _LOCKING:
+        """Wait until the thread is not in a module that may just take a lock, but not for long."""
+        for _ in range(_MOST_DELAYS):
+            if not _may_take_lock(sys._current_frames().get(self._target)):
                 return
-            if self._is_over_within(0.001):
+            if self._is_over_within(PATIENCE / 10):
                 return
 
     def end(self) -> None:

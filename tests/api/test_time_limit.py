@@ -157,6 +157,8 @@ threading.settrace(lambda *_: None)
 thread = threading.Thread(target=repeat)
 thread.start()
 thread.join()
+sys.settrace(lambda *_: None)
+repeat()
 print("ended")
 """
 
