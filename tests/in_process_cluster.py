@@ -29,6 +29,8 @@ class Actor:
     cluster: InProcessCluster
 
     def __getattr__(self, name: str) -> Callable[..., Call]:
+        if self.worker not in self.cluster.workers:
+            raise RuntimeError("Worker holding Actor was lost.  Status: error")
         return lambda *arguments: self.cluster.do(self.worker, getattr(self.value, name), arguments)
 
 
@@ -36,8 +38,8 @@ class Actor:
 class InProcessCluster:
     """Workers by name.
 
-    killed: for each call of an actor that is still to come, the worker that dies before it, if any;
-        another one takes its place.
+    killed: for each call of an actor that is still to come, whether a worker dies before it, one
+        after the other; another one takes its place.
     """
 
     workers: list[str]
@@ -53,9 +55,9 @@ class InProcessCluster:
 
     def do(self, worker: str, method: Callable[..., Any], arguments: Sequence[Any]) -> Call:
         if worker in self.workers and next(self.killed, False):
+            victim = self.workers.pop(self.deaths % len(self.workers))
             self.deaths += 1
-            self.workers.remove(worker)
-            self.workers.append(f"{worker.partition('-')[0]}-{self.deaths}")
+            self.workers.append(f"{victim.partition('-')[0]}-{self.deaths}")
         if worker not in self.workers:
             return Call(error=OSError("connection lost"))
         try:

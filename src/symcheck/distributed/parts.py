@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, Future
 from dataclasses import dataclass
 from time import monotonic, sleep
 from typing import Any, Protocol, TypeVar
@@ -134,7 +134,7 @@ class Parts:
     def _call(self, method: Callable[..., R], arguments: Sequence[Sequence[object]]) -> list[R]:
         return self._results(
             [
-                getattr(part.actor, method.__name__)(*given)
+                _method(part.actor, method.__name__)(*given)
                 for part, given in zip(self._placed, arguments, strict=True)
             ]
         )
@@ -211,3 +211,14 @@ class Parts:
             raise error
         free = [w for w in remaining if w not in living]
         return (free or remaining)[0]
+
+
+def _method(actor: Any, name: str) -> Callable[..., Any]:
+    """A method of an actor. An actor that is known to be lost has none: the call then fails."""
+    try:
+        method: Callable[..., Any] = getattr(actor, name)
+    except RuntimeError as error:
+        failed: Future[object] = Future()
+        failed.set_exception(OSError(str(error)))
+        return lambda *_: failed
+    return method
