@@ -102,7 +102,7 @@ def _end(timer: _Timer) -> None:
                 raise
 
 
-def _may_take_lock(frame: FrameType | None) -> bool:
+def _is_unsafe_to_stop(frame: FrameType | None) -> bool:
     """Whether an interrupt in a function could leave a lock held, or a timer running."""
     if frame is None:
         return False
@@ -175,7 +175,7 @@ class _AlarmTimer:
         if self._ended:
             return
         self.expired = True
-        if _may_take_lock(frame) and self._delays < _MOST_DELAYS:
+        if _is_unsafe_to_stop(frame) and self._delays < _MOST_DELAYS:
             self._delays += 1
             return
         raise KeyboardInterrupt
@@ -220,7 +220,7 @@ class ThreadTimer:
         while not self._is_over_within(seconds):
             self.expired = True
             self._tell()
-            self._wait_for_locks()
+            self._wait_until_safe()
             if not self._over:
                 self._raise()
             seconds = patience
@@ -232,10 +232,10 @@ class ThreadTimer:
         self._alarm.acquire(timeout=min(seconds, threading.TIMEOUT_MAX))
         return self._over
 
-    def _wait_for_locks(self) -> None:
-        """Wait until the thread is not in a module that may just take a lock, but not for long."""
+    def _wait_until_safe(self) -> None:
+        """Wait until an interrupt does no harm, but not for long."""
         for _ in range(_MOST_DELAYS):
-            if not _may_take_lock(sys._current_frames().get(self._target)):
+            if not _is_unsafe_to_stop(sys._current_frames().get(self._target)):
                 return
             if self._is_over_within(PATIENCE / 10):
                 return

@@ -91,8 +91,8 @@ class StateOrbits:
             part = slice(start, start + tuning.VALUATIONS_PER_BLOCK)
             block = rows[part]
             sizes = [self._sizes(block, symmetry) for symmetry in self.symmetries]
-            for number, last in enumerate(([], *([a[part]] for a in each))):
-                factors = [*sizes, *last]
+            products = [sizes, *([*sizes, amounts[part]] for amounts in each)]
+            for number, factors in enumerate(products):
                 greatest = prod(int(f.max()) for f in factors) * len(block)
                 kind = np.int64 if greatest < _TOO_LARGE else np.object_
                 product = reduce(mul, (f.astype(kind, copy=False) for f in factors))

@@ -56,20 +56,19 @@ def compare_orders(
         SymcheckError: as `construct`.
     """
     bound = bound_of(model)
+    options = options or Options()
     names = [v.name for v in bound.variables]
     for order in islice(permutations(names) if orders is None else orders, limit):
         started = perf_counter()
-        symbolic = build(bound, options or Options(), order=order)
-        space = reach(symbolic)
-        manager, matrix, peak = symbolic.manager, None, None
-        if manager.has_mtbdds:
-            matrix = manager.shared_size(transitions(space, options or Options()).roots)
-            peak = manager.statistics().peak_live_nodes
+        symbolic = build(bound, options, order=order)
+        manager, space = symbolic.manager, reach(symbolic)
+        made = transitions(space, options) if manager.has_mtbdds else None
+        seconds = perf_counter() - started
         yield OrderFrame(
             tuple(v.name for v in symbolic.encoding.ordered),
             space.count,
             space.states.node_count,
-            matrix,
-            peak,
-            perf_counter() - started,
+            None if made is None else manager.shared_size(made.roots),
+            None if made is None else manager.statistics().peak_live_nodes,
+            seconds,
         )

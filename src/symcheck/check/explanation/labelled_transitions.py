@@ -137,7 +137,7 @@ def labelled_transitions(
             parts += [
                 (len(owner) - 1, numbers[t], share * cast("float | Fraction", p), label)
                 for p, t in choice.branches
-                if 0 <= numbers.get(t, -1) < (n if in_state else n + 1)
+                if 0 <= numbers.get(t, -1) < (n + 1 if in_state is None else n)
             ]
             if in_state is not None:
                 of_step = choice.rewards[reward.index] if isinstance(reward, Structure) else 1

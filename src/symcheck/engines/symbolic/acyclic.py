@@ -86,7 +86,8 @@ def solve_acyclic(
         spent += nodes
         if nodes > allowed or spent > budget:
             return None
-    least = float(x.leaves[x.leaves > 0.0].min(initial=np.inf))
+    leaves = x.leaves
+    least = float(leaves[leaves > 0.0].min(initial=np.inf))
     if d.entry_range[0] * least < np.finfo(np.float64).tiny:
         return None  # products that underflow have no relative error
     # The sum over the column bits is a tree with one level per bit.
