@@ -22,7 +22,8 @@ PATIENCE = 0.1  # seconds until an interrupt without effect is repeated
 _LOCKING = {"threading", "importlib", "_frozen_importlib", "_weakrefset", "logging", "coverage"}
 """Modules in whose functions an interrupt may leave a lock held."""
 
-_MOST_DELAYS = 10  # a thread may also wait in one of these modules
+_MOST_DELAYS = 10
+"""How often an interrupt is put off because of these modules; a thread may also wait in one."""
 
 
 class _Deadline(threading.local):
@@ -40,7 +41,9 @@ def seconds_left() -> float | None:
 
 
 def limit_time(seconds: float | None) -> None:
-    """Start a time limit that the caller keeps: `within` adds none. None: it ends."""
+    """Set the deadline of this thread without a timer: the caller enforces it, and `within` starts
+    no timer. None clears the deadline.
+    """
     _DEADLINE.at = None if seconds is None else monotonic() + seconds
 
 
@@ -62,8 +65,8 @@ def within(seconds: float | None, compute: Callable[[], T]) -> T:
     """What a function returns, if it does not take longer than a number of seconds.
 
     A call within another one has the limit of the outer one. The main thread is interrupted by
-    the signal ALARM, unless the caller has a use for it; other threads are at their next
-    instruction of Python.
+    the signal ALARM if that can be repeated and has no handler of the caller; otherwise, and in
+    other threads, a ThreadTimer raises the interrupt at the next instruction of Python.
 
     Args:
         seconds: the limit; None: none.
@@ -119,7 +122,7 @@ def _alarm_is_free() -> bool:
 
 
 class _Destructors:
-    """A destructor that an interrupt reaches cannot raise, which is no fault."""
+    """Silences "Exception ignored in …" where a destructor is interrupted: Python drops that."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -150,7 +153,7 @@ _DESTRUCTORS = _Destructors()
 
 
 class _AlarmTimer:
-    """The signal ALARM, repeated: a destructor, for example, cannot raise."""
+    """Interrupts by the signal ALARM, again and again: a destructor, for example, drops one."""
 
     def __init__(self, seconds: float) -> None:
         self.expired = False
@@ -184,12 +187,13 @@ class _AlarmTimer:
 class ThreadTimer:
     """A thread that interrupts the one that has made it, at one of its next instructions.
 
-    Compiled loops that last long watch the time limit themselves. Both threads share only what one
-    call of C changes: an interrupt within a lock of Python's would leave it held.
+    A compiled loop executes no instructions of Python: long ones are given `seconds_left`.
+    The threads share attributes and plain locks only, which single calls of C change: an interrupt
+    could leave a lock that is written in Python, such as that of an Event, held for ever.
 
     Args:
-        seconds: until then.
-        tell: is called when the time is over, before the first interrupt.
+        seconds: until the first interrupt.
+        tell: is called before each interrupt.
     """
 
     def __init__(self, seconds: float, tell: Callable[[], object] = lambda: None) -> None:
@@ -198,16 +202,16 @@ class ThreadTimer:
         self._tell = tell
         self._target = threading.get_ident()
         self._started = False
-        self._over = False
-        self._alarm = threading.Lock()  # held until the thread is to end
-        self._has_ended = False
-        self._running = threading.Lock()  # held until it has ended
+        self._stop_requested = False
+        self._stop_lock = threading.Lock()  # held until the thread is to end
+        self._thread_finished = False
+        self._finished_lock = threading.Lock()  # held until it has ended
 
     def start(self) -> None:
         """Start the time."""
         _DESTRUCTORS.watch(self)
-        self._alarm.acquire()
-        self._running.acquire()
+        self._stop_lock.acquire()
+        self._finished_lock.acquire()
         self._started = True
         threading.Thread(target=self._interrupt, daemon=True).start()
 
@@ -221,16 +225,16 @@ class ThreadTimer:
             self.expired = True
             self._tell()
             self._wait_until_safe()
-            if not self._over:
+            if not self._stop_requested:
                 self._raise()
             seconds = patience
             patience *= 2  # the thread may be busy with its clauses `finally`
-        self._has_ended = True
-        self._running.release()
+        self._thread_finished = True
+        self._finished_lock.release()
 
     def _is_over_within(self, seconds: float) -> bool:
-        self._alarm.acquire(timeout=min(seconds, threading.TIMEOUT_MAX))
-        return self._over
+        self._stop_lock.acquire(timeout=min(seconds, threading.TIMEOUT_MAX))
+        return self._stop_requested
 
     def _wait_until_safe(self) -> None:
         """Wait until an interrupt does no harm, but not for long."""
@@ -251,11 +255,11 @@ class ThreadTimer:
         ended = False
         while True:
             try:
-                self._over = True
-                if self._alarm.locked():
-                    self._alarm.release()
-                if not self._has_ended:
-                    self._running.acquire()
+                self._stop_requested = True
+                if self._stop_lock.locked():
+                    self._stop_lock.release()
+                if not self._thread_finished:
+                    self._finished_lock.acquire()
                 ended = True
                 if not self.expired:
                     break

@@ -1,8 +1,8 @@
 """Sets as BDDs of `dd.autoref`, in pure Python, for teaching where there is no CUDD.
 
-`PythonManager` and `PythonBdd` have the part of `DiagramManager` and `Bdd` that encodes guards and
-transition relations and searches reachable states. For one variable order, BDDs are canonical, and
-both packages have complement edges and one leaf: sets and numbers of nodes are those of CUDD.
+`PythonManager` and `PythonBdd` have those methods of `DiagramManager` and `Bdd` that encode guards
+and transition relations and search reachable states. dd.autoref and CUDD both have complement edges
+and one leaf: for the same variable order, BDDs have the same number of nodes.
 
 dd.autoref has no MTBDDs. Everything that needs diagrams with numbers raises UnsupportedError.
 A manager keeps at most `tuning.MOST_PYTHON_NODES` nodes; an operation may exceed that before it
@@ -32,7 +32,7 @@ from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
 __all__ = ["PythonBdd", "PythonManager", "PythonSaturation", "PythonTransition"]
 
 Cube = tuple[str, ...]
-"""Variables, prepared for quantification."""
+"""Names of the variables to be quantified: dd.autoref needs no diagram of them, as CUDD does."""
 
 
 def _needs_mtbdds(*_: object, **__: object) -> NoReturn:
@@ -136,13 +136,13 @@ class PythonTransition:
 
 @dataclass(frozen=True, eq=False)
 class PythonSaturation:
-    """Least fixpoints in the order of saturation, on whole sets: a relation is applied once all
-    those below it lead to nothing new. Saturation with CUDD does so node by node.
+    """Least fixpoints in the order of saturation, on whole sets: a relation is applied only when
+    those before it add no states. Saturation with CUDD does so node by node.
     """
 
     relations: tuple[tuple[PythonBdd, PythonTransition], ...]
     forward: bool
-    exhausted = False
+    exhausted = False  # there are no budgets
 
     def saturate(
         self, states: PythonBdd, within: PythonBdd | None = None, **_: object
