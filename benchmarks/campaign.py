@@ -1,11 +1,12 @@
-"""Check random properties of random models on every engine, with rationals and with Storm.
+"""Check random properties of random models on the engines, with rationals and with Storm.
 
-python benchmarks/campaign.py [--runs N] [--seconds S] [--seed TEXT] [--log FILE] [--storm]
+python benchmarks/campaign.py [--runs N] [--seconds S] [--seed TEXT] [--log FILE] [--storm SHARE]
 
-Each run checks four properties of one model in this process. Bounds have to contain the exact
-value, verdicts and errors have to agree. The log has one JSON object per line and run; a program
-that is started again continues after its last line. Each difference is written beside the log, as
-a model and a property with what every engine said.
+Each run checks four properties of one model in this process: with rationals and on two engines, or
+on all four in one run of eight. Bounds have to contain the exact value, verdicts and errors have to
+agree. The log has one JSON object per line and run; a program that is started again continues
+after its last line. Each difference is written beside the log, as a model and a property with what
+every engine said, and its seed is printed; --only SEED repeats that run.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from fractions import Fraction
 from math import inf, isinf, isnan
 from multiprocessing.connection import Connection
@@ -55,11 +56,14 @@ VARIANTS: tuple[dict[str, object], ...] = (
 )
 """Options with which an engine has to give the same answers."""
 
-SECONDS = 5
-"""The longest time of one check."""
+PATIENCE = (0.5,) * 19 + (5.0,)
+"""The longest time of one check; one model of twenty has more."""
 
 ROUNDING = Fraction(1, 10**10)
 """The largest error of values that are exact up to rounding, relative to them."""
+
+SILENT = UnsupportedError | NumericalError | ResourceError
+"""Errors that say nothing about the value."""
 
 Outcome = Result | BaseException
 Bounds = tuple[float | Fraction, float | Fraction]
@@ -69,18 +73,18 @@ def random_case(seed: str) -> tuple[str, list[str]]:
     """A model and properties of it."""
     rng = Random(seed)
     kind = rng.choice(("dtmc", "ctmc", "mdp"))
-    if rng.random() < 0.05:
+    if rng.random() < 0.02:
         text, formula = random_copies(rng, kind)
         return text, [formula]
     model: Generated = wild_model(rng, kind)
     return model.text, [random_question(rng, model) for _ in range(4)]
 
 
-def outcome(model: symcheck.Model | BaseException, formula: str) -> Outcome:
+def outcome(model: symcheck.Model | BaseException, formula: str, seconds: float) -> Outcome:
     """The result of a property, or the error that it ends with."""
     if isinstance(model, BaseException):
         return model
-    signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         return model.check(formula)
     except Exception as error:  # of any kind: all are compared
@@ -120,8 +124,7 @@ def difference(found: Outcome, true: Outcome) -> str:
             return "crash"
     if isinstance(found, Result) and isinstance(true, Result):
         return _values_differ(found, true)
-    silent = UnsupportedError | NumericalError | ResourceError
-    if isinstance(found, silent) or isinstance(true, silent):
+    if isinstance(found, SILENT) or isinstance(true, SILENT):
         return ""
     faults = InputError | UsageError
     return "" if isinstance(found, faults) and isinstance(true, faults) else "error"
@@ -200,7 +203,7 @@ class Storm:
             theirs.close()
         try:
             self._pipe.send((text, formula))
-            if self._pipe.poll(SECONDS):
+            if self._pipe.poll(max(PATIENCE)):
                 return str(self._pipe.recv())
         except (EOFError, OSError):
             pass
@@ -265,21 +268,29 @@ def run(seed: str, storm: Storm | None, folder: Path) -> dict[str, object]:
     started = time.perf_counter()
     text, formulas = random_case(seed)
     rng = Random(f"{seed} options")
-    chosen = {name: rng.choice(VARIANTS) for name in ENGINES}
+    engines = rng.sample(ENGINES, rng.choice((2,) * 7 + (4,)))
+    chosen = {name: rng.choice(VARIANTS) for name in engines}
+    seconds = rng.choice(PATIENCE)
     models = {n: built(text, {"engine": n, **options}) for n, options in chosen.items()}
     exact = built(text, {"exact": True})
     words: Counter[str] = Counter()
     found: list[str] = []
     for i, formula in enumerate(formulas):
-        true = outcome(exact, formula)
-        outcomes = {n: outcome(m, formula) for n, m in models.items()}
+        true = outcome(exact, formula, seconds)
+        outcomes: dict[str, Outcome] = {}
+        for name, model in models.items():
+            outcomes[name] = outcome(model, formula, seconds)
+            if isinstance(outcomes[name], TimeLimitError):
+                break  # it is as long on the others
         words["exact " + word(true)] += 1
         reference = true
-        if isinstance(true, UnsupportedError | ResourceError | NumericalError):
+        if isinstance(true, SILENT):
             reference = next((o for o in outcomes.values() if isinstance(o, Result)), true)
         kinds = {}
         for name, one in outcomes.items():
             words[f"{name} {word(one)}"] += 1
+            if one is not reference and not isinstance(one, SILENT):
+                words["compared with " + ("rationals" if reference is true else "an engine")] += 1
             kind = difference(one, reference)
             if kind == "error" and chosen[name] == {"stop_at_targets": True}:
                 continue  # the fault may lie beyond the targets
@@ -302,8 +313,14 @@ def run(seed: str, storm: Storm | None, folder: Path) -> dict[str, object]:
         "outcomes": words,
         "differences": found,
         "seconds": round(time.perf_counter() - started, 3),
-        "megabytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10,
+        "megabytes": resident(),
     }
+
+
+def resident() -> int:
+    """The memory of this process, in MB."""
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * resource.getpagesize() >> 20
 
 
 def _write(
@@ -320,22 +337,36 @@ def _write(
     (folder / f"{name}.props").write_text("\n".join([f"// {dict(kinds)}", *lines, formula, ""]))
 
 
-def summary(lines: Sequence[Mapping[str, object]]) -> str:
-    """The counts of a log."""
-    words: Counter[str] = Counter()
-    for line in lines:
-        words.update(line["outcomes"])
-    kinds = Counter(line["kind"] for line in lines)
-    differing = [line for line in lines if line["differences"]]
-    checks = sum(line["checks"] for line in lines)
-    out = [f"{len(lines)} models ({dict(kinds)}), {checks} properties"]
-    out += [f"  {name}: {count}" for name, count in sorted(words.items())]
-    seconds = sum(line["seconds"] for line in lines)
-    most = max((line["megabytes"] for line in lines), default=0)
-    out.append(f"{seconds:.0f} seconds, at most {most} MB")
-    out.append(f"{len(differing)} models with a difference")
-    out += [f"  {line['seed']}: {line['differences']}" for line in differing[-50:]]
-    return "\n".join(out)
+class Summary:
+    """The counts of a log, which is not kept."""
+
+    def __init__(self) -> None:
+        self.models, self.checks, self.seconds, self.most = 0, 0, 0.0, 0
+        self.words: Counter[str] = Counter()
+        self.kinds: Counter[str] = Counter()
+        self.differing: list[str] = []
+        self.done: set[str] = set()
+
+    def add(self, line: Mapping[str, object]) -> None:
+        """Count one line."""
+        self.models += 1
+        self.done.add(line["seed"])
+        self.kinds[line["kind"]] += 1
+        self.checks += line["checks"]
+        self.words.update(line["outcomes"])
+        self.seconds += line["seconds"]
+        self.most = max(self.most, line["megabytes"])
+        if line["differences"]:
+            self.differing.append(f"  {line['seed']}: {line['differences']}")
+
+    def __str__(self) -> str:
+        compared = sum(n for word, n in self.words.items() if word.startswith("compared"))
+        compared += self.words["storm answer"]
+        out = [f"{self.models} models ({dict(self.kinds)}), {self.checks} properties"]
+        out += [f"  {name}: {count}" for name, count in sorted(self.words.items())]
+        out.append(f"{compared} comparisons, {self.seconds:.0f} seconds, at most {self.most} MB")
+        out.append(f"{len(self.differing)} models with a difference")
+        return "\n".join([*out, *self.differing[-50:]])
 
 
 def main() -> int:
@@ -344,37 +375,50 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=100, help="models, with those of the log")
     parser.add_argument("--seconds", type=float, default=inf, help="no new model is begun after")
     parser.add_argument("--seed", default="1", help="a campaign: run I has the seed SEED-I")
+    parser.add_argument("--only", metavar="SEED", help="repeat one run, and print its line")
     parser.add_argument("--log", type=Path, default=Path("campaign.jsonl"))
-    parser.add_argument("--storm", action="store_true", help="ask stormpy too")
-    asked = parser.parse_args()
-    lines = (
-        [json.loads(x) for x in asked.log.read_text().split("\n") if x]
-        if asked.log.exists()
-        else []
+    parser.add_argument(
+        "--storm", type=float, default=0, metavar="SHARE", help="ask stormpy about these models"
     )
-    done = {line["seed"] for line in lines}
+    asked = parser.parse_args()
 
     def stop(_number: int, _frame: FrameType | None) -> None:
         raise TimeLimitError("a check took too long")
 
     signal.signal(signal.SIGALRM, stop)
-    storm = Storm() if asked.storm else None
-    end = time.monotonic() + asked.seconds
+    storm, folder = Storm(), asked.log.with_suffix("")
+    if asked.only:
+        line = run(asked.only, storm if asked.storm else None, folder)
+        print(json.dumps(line))
+        return 1 if line["differences"] else 0
+    counts = Summary()
+    if asked.log.exists():
+        with asked.log.open() as log:
+            for text in log:
+                counts.add(json.loads(text))
+    start, end, memory = time.monotonic(), time.monotonic() + asked.seconds, []
     with asked.log.open("a") as log:
         for i in range(asked.runs):
-            if (seed := f"{asked.seed}-{i}") in done:
+            if (seed := f"{asked.seed}-{i}") in counts.done:
                 continue
             if time.monotonic() > end:
                 break
             try:
-                line = run(seed, storm, asked.log.with_suffix(""))
+                sampled = Random(f"{seed} storm").random() < asked.storm
+                line = run(seed, storm if sampled else None, folder)
             except KeyboardInterrupt:
                 break
-            lines.append(line)
+            memory = [*memory[:100], line["megabytes"]]
+            counts.add(line)
+            if line["differences"]:
+                print(f"seed {seed}: {line['differences']}", flush=True)
             log.write(json.dumps(line) + "\n")
             log.flush()
-    print(summary(lines))
-    return 1 if any(line["differences"] for line in lines) else 0
+    print(counts)
+    if memory:
+        print(f"{memory[0]} MB after the first model, {memory[-1]} MB after the last of this start")
+        print(f"{time.monotonic() - start:.0f} seconds since this start")
+    return 1 if counts.differing else 0
 
 
 if __name__ == "__main__":
