@@ -45,6 +45,7 @@ from symcheck.errors import (
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from generate import Generated, random_copies, random_question, wild_model
+from symcheck.syntax.declarations import PropertiesFile
 
 ENGINES = ("explicit", "sparse", "hybrid", "mtbdd")
 VARIANTS: tuple[dict[str, object], ...] = (
@@ -80,25 +81,15 @@ def random_case(seed: str) -> tuple[str, list[str]]:
     return model.text, [random_question(rng, model) for _ in range(4)]
 
 
-def outcome(model: symcheck.Model | BaseException, formula: str, seconds: float) -> Outcome:
+def outcome(model: symcheck.Model, formula: PropertiesFile, seconds: float) -> Outcome:
     """The result of a property, or the error that it ends with."""
-    if isinstance(model, BaseException):
-        return model
     signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
-        return model.check(formula)
+        return next(model.check_all(formula))[1]
     except Exception as error:  # of any kind: all are compared
         return error
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
-
-
-def built(text: str, options: Mapping[str, object]) -> symcheck.Model | BaseException:
-    """The model, or the error in it."""
-    try:
-        return symcheck.loads(text, **options)
-    except Exception as error:
-        return error
 
 
 def word(found: Outcome) -> str:
@@ -238,7 +229,7 @@ def _answer(pipe: Connection) -> None:
                 pipe.send("")
 
 
-def storm_agrees(model: symcheck.Model | BaseException, formula: str) -> bool:
+def storm_agrees(model: symcheck.Model, formula: str) -> bool:
     """Whether Storm computes with rationals, and gives the property the same meaning.
 
     It evaluates no numbers in filters, computes several objectives in floating point, drops the
@@ -246,7 +237,7 @@ def storm_agrees(model: symcheck.Model | BaseException, formula: str) -> bool:
     """
     if formula.startswith(("filter", "multi")) or re.search(r"U(>|=|\[)", formula):
         return False
-    return isinstance(model, symcheck.Model) and ("R{" not in formula or not model.deadlocks.count)
+    return "R{" not in formula or not model.deadlocks.count
 
 
 def storm_differs(answer: str, true: Outcome) -> bool:
@@ -271,15 +262,17 @@ def run(seed: str, storm: Storm | None, folder: Path) -> dict[str, object]:
     engines = rng.sample(ENGINES, rng.choice((2,) * 7 + (4,)))
     chosen = {name: rng.choice(VARIANTS) for name in engines}
     seconds = rng.choice(PATIENCE)
-    models = {n: built(text, {"engine": n, **options}) for n, options in chosen.items()}
-    exact = built(text, {"exact": True})
+    parsed = symcheck.Model(symcheck.parse_model(text), {}, symcheck.Options())
+    models = {n: parsed.with_options(engine=n, **options) for n, options in chosen.items()}
+    exact = parsed.with_options(exact=True)
     words: Counter[str] = Counter()
     found: list[str] = []
     for i, formula in enumerate(formulas):
-        true = outcome(exact, formula, seconds)
+        file = symcheck.parse_properties(formula)
+        true = outcome(exact, file, seconds)
         outcomes: dict[str, Outcome] = {}
         for name, model in models.items():
-            outcomes[name] = outcome(model, formula, seconds)
+            outcomes[name] = outcome(model, file, seconds)
             if isinstance(outcomes[name], TimeLimitError):
                 break  # it is as long on the others
         words["exact " + word(true)] += 1
