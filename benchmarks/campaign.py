@@ -135,7 +135,8 @@ def _values_differ(found: Result, true: Result) -> str:
         case (list(), _) | (_, list()):
             return "kind of value"
     pairs = zip(_ends(found), _ends(true), strict=True)
-    kinds = (_bounds_differ(*pair, overlap=isinstance(true.accuracy, Certified)) for pair in pairs)
+    overlap = true.accuracy != Exact()  # its value lies between its bounds
+    kinds = (_bounds_differ(*pair, overlap=overlap) for pair in pairs)
     return next(filter(None, kinds), "" if _is_narrow(found) else "wide")
 
 
@@ -171,7 +172,7 @@ def _is_narrow(result: Result) -> bool:
         return True
     low, high = result.accuracy.lower, result.accuracy.upper
     largest = max(map(abs, result.bounds))
-    return high - low <= 2.1e-6 * largest or high - low <= 1e-300
+    return high - low <= 2.1e-6 * largest or high - low <= 1.1e-300
 
 
 def _near(one: object, other: object) -> bool:

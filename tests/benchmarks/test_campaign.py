@@ -26,6 +26,8 @@ def test_a_contradiction_is_a_difference():
     assert campaign.difference(near, true) == "outside"
     assert campaign.difference(replace(near, accuracy=Certified(0.3, 0.4)), true) == "wide"
     assert campaign.difference(replace(found, accuracy=Exact()), true) == "outside"
+    rounded = replace(found, value=1 / 3 + 1e-15, accuracy=Exact(rounding=True))
+    assert campaign.difference(found, rounded) == ""
     assert campaign.difference(replace(found, value=True), replace(true, value=False)) == "verdict"
     assert campaign.difference(InputError("no"), true) == "error"
     assert campaign.difference(UnsupportedError("no"), true) == ""
