@@ -83,7 +83,7 @@ _SUITE = f"""{MODELS}/die/die.pm {MODELS}/die/die.pctl
 _TRIAL = "SYMCHECK_TRIAL"
 """The environment variable by which the processes of a trial are known."""
 
-_IMPORTS = 140 << 20  # bytes that Python, numpy and the extension modules take
+_IMPORTS = 90 << 20  # bytes that Python, numpy and the extension modules nearly take
 
 DISTURBANCES = ("SIGINT", "SIGTERM", "time", "memory", "space", "full output", "closed pipe")
 

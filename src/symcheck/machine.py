@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from symcheck.operating_system import (
-    NO_LIMIT,
     limits_of_memory,
     physical_memory,
     set_limit_of_data,
@@ -20,6 +19,7 @@ __all__ = [
     "FREE_MEMORY",
     "available_memory",
     "below_limit",
+    "imports_fit",
     "limit_memory",
     "memory_ended",
     "read_bytes",
@@ -33,9 +33,13 @@ _WORDS = (
     "failed to map segment",
     "cannot map zero-fill pages",
     "annot allocate memory",
+    "can't allocate",
     "can't start new thread",
 )
 """What the loader of libraries, the system and Python say when memory ends."""
+
+_FOR_IMPORTS = (112 << 20, 60 << 20)
+"""Bytes of addresses and of data that the modules of a run take, with a tenth to spare."""
 
 _UNITS = {"": 1 << 10, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30}
 
@@ -115,16 +119,24 @@ def _free_in_groups(root: Path) -> Iterator[int]:
                 yield int(bound) - int(taken) + (int(match[1]) if match else 0)
 
 
-def _below_limits() -> Iterator[int]:
-    """What the limits of the process leave: of its addresses, and of its data."""
-    for limit, taken in zip(limits_of_memory(), _pages(), strict=True):
-        if limit != NO_LIMIT:
-            yield limit - taken
+def _below_limits() -> tuple[int, int]:
+    """Bytes that the limits of the process leave: of its addresses, and of its data."""
+    (addresses, data), (taken, taken_data) = limits_of_memory(), _pages()
+    return addresses - taken, data - taken_data
 
 
 def below_limit() -> int:
     """Bytes of data that the process may still take before an allocation fails."""
-    return min(_below_limits(), default=NO_LIMIT)
+    return min(_below_limits())
+
+
+def imports_fit() -> bool:
+    """Whether the limits of the process leave enough for the modules of a run.
+
+    With less, numpy's BLAS would end the process or never return, and Python's modules would
+    print tracebacks.
+    """
+    return all(left >= needed for left, needed in zip(_below_limits(), _FOR_IMPORTS, strict=True))
 
 
 def memory_ended(error: BaseException) -> bool:
@@ -149,6 +161,7 @@ def _pages() -> tuple[int, int]:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="ascii")
+        with path.open("rb", buffering=0) as file:  # a buffer would need memory, and a lock
+            return file.read().decode("ascii")
     except (OSError, UnicodeDecodeError):
         return ""

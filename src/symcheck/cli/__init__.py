@@ -38,6 +38,10 @@ def main(words: list[str] | None = None) -> int:
     # Modules live as long as the process: the garbage collector need not visit them.
     gc.disable()
     try:
+        from symcheck.machine import imports_fit
+
+        if words is None and not imports_fit():
+            _leave("there is not enough memory\n  hint: see ulimit -v and ulimit -d", 3)
         from symcheck.cli.entry_point import run_safely
 
         gc.freeze()

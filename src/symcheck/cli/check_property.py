@@ -74,7 +74,6 @@ def check_property(
             outcome = model.estimate_instance(instance, plan, state.workers)
         else:
             outcome = model.check_instance(instance, shared=shared, observer=iterations)
-        state.output.result(outcome, state.options.method)
     except (ResourceError, OutputError, MemoryError):
         raise
     except Exception as error:  # a defect in one property must not stop the others
@@ -83,8 +82,6 @@ def check_property(
         outcome = error if isinstance(error, SymcheckError) else internal_error(error)
         if plan is not None:
             outcome = in_switches(outcome)
-        state.output.error(outcome)
-        state.failures += not state.testing
         row = replace(row, error=error_text(outcome))
     else:
         row = replace(row, value=outcome.value, accuracy=outcome.accuracy, seconds=outcome.seconds)
@@ -96,7 +93,12 @@ def check_property(
             transitions=transitions,
             build_seconds=state.build_seconds,
         )
-    state.rows.append(row)
+    state.rows.append(row)  # first: a signal may come while the text is printed
+    if isinstance(outcome, Result):
+        state.output.result(outcome, state.options.method)
+    else:
+        state.output.error(outcome)
+        state.failures += not state.testing
     if iterations is not None:
         _write_iterations(state, iterations, varying)
     if isinstance(outcome, Result):

@@ -73,6 +73,7 @@ class FinishedResults:
             return False
         output = self._state.output
         for row in finished:
+            self._state.rows.append(row)
             own = {n: constant_text(v) for n, v in row.constants.items() if n not in constants}
             output.property(row.formula, None, constants, own)
             if row.error is not None:
@@ -82,5 +83,4 @@ class FinishedResults:
                 accuracy = row.accuracy or Estimate()
                 origin = f"from {self._state.arguments.resume}"
                 output.result(Result(row.value, accuracy, origin, seconds=row.seconds))
-            self._state.rows.append(row)
         return True

@@ -168,7 +168,11 @@ class StopSignals:
         """Without memory, a thread of a pool of processes ends, and the main thread would wait for
         it. The futures of a pool that is stopped are in a state that it does not expect.
         """
-        if event.exc_value is not None and memory_ended(event.exc_value):
+        try:
+            ended = event.exc_value is not None and memory_ended(event.exc_value)
+        except MemoryError:
+            ended = True
+        if ended:
             self._stop_for_memory()
         elif self.signal is None and event.exc_type.__name__ != "InvalidStateError":
             self._thread_fault(event)
@@ -178,12 +182,18 @@ class StopSignals:
         if ALARM in self._previous:  # otherwise it is the caller's
             interrupt_main_thread(ALARM)
 
+    def _memory_is_low(self) -> bool:
+        try:
+            return below_limit() < self._low_memory
+        except (MemoryError, RuntimeError):  # there is not even enough for the question
+            return True
+
     def _watch(self) -> None:
         """Wait for a signal or the end of the memory, repeat the signal, and end the process."""
         while (number := self._channel.wait(PATIENCE)) not in self._previous:
             if self._over.is_set():
                 return
-            if self._low_memory and below_limit() < self._low_memory:
+            if self._low_memory and self._memory_is_low():
                 self._low_memory = 0
                 self._stop_for_memory()
         self.signal = self.signal or signal.Signals(number)
