@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import zip_longest
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -53,14 +54,20 @@ class Tabular:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """A table of texts; each row is as long as `head`. `note` is a line below the rows."""
+    """A table of texts; each row is as long as `head`. `note` is a line below the rows.
+
+    In print, a cell of more than `widest` characters takes several lines (0: each cell takes one),
+    except in the last column.
+    """
 
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
+    widest: int = 0
 
     def __str__(self) -> str:
-        lines = [self.head, *self.rows] if any(self.head) else list(self.rows)
+        rows = [self.head, *self.rows] if any(self.head) else list(self.rows)
+        lines = [line for row in rows for line in _wrapped(row, self.widest)]
         widths = [max((len(line[i]) for line in lines), default=0) for i in range(len(self.head))]
         texts = [
             "  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip()
@@ -104,6 +111,16 @@ def state_table(
     dots = ["…"] * (len(names) > n)
     body = ((i, *state[:n], *dots, *more) for i, state, *more in rows)
     return Table.of(["state", *names[:n], *dots, *last], body, note)
+
+
+def _wrapped(row: tuple[str, ...], widest: int) -> list[tuple[str, ...]]:
+    """The lines of a row whose cells but the last have at most so many characters (0: no limit)."""
+    if not any(len(cell) > widest > 0 for cell in row[:-1]):
+        return [row]
+    from textwrap import wrap  # only few tables are that wide
+
+    cells = [wrap(cell, widest) for cell in row[:-1]]
+    return list(zip_longest(*cells, [row[-1]], fillvalue=""))
 
 
 def _text(value: object) -> str:

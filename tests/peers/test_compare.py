@@ -72,7 +72,7 @@ def test_what_one_of_the_two_does_not_answer_is_no_difference(capsys):
     assert main(words) == 0
     out = capsys.readouterr().out
     assert "1 same, 0 different, 2 unanswered (1 by symcheck, 1 by Storm)" in out
-    assert "Could not parse formula: E [ F d=6 ]" in out
+    assert "Storm: it has no CTL operator E" in out
     assert "symcheck: -pf:1:22: error" in out
 
 
@@ -186,8 +186,17 @@ def test_a_faulty_model_is_an_error_of_the_run(prism, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("multi(Pmax=? [F money=8], Pmax=? [F money=0])", "its result is not a number"),
-        ("Pmax=? [ F money=8 ] + 1", "Could not parse formula: Pmax=? [ F money=8 ] + 1."),
+        ("multi(Pmax=? [F money=8], Pmax=? [F money=0])", "its answer is a front"),
+        ("quantile(min B, Pmax>0.9 [ F<=B money=8 ])", "its answer is no single number"),
+        ("multilex(Pmax=? [F money=8], Pmax=? [F money=0])", "no call that answers multilex"),
+        ("Pmax=? [ F money=8 ] + 1", "it has no arithmetic with values of operators"),
+        ("-Pmax=? [ F money=8 ]", "it has no arithmetic with values of operators"),
+        ("E [ F money=8 ]", "it has no CTL operator E"),
+        ("Pmax=? [ F money=8 {money=1} ]", "it has no filters in braces"),
+        ("filter(first, Pmax=? [ F money=8 ])", "only its filters min, max, sum, avg"),
+        ("filter(max, Pmax=? [ G<=3 money>2 ])", "it has no bounds at G, W and R within"),
+        ("filter(max, Pmax=? [ F money=8 ]) > 0.1", "it has no filter within another formula"),
+        ("Pmax=? [ F (G<=3 money>2) ]", "it has no bounds at G, W and R within other formulas"),
     ],
 )
 def test_storm_gives_reasons_in_its_words_and_not_in_those_of_python(text, message):
@@ -195,6 +204,67 @@ def test_storm_gives_reasons_in_its_words_and_not_in_those_of_python(text, messa
     found = symcheck.compare(MODELS / "gambler/stakes.nm", text)[0]
     assert message in found.explanation
     assert not any(word in found.explanation for word in ("object", "Exception", "attribute"))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'R{"tosses"}=? [ C discount=0.9 ]',
+        'R{"tosses"}=? [ C<=5 discount=0.9 ]',
+        'R{1}=? [ C{"tosses"}<=3 ]',
+        'P=? [ F{"tosses"}<=3 d>0 ]',
+        'P=? [ G{"tosses"}<=2 d=0 ]',
+        "P=? [ F d=6 || F d>3 ]",
+        'quantile(min B, P>0.9 [ F{"tosses"}<=B d>0 ])',
+        "P=? [ G<=3 d=0 ]",
+        "P>=0.2 [ G<=3 d=0 ]",
+        "P=? [ s<3 W d=6 ]",
+        "P=? [ (d>0) R<=3 (s<7) ]",
+        "P=? [ F d=6 => F d=5 ]",
+        "P=? [ F (d=6 <=> s=7) ]",
+        '"init" => P>=0.1 [ F d=6 ]',
+        "P=? [ F d=6 ] > 0.1",
+        "0.1 > P=? [ F d=6 ]",
+        "filter(max, P=? [ F d=6 ], s<3)",
+        "filter(avg, P=? [ F d=6 ])",
+        "filter(sum, P=? [ F<=5 d=6 ], s<3)",
+        "filter(range, P=? [ F d=6 ], s<3)",
+        "filter(state, P=? [ F d=6 ], s=6)",
+        "filter(count, P>=0.5 [ F d=6 ])",
+        "filter(forall, P>=0.5 [ F d=6 ], s=6)",
+        "filter(exists, P>=0.5 [ F d=6 ], s=1)",
+    ],
+)
+def test_storm_answers_what_it_spells_differently(text):
+    pytest.importorskip("stormpy")
+    found = symcheck.compare(DIE, text)[0]
+    assert (found.agreement, found.explanation) == (SAME, "")
+
+
+def test_bounds_of_time_at_g_are_time_in_storm_too():
+    """Storm takes `!(F<=3 a)` of a CTMC for three steps; the complement of `F<=3 a` is asked for."""
+    pytest.importorskip("stormpy")
+    assert symcheck.compare(MODELS / "queue/queue.sm", "P=? [ G<=3 n!=2 ]")[0].agreement is SAME
+
+
+def test_long_texts_and_fronts_take_several_lines():
+    pytest.importorskip("stormpy")
+    text = 'multi(Pmax=? [ F money=8 ], R{"bets"}max=? [ C<=9 ])'
+    lines = str(symcheck.compare(MODELS / "gambler/stakes.nm", text)).splitlines()
+    assert "… 2 more]" in lines[-2]
+    assert max(map(len, lines)) < 150
+    assert sum("[(0.256,2.24)" in line for line in lines) == 1
+
+
+def test_the_program_storm_gets_the_filter_in_its_words(tmp_path, monkeypatch):
+    program = tmp_path / "storm"
+    program.write_text(f'#!/bin/sh\necho "$@" >> {tmp_path}/log\necho "Result: 0.25"\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    found = symcheck.compare(DIE, "filter(max, P=? [ X s=7 ]); P=? [ G<=3 d=0 ]", peer="storm -v")
+    assert found[1].agreement is DIFFERENT
+    assert found[1].peer_value == (0.75, 0.75)
+    assert "--prop filter(max, P=? [ X s=7 ], true)" in (tmp_path / "log").read_text()
 
 
 def test_a_missing_peer_is_told_first(monkeypatch, capsys):

@@ -37,6 +37,12 @@ __all__ = ["Agreement", "ComparedProperty", "Comparison", "compare", "compared"]
 
 _ABSOLUTE = 1e-12
 
+_WIDEST = 40
+"""Characters of a cell in a line of the printed table; a longer cell takes several lines."""
+
+_POINTS = 6
+"""Points of a Pareto front in the printed table; its last words say how many there are more."""
+
 
 class Agreement(Enum):
     """How two answers relate."""
@@ -144,7 +150,7 @@ class Comparison(Sequence[ComparedProperty], Tabular):
             for p in self.properties
         ]
         head = ("property", "symcheck", "bounds", self.peer, "difference", "")
-        return Table.of(head, rows, self.summary)
+        return replace(Table.of(head, rows, self.summary), widest=_WIDEST)
 
     def columns(self) -> dict[str, Sequence[object]]:
         """The fields of the properties by name; the first column numbers them from 1."""
@@ -250,14 +256,14 @@ def compared(
                 ours = error
             try:
                 theirs = peer.ask(_question(model, instance, Path(folder)), time_limit)
-            except SymcheckError as error:  # or the property is faulty
+            except SymcheckError as error:  # or it has no such property, or that is faulty
                 theirs = error if isinstance(error, PeerError) else PeerError(str(error))
             yield _compared(model, instance, ours, theirs, peer.name, tolerance)
 
 
 def _question(model: Model, instance: PropertyInstance, folder: Path) -> Question:
     """The files and texts for a peer: the words of the user, as far as it can read them."""
-    program, alone = model.program, _standing_alone(model, instance)
+    program, (formula, alone) = model.program, _standing_alone(model, instance)
     text = program.span.source.text
     if _is_foreign(text) or model.type not in (None, program.type):
         text = pretty(replace(program, type=model.type or program.type))
@@ -273,7 +279,8 @@ def _question(model: Model, instance: PropertyInstance, folder: Path) -> Questio
     of_model = {n: str(v) for n, v in model.given_constants.items()}
     of_property = {n: str(v) for n, v in instance.relevant.items()}
     constants = {**of_model, **of_property}
-    return Question(model_file, properties, number, alone, of_model, constants)
+    structures = [r.name for r in program.rewards]
+    return Question(model_file, properties, number, formula, alone, structures, of_model, constants)
 
 
 def _is_foreign(text: str) -> bool:
@@ -281,22 +288,23 @@ def _is_foreign(text: str) -> bool:
     return not text or text.lstrip().startswith("{")
 
 
-def _standing_alone(model: Model, instance: PropertyInstance) -> str:
-    """The text of a property without constants, labels and properties of its file."""
+def _standing_alone(model: Model, instance: PropertyInstance) -> tuple[Expression, str]:
+    """A property and its text, without constants, labels and properties of its file."""
     file = instance.file
     parsed = file.properties[instance.index].formula
     named = {p.name for p in file.properties}
     refers = any(isinstance(n, LabelReference) and n.name in named for n in nodes(parsed))
     declares = file.constants or file.labels or file.formulas
     if not (declares or refers or _is_foreign(instance.text)):
-        return instance.text
+        return parsed, instance.text
     bound, labels = instance.bind(model.with_options(exact=True).bound)
     definitions: dict[str, Expression] = {x.name: labels[x.name] for x in file.labels}
 
     def put(node: Tree) -> Tree:
         return definitions.get(node.name, node) if isinstance(node, LabelReference) else node
 
-    return pretty(transform(bound.formula, put))
+    formula: Expression = transform(bound.formula, put)
+    return formula, pretty(formula)
 
 
 def _compared(
@@ -390,7 +398,16 @@ def _plain(value: PeerAnswer | None) -> Answer:
 
 
 def _shown(value: Answer) -> str:
-    return "" if value is None else show_value(value)
+    """A value; of a front its first points, rounded, with spaces at which a line may end."""
+    match value:
+        case None:
+            return ""
+        case list() if value:
+            shown = [f"({','.join(f'{to_float(x):.6g}' for x in p)})" for p in value[:_POINTS]]
+            more = [f"… {len(value) - _POINTS} more"] * (len(value) > _POINTS)
+            return f"[{', '.join([*shown, *more])}]"
+        case _:
+            return show_value(value)
 
 
 def _shown_bounds(bounds: tuple[float, float] | None) -> str:

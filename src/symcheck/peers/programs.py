@@ -16,6 +16,8 @@ from typing import Literal
 
 from symcheck.errors import SymcheckError, UsageError
 from symcheck.operating_system import end_with_children
+from symcheck.peers.storm_spelling import Spelling, storm_spelling
+from symcheck.syntax.ast import Expression
 
 __all__ = ["PEERS", "Answer", "Peer", "PeerError", "PeerName", "Question", "find_peer"]
 
@@ -36,14 +38,17 @@ class Question:
     Attributes:
         model: the file of the model.
         properties, number: the file of the properties, and which one is meant, from 1.
-        text: the same property as a text that stands alone.
+        formula, text: the same property, without constants and labels of the file.
+        structures: the names of the reward structures of the model.
         model_constants, constants: values of the constants of the model, and of all.
     """
 
     model: Path
     properties: Path
     number: int
+    formula: Expression
     text: str
+    structures: Sequence[str | None]
     model_constants: Mapping[str, str]
     constants: Mapping[str, str]
 
@@ -54,21 +59,25 @@ class Peer:
 
     Attributes:
         name: as it is shown.
-        command: the words that start it with a question.
+        command: the words that start it with a question. Raises UnsupportedError: it has no such
+            property.
+        complements: whether its answer is 1 minus the value that is asked for.
     """
 
     name: str
     command: Callable[[Question], Sequence[str]]
+    complements: Callable[[Question], bool] = lambda _: False
 
     def ask(self, question: Question, time_limit: float) -> Answer:
         """The answer of the peer; it is stopped after so many seconds.
 
-        Raises PeerError.
+        Raises PeerError. Raises UnsupportedError as `command` does.
         """
+        command = self.command(question)
         try:
             # A session of its own: PRISM is a script that starts Java, and both must end.
             process = subprocess.Popen(
-                self.command(question),
+                command,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
@@ -86,7 +95,10 @@ class Peer:
             if process.poll() is None:
                 end_with_children(process)
                 process.communicate()
-        return _read(output, process.returncode)
+        answer = _read(output, process.returncode)
+        if isinstance(answer, tuple) and self.complements(question):
+            return 1 - answer[1], 1 - answer[0]
+        return answer
 
 
 _RESULT = re.compile(r"^Result(?: \([^)]*\))?: *(.*)$", re.MULTILINE)
@@ -141,21 +153,30 @@ def _prism(words: Sequence[str]) -> Peer | None:
     return Peer("PRISM", command)
 
 
+def _spelling(question: Question) -> Spelling:
+    return storm_spelling(question.formula, question.text, question.structures)
+
+
 def _storm(words: Sequence[str]) -> Peer | None:
     program = shutil.which("storm")
     if find_spec("stormpy") is not None and not words:
         worker = [sys.executable, "-P", str(Path(__file__).with_name("stormpy_run.py"))]
-        return Peer(
-            "Storm", lambda q: [*worker, str(q.model), q.text, _assigned(q.model_constants)]
-        )
+
+        def call(q: Question) -> list[str]:
+            spelling = _spelling(q)
+            given = _assigned(q.model_constants)
+            return [*worker, str(q.model), spelling.text, given, *(spelling.filter or ())]
+
+        return Peer("Storm", call, lambda q: _spelling(q).complement)
     if program is None:
         return None
 
     def command(q: Question) -> list[str]:
         given = ["--constants", _assigned(q.model_constants)] if q.model_constants else []
-        return [program, "--prism", str(q.model), "--prismcompat", "--prop", q.text, *given, *words]
+        text = _spelling(q).whole_text
+        return [program, "--prism", str(q.model), "--prismcompat", "--prop", text, *given, *words]
 
-    return Peer("Storm", command)
+    return Peer("Storm", command, lambda q: _spelling(q).complement)
 
 
 PEERS: Mapping[str, tuple[Callable[[Sequence[str]], Peer | None], str]] = {
