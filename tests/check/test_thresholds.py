@@ -6,6 +6,7 @@ import pytest
 
 from checking import RESULTS, check_text, engine_of
 from symcheck.check import tuning
+from symcheck.check.result import Exact
 from symcheck.engines.registry import BUILDERS
 from symcheck.errors import NumericalError
 
@@ -79,3 +80,14 @@ def test_rounding_in_a_long_sum_is_no_reason_for_a_wrong_answer():
     assert check_text(engine, "P>=0.5 [ F<=2 x=11 ]").value is True
     assert check_text(engine, "P>0.5 [ F<=2 x=11 ]").value is False
     assert check_text(engine, "P>=1 [ X x>0 & x<11 ]").value is True
+
+
+@pytest.mark.parametrize("engine", BUILDERS)
+def test_a_whole_sum_of_rates_may_be_rounded(engine: str) -> None:
+    text = """ctmc module m x : bool;
+        [] true -> 1e12 : (x'=!x);
+        [] true -> 1e-12 : (x'=!x);
+        endmodule rewards [] true : 0.5; endrewards"""
+    built = engine_of(text, engine)
+    assert check_text(built, "R=? [ S ]").accuracy == Exact(rounding=not built.exact)
+    assert check_text(built, "R>5e11 [ S ]").value is True

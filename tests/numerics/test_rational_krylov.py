@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -182,3 +184,12 @@ def test_poles_may_be_any(poles: tuple[float, ...], monkeypatch: pytest.MonkeyPa
     )
     assert found is not None
     assert np.max(np.abs(found.values - exact(generator, start, reward_rate, 2.0))) <= found.error
+
+
+def test_rates_too_large_for_any_accuracy_have_no_subspace() -> None:
+    _, rates, leave = stiff(10, 2, 0.3)
+    fast = replace(rates, data=rates.data * 1e30)
+    found = krylov_values(
+        fast, leave * 1e30, np.ones(10), None, 1.0, np.arange(10), Accuracy(epsilon=1e-6)
+    )
+    assert found is None

@@ -18,10 +18,12 @@ from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.semantics.rewards import Reward
+from symcheck.syntax.ast import ModelType
 
 __all__ = ["steady_probability", "steady_reward"]
 
-RewardOf = Callable[[System], Numbers]
+RewardOf = Callable[[System], tuple[Numbers, bool]]
+"""Rewards of a system's states, and whether they are sums that were rounded."""
 
 
 def steady_probability(
@@ -32,15 +34,16 @@ def steady_probability(
     All states of a bottom component have the same average; any other state has the mean of these
     averages, weighted with the probabilities of reaching the components.
     """
-    return _average(context, lambda system: system.restrict(states))
+    return _average(context, lambda system: (system.restrict(states), False))
 
 
 def steady_reward(context: Context, reward: Reward, direction: Direction | None = None) -> Values:
     """Long-run average of the reward per step (DTMC) or unit of time (CTMC)."""
+    timed = context.engine.model.type is ModelType.CTMC  # rewards of transitions times rates
 
-    def reward_of(system: System) -> Numbers:
+    def reward_of(system: System) -> tuple[Numbers, bool]:
         states, rows = system.rewards(reward)
-        return states + rows
+        return states + rows, timed and bool(np.any(rows))
 
     return _average(context, reward_of)
 
@@ -51,22 +54,25 @@ def _average(context: Context, reward_of: RewardOf) -> Values:
         engine.none,
         *(full(engine.states, 0, exact=engine.exact) for _ in range(2)),
     )
-    for states, members, lower, upper in _components(context, reward_of):
+    rounded = False
+    for states, members, lower, upper, summed in _components(context, reward_of):
         recurrent = recurrent | states
+        rounded = rounded or summed
         low[members], high[members] = lower, upper
     system = engine.system(recurrent)
     inside = engine.to_bools(recurrent)
     point = np.array_equal(low, high)
     # An average that is no whole number is a sum or quotient in floating point.
-    rounded = point and not engine.exact and bool(np.any(low % 1 > 0))
-    averages = system.lift(low[inside], None if point else high[inside], exact=rounded)
+    rounded = rounded or bool(np.any(low % 1 > 0))
+    exact = point and rounded and not engine.exact
+    averages = system.lift(low[inside], None if point else high[inside], exact=exact)
     return boundary_values(context, ~recurrent, averages)
 
 
 def _components(
     context: Context, reward_of: RewardOf
-) -> Iterator[tuple[StateSet, Bools, Numbers, Numbers]]:
-    """Sets of recurrent states, with bounds on the average at each member.
+) -> Iterator[tuple[StateSet, Bools, Numbers, Numbers, bool]]:
+    """Sets of recurrent states, with bounds on the average at each member; whether it was rounded.
 
     All absorbing states form one set; every larger bottom component is a set.
     """
@@ -77,16 +83,17 @@ def _components(
         members = np.zeros(engine.states, bool)
         members[[int(p[0]) for p in parts if len(p) == 1]] = True
         absorbing = engine.from_bools(members)
-        rewards = reward_of(engine.system(absorbing))
-        yield absorbing, members, rewards, rewards
+        rewards, rounded = reward_of(engine.system(absorbing))
+        yield absorbing, members, rewards, rewards, rounded
         larger = [_indices(p, engine.states) for p in parts if len(p) > 1]
         sets = (engine.from_bools(m) for m in larger)
     else:
         sets = (s for s in engine.graph.bsccs())
     for states in sets:
         system = engine.system(states)
-        lower, upper = _component_average(context, system, reward_of(system))
-        yield states, engine.to_bools(states), system.full(lower), system.full(upper)
+        rewards, rounded = reward_of(system)
+        lower, upper = _component_average(context, system, rewards)
+        yield states, engine.to_bools(states), system.full(lower), system.full(upper), rounded
 
 
 def _indices(states: np.ndarray[tuple[int, ...], np.dtype[np.int32]], n: int) -> Bools:

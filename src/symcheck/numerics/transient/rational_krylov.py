@@ -30,7 +30,7 @@ from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix, relati
 from symcheck.numerics.linear.problem import Observer, Progress
 from symcheck.numerics.settings import Settings
 
-__all__ = ["KrylovValues", "excess", "importance", "krylov_values"]
+__all__ = ["KrylovValues", "importance", "krylov_values", "largest_growth"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,9 @@ def krylov_values(
     fixed = rounding_error * float(
         np.max(np.abs(start))
     ) + 4.0 * tuning.UNIT_ROUNDOFF * time * float(np.max(np.abs(speed)))
-    growth = math.exp(rounding_error + excess(rates, exit_rates) * time)
+    growth = largest_growth(rates, exit_rates, time, rounding_error)
+    if math.isinf(growth):
+        return None
     space = _Space.of(system, speed, max(tuning.SUBSPACE_SIZES + tuning.LARGER_SUBSPACE_SIZES))
     widths: list[float] = []
     goal = math.inf
@@ -147,9 +149,16 @@ def importance(
     return relative_solution(rates, scale, reward_rate, guess, tuning.IMPORTANCE_RESIDUAL)
 
 
-def excess(rates: SparseMatrix, exit_rates: Floats) -> float:
-    """The largest excess of the sum of a row over its exit rate, or 0."""
-    return max(0.0, float(np.max(rates.row_sums() - exit_rates)))
+def largest_growth(
+    rates: SparseMatrix, exit_rates: Floats, time: float, rounding_error: float = 0.0
+) -> float:
+    """A bound on the factor by which exp(Q t) enlarges the largest entry; may be infinite.
+
+    It follows from the largest excess of the sum of a row over its exit rate.
+    """
+    excess = max(0.0, float(np.max(rates.row_sums() - exit_rates)))
+    with np.errstate(over="ignore"):
+        return float(np.exp(rounding_error + excess * time))
 
 
 def _converges(widths: list[float], goal: float, sizes: tuple[int, ...]) -> bool:

@@ -30,7 +30,7 @@ from symcheck.numerics.linear.problem import Observer, Progress, largest_width
 from symcheck.numerics.settings import Accuracy, Settings
 from symcheck.numerics.transient.forward import forward_value
 from symcheck.numerics.transient.poisson import poisson
-from symcheck.numerics.transient.rational_krylov import excess, importance, krylov_values
+from symcheck.numerics.transient.rational_krylov import importance, krylov_values, largest_growth
 from symcheck.numerics.transient.state_space_truncation import truncate
 from symcheck.numerics.transient.uniformized_chain import (
     UniformizedChain,
@@ -204,8 +204,10 @@ class _Horizon:
             start = start / weights
             chain = uniformize(rates, exit_rates)
             growth, later_growth = (
-                math.exp(t * excess(rates, exit_rates)) for t in (4.0 * smoothing, time)
+                largest_growth(rates, exit_rates, t) for t in (4.0 * smoothing, time)
             )
+            if math.isinf(later_growth):
+                return None
         first = _sum_series(
             chain,
             start / chain.q if source else start,
