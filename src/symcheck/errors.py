@@ -200,6 +200,10 @@ class UsageError(SymcheckError):
     """A switch, option, file name or argument is wrong."""
 
 
+class NoStrategyError(UsageError, AttributeError):
+    """A result has no strategy, or several; the message says why, and how to ask for one."""
+
+
 class UnsupportedError(SymcheckError):
     """The request is meaningful, but not supported; the message says what is."""
 

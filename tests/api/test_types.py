@@ -31,7 +31,7 @@ REVEALED = {
     "result.bounds": "tuple[int | float | Fraction, int | float | Fraction]",
     "result.values": "symcheck.engines.states.StateValues | None",
     "result.accuracy": "Exact | Certified | Estimate | Statistical",
-    "result.strategy": "symcheck.engines.explicit.strategy.Strategy | None",
+    "result.strategy": "symcheck.engines.explicit.strategy.Strategy",
     "model.steady_state()": "symcheck.check.state_distributions.Distribution",
     "model.steady_state()[0]": "float | fractions.Fraction",
     "list(model.check_all('x'))[0][1]": "symcheck.check.result.Result",

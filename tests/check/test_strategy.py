@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from io import StringIO
 from math import inf
+from pathlib import Path
 from random import Random
 
 import numpy as np
@@ -12,10 +13,11 @@ import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+import symcheck
 from checking import check_text, engine_of
 from generate import random_model
 from symcheck.engines.explicit.engine import ExplicitEngine
-from symcheck.errors import InputError, UnsupportedError, UsageError
+from symcheck.errors import InputError, NoStrategyError, UnsupportedError, UsageError
 from symcheck.exchange.strategies.files import (
     StrategyTarget,
     strategy_target,
@@ -23,6 +25,8 @@ from symcheck.exchange.strategies.files import (
     write_strategy,
 )
 from symcheck.syntax.ast import ModelType
+
+MODELS = Path(__file__).parents[2] / "models"
 
 SLOW = settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 QUERIES = [
@@ -214,7 +218,7 @@ def test_what_is_remembered():
 @pytest.mark.parametrize("text", ['Pmax=? [ X^{rew{"cost"}<=3} s=1 ]', "s=1"])
 def test_unsupported_strategies_leave_the_result(text):
     result = check_text(engine_of(ROUND), text, strategy=True)
-    assert result.strategy is None
+    assert result.strategies == ()
     assert result.warnings[0].startswith("no strategy")
 
 
@@ -281,7 +285,8 @@ def test_a_memory_that_is_too_large_is_refused(monkeypatch):
 
     monkeypatch.setattr(tuning, "STRATEGY_ENTRIES", 100)
     found = check_text(engine_of(SHIFT), 'R{"gain"}max=? [ C<=50 ]', strategy=True)
-    assert found.strategy is None
+    with pytest.raises(NoStrategyError, match="the result has no strategy: a strategy would need"):
+        _ = found.strategy
     assert "a strategy would need a memory of 51 values in each of 3 states" in found.warnings[0]
 
 
@@ -292,3 +297,27 @@ def test_a_model_without_room_for_its_rows_is_refused_before_it_is_checked(engin
     with pytest.raises(UnsupportedError, match=r"(?s)rows of all 3 states.*without -exportstrat"):
         check_text(built, 'R{"gain"}max=? [ S ]', strategy=True)
     assert check_text(built, "Pmax=? [ F s=2 ]").value == 1
+
+
+@pytest.mark.parametrize(
+    ("model", "text", "wanted", "message"),
+    [
+        ("gambler/stakes.nm", "Pmax=? [ F money=8 ]", False, "the option strategy=True computes"),
+        ("gambler/stakes.nm", "money=3", True, "the result has no strategy: "),
+        ("die/die.pm", "P=? [ F d=6 ]", False, "only for MDPs, and this model is a DTMC"),
+        ("die/die.pm", "P=? [ F d=6 ]", True, "only for MDPs, and this model is a DTMC"),
+        ("gambler/stakes.nm", "multi(Pmax=? [ F money=8 ], Pmin=? [ F money=1 ])", True, "strategies[0]"),
+    ],
+)  # fmt: skip
+def test_a_result_without_a_strategy_says_how_to_ask_for_one(model, text, wanted, message):
+    loaded = symcheck.load(MODELS / model, strategy=wanted)
+    result = loaded.check(text)
+    if message == "strategies[0]":  # of a front with one point
+        assert result.strategy is result.strategies[0]
+        return
+    with pytest.raises(NoStrategyError) as caught:
+        _ = result.strategy.actions
+    assert message in str(caught.value)
+    assert not hasattr(result, "strategy")
+    assert result.strategies == ()
+    assert repr(result)

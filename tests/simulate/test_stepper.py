@@ -247,7 +247,6 @@ def test_a_run_follows_the_strategy_of_a_result(engine):
     """Each step is the choice that the table of the strategy names."""
     model = symcheck.loads(MDP, strategy=True, engine=engine)
     strategy = model.check('R{"r"}min=? [ F "top" & y ]').strategy
-    assert strategy is not None
     wanted = dict(zip(strategy.states(), strategy.actions, strict=True))
     simulator = model.simulator(seed=2)
     for _ in range(30):
@@ -262,7 +261,6 @@ def test_a_run_follows_the_strategy_of_a_result(engine):
 def test_a_strategy_with_memory_is_refused():
     model = symcheck.loads(MDP, strategy=True)
     strategy = model.check('Pmax=? [ (F x=1) & (F "top" & y) ]').strategy
-    assert strategy is not None
     assert strategy.memory is not None
     with pytest.raises(UsageError, match="memory"):
         model.simulator(seed=1).run(3, strategy)

@@ -16,6 +16,7 @@ from symcheck.check.filters import AppliedFilter, Bounds, Condition, Numeric
 from symcheck.check.omega_regular import ctl
 from symcheck.check.path_formulas import negated, resolve
 from symcheck.check.result import (
+    NO_STRATEGY,
     Accuracy,
     Answer,
     Certified,
@@ -128,7 +129,6 @@ def check(
     strategies = _strategies(context, formula) if context.options.strategy else ()
     return replace(
         result,
-        strategy=strategies[0] if len(strategies) == 1 else None,
         strategies=strategies,
         lines=tuple(log.lines),
         runs=tuple(log.runs),
@@ -210,7 +210,7 @@ def _strategies(context: Context, formula: Expression) -> tuple[Strategy, ...]:
 
         return (strategy_of(context, formula, states_of),)
     except UnsupportedError as error:
-        context.log.warn(f"no strategy: {error}")
+        context.log.warn(f"{NO_STRATEGY}{error}")
         return ()
 
 

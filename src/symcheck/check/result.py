@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, assert_never
 
 from symcheck.engines.base import Engine
 from symcheck.engines.states import States, StateValues
-from symcheck.errors import UnsupportedError, UsageError
+from symcheck.errors import NoStrategyError, UnsupportedError, UsageError
 from symcheck.semantics.expressions.literals import format_state, format_value, to_float
+from symcheck.syntax.ast import ModelType
 from symcheck.tables import Table
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from symcheck.engines.explicit.strategy import Strategy
 
 __all__ = [
+    "NO_STRATEGY",
     "Accuracy",
     "Answer",
     "Certified",
@@ -122,11 +124,14 @@ class SolverRun:
     certified: bool = True
 
 
+NO_STRATEGY = "no strategy: "
+"""How a warning begins that says why a strategy was not computed."""
+
 _STORMPY = {
     "at": "result.value is that of the initial state, result.values[i] that of state i",
     "get_values": "numpy.asarray(result.values) has the value of each state",
     "scheduler": "result.strategy, with the option strategy=True",
-    "has_scheduler": "result.strategy is None without one; the option strategy=True asks for it",
+    "has_scheduler": "result.strategies is empty without one; the option strategy=True asks for it",
 }
 """What stormpy calls the attributes of a result."""
 
@@ -149,8 +154,8 @@ class Result:
         runs: the computations of solvers.
         witness: a path that shows why E holds, or why A does not hold.
         front: the Pareto front of a multi-objective query.
-        strategy: a strategy that attains the value, with the option `strategy`.
-        strategies: of a Pareto query, one for each point of the value; otherwise `strategy` alone.
+        strategies: with the option `strategy`, one that attains the value; of a Pareto query, one
+            for each point of the value. Empty if there is none.
         warnings: one sentence each.
         seconds: time of the check.
         engine: on which the property was checked.
@@ -166,7 +171,6 @@ class Result:
     runs: tuple[SolverRun, ...] = field(default=(), repr=False)
     witness: Sequence[Mapping[str, int | bool]] | None = field(default=None, repr=False)
     front: ParetoFront | None = field(default=None, repr=False)
-    strategy: Strategy | None = field(default=None, repr=False)
     strategies: tuple[Strategy, ...] = field(default=(), repr=False)
     warnings: tuple[str, ...] = ()
     seconds: float = field(default=0.0, repr=False)
@@ -177,6 +181,8 @@ class Result:
 
         def __getattr__(self, name: str) -> object:
             """Only called for what does not exist. Raises AttributeError."""
+            if name == "strategy":  # the property has raised this error already
+                raise self._no_strategy()
             hint = _STORMPY.get(name)
             raise AttributeError(
                 f"a result has no attribute '{name}'" + (f"\n  hint: {hint}" if hint else "")
@@ -205,6 +211,45 @@ class Result:
         if self.explain is None:
             raise UnsupportedError("an estimate has no counterexample")
         return self.explain(paths)
+
+    @property
+    def strategy(self) -> Strategy:
+        """The strategy that attains the value.
+
+        Raises NoStrategyError, which is an AttributeError too, so that `hasattr` is False: none
+        was asked for, there is none for this property, or a Pareto query has several.
+
+        Examples:
+            >>> import symcheck
+            >>> game = symcheck.load("models/gambler/stakes.nm", strategy=True)
+            >>> print(game.check("Pmax=? [ F money=8 ]").strategy.actions[3])
+            stake3
+        """
+        if len(self.strategies) != 1:
+            raise self._no_strategy()
+        return self.strategies[0]
+
+    def _no_strategy(self) -> NoStrategyError:
+        """The error that says why there is no strategy."""
+        if self.strategies:
+            return NoStrategyError(
+                "the result has a strategy for each point of a Pareto front\n"
+                "  hint: result.strategies[0] is that of the first point"
+            )
+        reasons = [w for w in self.warnings if w.startswith(NO_STRATEGY)]
+        if reasons:
+            return NoStrategyError(f"the result has {reasons[0]}")
+        if self.engine is not None and self.engine.model.type is not ModelType.MDP:
+            kind = self.engine.model.type.value.upper()
+            return NoStrategyError(
+                "the result has no strategy: strategies exist only for MDPs, "
+                f"and this model is a {kind}"
+            )
+        return NoStrategyError(
+            "the result has no strategy\n"
+            "  hint: the option strategy=True computes one for Pmin, Pmax, Rmin and Rmax of an MDP:"
+            " model.with_options(strategy=True).check(…)"
+        )
 
     @property
     def bounds(self) -> tuple[Number, Number]:

@@ -255,7 +255,7 @@ class _Writer:
         if result.values is None:
             return None
         frame: JsonObject = {"low": [plain(v) for v in result.values.array[drawn].tolist()]}
-        if result.strategy is not None and result.strategy.memory is None:
+        if len(result.strategies) == 1 and result.strategy.memory is None:
             rows = result.strategy.rows[drawn].tolist()
             matters = result.strategy.matters[drawn].tolist()
             frame["rows"] = [row for row, needed in zip(rows, matters, strict=True) if needed]

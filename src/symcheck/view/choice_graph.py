@@ -336,16 +336,8 @@ class ChoiceGraph:
 
 
 def strategy_of(chosen: Strategy | Result) -> Strategy:
-    """A strategy, or that of a result. Raises UsageError if it has none."""
-    if not isinstance(chosen, Result):
-        return chosen
-    if chosen.strategy is None:
-        raise UsageError(
-            "this result has no strategy\n"
-            "  hint: check Pmin, Pmax, Rmin or Rmax of an MDP with the option strategy=True"
-        )
-    strategy: Strategy = chosen.strategy
-    return strategy
+    """A strategy, or that of a result. Raises NoStrategyError if it has none."""
+    return chosen.strategy if isinstance(chosen, Result) else chosen
 
 
 def refuse(count: int, limit: int, what: str = "states") -> UnsupportedError:

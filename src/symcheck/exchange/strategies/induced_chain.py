@@ -11,7 +11,6 @@ from symcheck.check.result import Result
 from symcheck.engines.base import erased
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.engines.transition_actions import state_columns
-from symcheck.errors import UsageError
 from symcheck.exchange.api_io import explicit_model
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards
 from symcheck.matrices.contributions import Contributions
@@ -36,7 +35,7 @@ def induced_chain(model: Model, strategy: Strategy | Result, *, reach: bool = Tr
         reach: only the states that are reached; otherwise all states, which have their numbers.
 
     Raises:
-        UsageError: the result has no strategy.
+        NoStrategyError: the result has no strategy, or several.
 
     Examples:
         >>> import symcheck
@@ -47,16 +46,6 @@ def induced_chain(model: Model, strategy: Strategy | Result, *, reach: bool = Tr
         0.5
     """
     chosen = strategy.strategy if isinstance(strategy, Result) else strategy
-    if chosen is None and isinstance(strategy, Result) and strategy.strategies:
-        raise UsageError(
-            "the result has a strategy for each point of a Pareto front\n"
-            "  hint: symcheck.induced_chain(model, result.strategies[0])"
-        )
-    if chosen is None:
-        raise UsageError(
-            "the result has no strategy\n"
-            "  hint: check Pmin, Pmax, Rmin or Rmax of an MDP with the option strategy=True"
-        )
     data = replace(induced_data(chosen, reach=reach), names=model.instantiated())
     chain = explicit_model(data, replace(model.options, strategy=False, fairness=False))
     return replace(chain, given_constants=model.given_constants)
