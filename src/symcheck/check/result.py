@@ -223,7 +223,7 @@ class Result:
             >>> import symcheck
             >>> game = symcheck.load("models/gambler/stakes.nm", strategy=True)
             >>> print(game.check("Pmax=? [ F money=8 ]").strategy.actions[3])
-            stake3
+            stake1
         """
         if len(self.strategies) != 1:
             raise self._no_strategy()

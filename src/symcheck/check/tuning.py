@@ -37,6 +37,9 @@ EXPLICIT_ENTRY_BYTES = 20
 """Memory of an entry of the matrix and of its transposed graph, for algorithms that need rows."""
 EXPLICIT_ROW_BYTES = 24
 """Memory of a row, and of a state beside its rows."""
+LISTED_ROWS = 100_000_000
+"""The most states, choices and transitions that a model on diagrams is listed with for a strategy
+or a counterexample. Exploring them takes half a minute; the engine explicit has no such limit."""
 
 # LTL formulas (omega_regular/).
 ATOMS_AS_LETTERS = 8

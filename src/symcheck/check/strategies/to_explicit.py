@@ -15,16 +15,21 @@ from symcheck.machine import available_memory
 __all__ = ["check_rows_fit", "to_explicit"]
 
 
-def check_rows_fit(engine: Engine, what: str, hint: str = "") -> None:
-    """Check that the rows of all states fit into the free memory, before anything is computed.
+def check_rows_fit(
+    engine: Engine, what: str, hint: str = "", *, most: int | None = tuning.LISTED_ROWS
+) -> None:
+    """Check that the rows of all states can be listed, before anything is computed.
+
+    They must fit into the free memory. An explicit engine has them already.
 
     Args:
         engine: the built model.
         what: what needs the rows, for the message.
         hint: what to do instead, for the message.
+        most: the most states, choices and transitions together; None for no limit.
 
     Raises:
-        UnsupportedError: they do not.
+        UnsupportedError: they do not fit, or are too many.
     """
     if engine.capability(ExplicitEngine) is not None:
         return
@@ -38,6 +43,12 @@ def check_rows_fit(engine: Engine, what: str, hint: str = "") -> None:
             f"{size / 1e9:,.1f} GB, and {free / 1e9:,.1f} GB are free"
             + (f"\n  hint: {hint}" if hint else "")
         )
+    if most is not None and engine.states + engine.choices + engine.transitions > most:
+        raise UnsupportedError(
+            f"{what} the rows of all {engine.states:,} states; with {engine.transitions:,} "
+            "transitions they take minutes\n"
+            f"  hint: {hint}{'; ' * bool(hint)}-ex (engine='explicit') lists them nevertheless"
+        )
 
 
 def to_explicit(context: Context) -> Context:
@@ -47,7 +58,7 @@ def to_explicit(context: Context) -> Context:
     """
     if context.engine.capability(ExplicitEngine) is not None:
         return context
-    check_rows_fit(context.engine, "this query needs")
+    check_rows_fit(context.engine, "this query needs", most=None)
     return replace(
         context,
         engine=build(context.engine.model, replace(context.options, engine="explicit")),
