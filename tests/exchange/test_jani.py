@@ -11,7 +11,7 @@ import symcheck
 from exchange.models import some_model
 from generate import random_property
 from symcheck.cli import main
-from symcheck.errors import SymcheckError, UnsupportedError
+from symcheck.errors import SymcheckError, UnsupportedError, UsageError
 from symcheck.syntax.jani.read import read_jani
 from symcheck.syntax.operators import Function, Operator
 
@@ -176,8 +176,18 @@ def test_what_jani_has_not_is_an_error_and_leaves_no_file(tmp_path, capsys):
     path = tmp_path / "m.jani"
     two = "multi(Pmax=? [ F x=1 ], P>=0.5 [ F x=0 ])"
     model = symcheck.loads("mdp module m x:[0..1]; [] true -> (x'=1); endmodule")
-    with pytest.raises(UnsupportedError, match=r"JANI has nothing for multi"):
-        symcheck.export(model, str(path), two)
+    with pytest.raises(UnsupportedError) as caught:
+        symcheck.export(model, str(path), f"Pmax=? [ F x=1 ];\n1 - {two}")
+    assert str(caught.value) == (
+        "<properties>:2:5: error[jani]: JANI has nothing for "
+        "multi(Pmax=? [ F x=1 ], P>=0.5 [ F x=0 ])\n"
+        "  2 | 1 - multi(Pmax=? [ F x=1 ], P>=0.5 [ F x=0 ])\n"
+        "          ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^\n"
+        "  hint: JANI has P, S, expected times and rewards (F, C, C<=k, I=k, S), A, E and filters: "
+        "leave this property out"
+    )
+    with pytest.raises(UsageError, match=r"m\.drn holds no properties"):
+        symcheck.export(model, str(tmp_path / "m.drn"), two)
     symcheck.export(model, str(tmp_path / "m.drn"))
     assert not path.exists()
 

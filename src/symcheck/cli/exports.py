@@ -15,7 +15,7 @@ from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.constant_values import combinations, parse_constants
 from symcheck.engines.base import Engine
-from symcheck.errors import UnsupportedError, UsageError
+from symcheck.errors import Diagnostic, UnsupportedError, UsageError
 from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.expressions.literals import format_state
 from symcheck.syntax.declarations import Program, PropertiesFile
@@ -156,9 +156,9 @@ def export_model(
         bound = exact.properties(file, given).properties
         return [bound[i] for i in indices]
 
-    def left_out(property: BoundProperty, error: UnsupportedError) -> None:
+    def left_out(property: BoundProperty, fault: Diagnostic) -> None:
         name = f'"{property.name}"' if property.name else pretty(property.formula)
-        output.warn(f"JANI cannot express the property {name}, which is left out: {error}")
+        output.warn(f"the property {name} is left out: {fault.message}")
 
     for path in export_targets(model, targets, output.out, labels, properties, left_out):
         output.exported(path)

@@ -15,7 +15,7 @@ from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.state_formulas import satisfying
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.registry import build
-from symcheck.errors import converts_memory_error
+from symcheck.errors import UsageError, converts_memory_error
 from symcheck.exchange import export as targets
 from symcheck.exchange.explicit_data import ExplicitData, build_imported, imported_program
 from symcheck.exchange.explicit_export import explicit_export
@@ -102,14 +102,14 @@ def export(
         model: the model.
         target: FILES[:OPTIONS] as for -exportmodel: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`,
             `die.pexp`, `die.umb`, `die.umbt`, `die.jani`.
-        properties: those that a JANI file holds, as for `Model.check_all`. The other formats have
-            none.
+        properties: those that a JANI file holds, as for `Model.check_all`.
 
     Returns:
         The names of the files.
 
     Raises:
-        UsageError: a file cannot be written.
+        UsageError: a file cannot be written, or there are properties and no JANI file.
+        UnsupportedError: JANI cannot express a property. No file is written.
         SymcheckError: the model cannot be built.
 
     Examples:
@@ -118,6 +118,10 @@ def export(
     """
     parts = targets.parse_target(target, "model")
     file = PropertiesFile() if properties is None else properties_file(properties)
+    if properties is not None and all(part.kind != "jani" for part in parts):
+        raise UsageError(
+            f"{target} holds no properties\n  hint: only JANI files do: export(model, 'm.jani', …)"
+        )
     return list(
         export_targets(
             model, parts, sys.stdout, properties=lambda exact: exact.properties(file).properties

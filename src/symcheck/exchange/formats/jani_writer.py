@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
 
-from symcheck.errors import UnsupportedError
+from symcheck.errors import Diagnostic, UnsupportedError
 from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate, Event
 from symcheck.syntax.ast import (
@@ -60,7 +60,7 @@ from symcheck.syntax.printer import pretty
 
 __all__ = ["LeftOut", "jani_text"]
 
-LeftOut = Callable[[BoundProperty, UnsupportedError], object]
+LeftOut = Callable[[BoundProperty, Diagnostic], object]
 
 Value = bool | int | float | str | Sequence["Value"] | Mapping[str, "Value"] | None
 Object = dict[str, Value]
@@ -151,10 +151,10 @@ class _Writer:
         for i, p in enumerate(properties, 1):
             try:
                 written.append({"name": p.name or f"property{i}", "expression": self.query(p)})
-            except UnsupportedError as error:
+            except _NotInJani as error:
                 if left_out is None:
-                    raise
-                left_out(p, error)
+                    raise UnsupportedError(str(error.diagnostic)) from None
+                left_out(p, error.diagnostic)
         root["properties"] = written
         return root
 
@@ -286,7 +286,7 @@ class _Writer:
     # -------------------------------------------------------------------------------- expressions
 
     def expression(self, node: PathFormula) -> Value:
-        """An expression or formula. Raises UnsupportedError."""
+        """An expression or formula. Raises _NotInJani."""
         match node:
             case Literal(value):
                 return _number(value) if isinstance(value, Fraction) else value
@@ -296,7 +296,7 @@ class _Writer:
                 if name in ("init", "deadlock"):
                     return {"op": "initial" if name == "init" else "deadlock"}
                 if name not in self.labels:
-                    raise _no_jani(node)
+                    raise _NotInJani(node)
                 return self.labels[name]
             case Unary(UnaryOperator.NOT, operand):
                 return {"op": "¬", "exp": self.expression(operand)}
@@ -368,7 +368,7 @@ class _Writer:
                 both = _binary(node.symbol, self.expression(left), self.expression(right))
                 return {**both, **self._bounds(node, node.bound)}
             case _:
-                raise _no_jani(node)
+                raise _NotInJani(node)
 
     def _compared(self, node: AnyMeasure, letter: str, members: Object) -> Value:
         """The value of a measure, or its comparison with a bound."""
@@ -377,7 +377,7 @@ class _Writer:
             is_lower = node.bound is not None and node.bound.operator.is_lower_bound
             direction = "min" if is_lower else "max"
         if direction not in ("min", "max"):
-            raise _no_jani(node)
+            raise _NotInJani(node)
         value: Object = {"op": f"{letter}{direction}", **members}
         if node.bound is None:
             return value
@@ -393,7 +393,7 @@ class _Writer:
             case Literal(int() as number):
                 return self.rewards[number - 1]
             case _:
-                raise _no_jani(node)
+                raise _NotInJani(node)
 
     @property
     def _kinds(self) -> list[Value]:
@@ -420,7 +420,7 @@ class _Writer:
             case SteadyStateReward():
                 return self._compared(node, "S", gathered)
             case _:
-                raise _no_jani(node)
+                raise _NotInJani(node)
 
     def _bounds(self, node: PathFormula, limits: PathBound | None) -> Object:
         match limits:
@@ -436,7 +436,7 @@ class _Writer:
             case RewardBounds(parts):
                 steps = [p for p in parts if p.structure is None]
                 if len(steps) > 1:
-                    raise _no_jani(node)
+                    raise _NotInJani(node)
                 result: Object = {"step-bounds": self._interval(steps[0])} if steps else {}
                 rest: list[Value] = [self._reward_bound(p) for p in parts if p not in steps]
                 return {**result, "reward-bounds": rest}
@@ -461,11 +461,18 @@ class _Writer:
         return result
 
 
-def _no_jani(node: PathFormula | RewardBound) -> UnsupportedError:
-    return UnsupportedError(
-        f"JANI has nothing for {pretty(node)}"
-        "\n  hint: -prop selects the properties that are written"
-    )
+class _NotInJani(Exception):
+    """JANI has nothing for a part of a property."""
+
+    def __init__(self, node: PathFormula | RewardBound) -> None:
+        super().__init__(node)
+        self.diagnostic = Diagnostic(
+            f"JANI has nothing for {pretty(node)}",
+            node.span,
+            "jani",
+            "JANI has P, S, expected times and rewards (F, C, C<=k, I=k, S), A, E and filters: "
+            "leave this property out",
+        )
 
 
 def _binary(operator: str, left: Value, right: Value) -> Object:
