@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,6 +24,7 @@ __all__ = [
     "limit_memory",
     "memory_ended",
     "read_bytes",
+    "require_memory_for_scipy",
     "used_data",
 ]
 
@@ -40,6 +42,9 @@ _WORDS = (
 
 _FOR_IMPORTS = (112 << 20, 60 << 20)
 """Bytes of addresses and of data that the modules of a run take, with a tenth to spare."""
+
+_FOR_SCIPY = (144 << 20, 72 << 20)
+"""The same for scipy's modules, the first time that one of them is imported."""
 
 _UNITS = {"": 1 << 10, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30}
 
@@ -136,7 +141,20 @@ def imports_fit() -> bool:
     With less, numpy's BLAS would end the process or never return, and Python's modules would
     print tracebacks.
     """
-    return all(left >= needed for left, needed in zip(_below_limits(), _FOR_IMPORTS, strict=True))
+    return _fits(_FOR_IMPORTS)
+
+
+def require_memory_for_scipy() -> None:
+    """Raise MemoryError if the limits leave too little to import scipy's modules.
+
+    Their BLAS would wait for memory without end, and no signal but SIGKILL would end the process.
+    """
+    if not {"scipy.linalg", "scipy.special"} & sys.modules.keys() and not _fits(_FOR_SCIPY):
+        raise MemoryError("the modules of scipy")
+
+
+def _fits(size: tuple[int, int]) -> bool:
+    return all(left >= needed for left, needed in zip(_below_limits(), size, strict=True))
 
 
 def memory_ended(error: BaseException) -> bool:

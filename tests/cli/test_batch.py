@@ -139,6 +139,29 @@ def test_a_signal_ends_the_line_and_the_batch(tmp_path: Path, number: signal.Sig
     assert "interrupted by" in err
 
 
+@pytest.mark.parametrize(
+    ("number", "sender"), [(signal.SIGINT, "Ctrl-C"), (signal.SIGTERM, "SIGTERM")]
+)
+def test_a_signal_between_two_lines_ends_the_batch(number: signal.Signals, sender: str) -> None:
+    with subprocess.Popen(
+        [*SYMCHECK, "-batch", "-"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        process.stdin.write(f"{DIE}\n")
+        process.stdin.flush()
+        while not process.stdout.readline().startswith("Exit status:"):
+            pass
+        process.send_signal(number)
+        _, err = process.communicate()
+    assert (process.returncode, err) == (128 + number, f"error: interrupted by {sender}\n")
+
+
 def test_a_line_that_crashes_does_not_end_the_batch(tmp_path: Path) -> None:
     """The process of the line kills itself, as a defect of a compiled module would."""
     script = """

@@ -18,6 +18,11 @@ CROWDS = (
     "-exportresults",
     "r.csv",
 )
+EXPLAINED = (
+    *(str(ROOT / "models/crowds/crowds.pm"), "-const", "TotalRuns=4,CrowdSize=5"),
+    *("-pf", "P<=0.001 [ F observed0>1 ]", "-exportcounterexample", "c.txt"),
+)
+"""A run that imports scipy."""
 ENDLESS = """dtmc module m x : [0..100000000]; y : [0..100000000];
   [] true -> 0.5 : (x'=mod(x*7+y+1, 99999989)) + 0.5 : (y'=mod(x+y*5+3, 99999971)); endmodule"""
 CHAIN = "dtmc module m x : [0..3000000]; [] x>0 & x<3000000 -> 0.5:(x'=x-1)+0.5:(x'=x+1); [] x=0|x=3000000 -> true; endmodule init x=1500000 endinit"
@@ -68,6 +73,14 @@ def test_a_signal_during_the_imports_ends_the_process(
     ended = subprocess.run(command, capture_output=True, text=True)
     assert (ended.returncode, ended.stdout) == (status, "")
     assert re.fullmatch(r"error: .*\n", ended.stderr)
+
+
+@pytest.mark.parametrize("amount", [24, 40, 64])
+@pytest.mark.parametrize("way", ["SYMCHECK_MEMORY", "-cuddmaxmem"])
+def test_too_little_memory_for_scipy_ends_the_run(amount: int, way: str) -> None:
+    """The BLAS of scipy would wait for memory without end."""
+    trial = interrupts.Trial(EXPLAINED, "memory", 0, amount << 20, way)
+    assert interrupts.faults(trial, interrupts.run(trial), slack=10) == []
 
 
 @pytest.mark.parametrize("engine", ["-ex", "-s", "-h", "-m", ""])

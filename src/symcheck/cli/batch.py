@@ -25,7 +25,7 @@ from typing import NoReturn, TextIO
 
 from symcheck.cli.output import fail
 from symcheck.cli.switches.arguments import parse_arguments
-from symcheck.errors import SymcheckError, UsageError
+from symcheck.errors import Interrupted, SymcheckError, UsageError
 from symcheck.operating_system import CAN_FORK
 
 __all__ = ["is_batch", "run_batch"]
@@ -61,8 +61,18 @@ def run_batch(words: Sequence[str], run: Run) -> int:
         OutputError: the output cannot be written.
     """
     name, common = _split(words)
+    child = _Child()
+    try:
+        return _run_lines(name, common, run, child)
+    except KeyboardInterrupt:  # between two lines
+        stopped = signal.Signals(child.stopped or signal.SIGINT)
+        sender = "Ctrl-C" if stopped is signal.SIGINT else stopped.name
+        return fail(Interrupted(f"interrupted by {sender}"), 128 + stopped)
+
+
+def _run_lines(name: str, common: Sequence[str], run: Run, child: _Child) -> int:
     statuses: Counter[int] = Counter()
-    with _opened(name) as file, _Child().forwarding() as child:
+    with _opened(name) as file, child.forwarding():
         if CAN_FORK:
             _load()
         for number, line in _lines(name, file):
@@ -157,14 +167,14 @@ class _Child:
         self._process = 0
 
     @contextmanager
-    def forwarding(self) -> Iterator[_Child]:
+    def forwarding(self) -> Iterator[None]:
         """A context in which signals reach the process of the line."""
         self._handlers = {n: signal.getsignal(n) for n in _STOPPING}
         try:
             for number, handler in self._handlers.items():
                 if handler is not signal.SIG_IGN:
                     signal.signal(number, self._forward)
-            yield self
+            yield
         finally:
             self._restore()
 

@@ -20,6 +20,7 @@ from typing import cast
 
 import numpy as np
 
+from symcheck.machine import require_memory_for_scipy
 from symcheck.matrices.numbers import Numbers, doubles
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, first_best
 
@@ -53,6 +54,7 @@ class WalkProblem:
 
     def distances(self) -> tuple[list[Floats], list[Int64s]]:
         """The length of the shortest walk from each state, and the row of each state."""
+        require_memory_for_scipy()
         from scipy.sparse import csr_array
         from scipy.sparse.csgraph import dijkstra
 

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from symcheck.errors import NumericalError, UsageError
+from symcheck.machine import require_memory_for_scipy
 from symcheck.matrices.rows import Floats
 from symcheck.simulate import tuning
 from symcheck.simulate.samples import Samples
@@ -145,6 +146,7 @@ def _interval(values: Floats, plan: Plan, probability: bool) -> IntervalEstimate
 
 def _error_probability(values: Floats, width: float, method: Method, probability: bool) -> float:
     """The probability that the sample mean is farther than `width` from the true mean."""
+    require_memory_for_scipy()
     from scipy import special
 
     n, deviation = len(values), float(np.std(values, ddof=1))
@@ -158,6 +160,7 @@ def _error_probability(values: Floats, width: float, method: Method, probability
 
 
 def _quantile(method: Method, n: int, error: float) -> float:
+    require_memory_for_scipy()
     from scipy import special
 
     return float(
@@ -166,6 +169,7 @@ def _quantile(method: Method, n: int, error: float) -> float:
 
 
 def _clopper_pearson(hits: int, n: int, error: float) -> tuple[float, float]:
+    require_memory_for_scipy()
     from scipy import special
 
     lower = 0.0 if hits == 0 else float(special.betaincinv(hits, n - hits + 1, error / 2))

@@ -26,6 +26,7 @@ from symcheck.check.explanation.labelled_transitions import LabelledTransitions
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.kernels.arrays import Bools
+from symcheck.machine import require_memory_for_scipy
 from symcheck.matrices.numbers import full
 from symcheck.matrices.rows import SparseMatrix
 from symcheck.numerics import graph
@@ -121,6 +122,7 @@ def fewest_commands(
 
 def _hitting_set(cuts: list[Bools], count: int) -> Bools:
     """A smallest set that meets each cut."""
+    require_memory_for_scipy()
     from scipy.optimize import Bounds, LinearConstraint, milp
 
     if not cuts:

@@ -23,6 +23,7 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
+from symcheck.machine import require_memory_for_scipy
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, first_best, starts_of
 from symcheck.numerics import graph, tuning
@@ -321,6 +322,7 @@ def _rational_bias(chain: SparseMatrix, rewards: Numbers, anchor: int) -> Number
 
 
 def _floating_bias(chain: SparseMatrix, rewards: Floats, anchor: int) -> Floats | None:
+    require_memory_for_scipy()
     from scipy.sparse import csc_array, csr_array
     from scipy.sparse.linalg import splu
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symcheck.errors import NumericalError
+from symcheck.machine import require_memory_for_scipy
 from symcheck.matrices.numbers import Numbers, doubles, full, is_exact
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.numerics.linear.rational import Number, Row, flint_number, fractions
@@ -126,6 +127,7 @@ def solve_program(program: Program) -> Optimum | None:
 
 def _by_highs(program: Program) -> OptimizeResult:
     """The answer of HiGHS, which minimises."""
+    require_memory_for_scipy()
     from scipy.optimize import linprog
     from scipy.sparse import csc_array
 
