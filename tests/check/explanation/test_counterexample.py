@@ -85,8 +85,12 @@ def replayed(model, path):
 @pytest.mark.parametrize("shift", [Fraction(-1, 50), 0, Fraction(1, 50)])
 @pytest.mark.parametrize(
     "path",
-    ["F d=6", "F<=4 d=6", "G<=3 d=0", "s!=5 U d>2", "X s=1", "d=0 W d=3", "G d<6", "F<=6 !(d=0)"],
-)
+    [
+        "F d=6", "F<=4 d=6", "G<=3 d=0", "s!=5 U d>2", "X s=1", "d=0 W d=3", "G d<6", "F<=6 !(d=0)",
+        'F{"tosses"}<=4 d=6',  'F{"tosses"}>=4 d=6', 'G{"tosses"}<=3 d=0', 'X{"tosses"}<=1 s=1',
+        'd=0 U{"tosses"}[2,3] d>2', 'F^{rew{"tosses"}<=5, steps<=4} d=6',
+    ],
+)  # fmt: skip
 def test_paths_prove_the_verdict(operator, shift, path):
     die = symcheck.load(DIE, exact=True)
     value = die.check(f"P=? [ {path} ]").value
@@ -289,7 +293,6 @@ def test_renamed_modules_have_their_own_commands():
     [
         ("Pmax=? [ F x=6 ]", "with a bound"),
         ("P<=0.999 [ F x=6 ]", "every strategy"),
-        ("P<=0.1 [ F^{steps<=2, steps<=3} x=6 ]", "bounds on rewards"),
         ("T<=0.1 [ F (x=6 & X x=6) ]", "supported for F states"),
         (
             "T<=100 [ F x=1 | x=2 | x=3 ]",

@@ -46,6 +46,8 @@ def extended(model, state, seed):
 LONGER = {
     "F (s=2 & (X s=6))": lambda s, d: any(a == 2 and b == 6 for a, b in pairwise(s)),
     "(F s=3) & (F d=2)": lambda s, d: 3 in s and d[-1] == 2,
+    'F{"tosses"}<=3 d>3': lambda s, d: any(x > 3 for x in d[:4]),
+    'F{"tosses"}>3 d>3': lambda s, d: d[-1] > 3 and d[3] == 0,
     "F[2,4] d>3": lambda s, d: any(x > 3 for x in d[2:5]),
     "G F d=6": lambda s, d: d[-1] == 6,
     "F G (d=1 | d=2)": lambda s, d: d[-1] in (1, 2),
@@ -188,3 +190,46 @@ def test_files_say_what_paths_earn(tmp_path, capsys):
 def test_commands_of_another_strategy_are_announced():
     found = symcheck.load(STAKES).check('P<=0.2 [ F "rich" ]').counterexample()
     assert "for some strategy, maybe not that of the paths" in str(found.commands)
+
+
+@pytest.mark.parametrize("engine", ["exact", "explicit", "mtbdd"])
+@pytest.mark.parametrize(
+    ("path", "shown"),
+    [
+        ('F{"bets"}<=2 "rich"', lambda money: money[-1] == 8 and len(money) <= 3),
+        ('F{"bets"}>2 "rich"', lambda money: money[-1] == 8 and len(money) > 3),
+        ('G{"bets"}<=2 money>1', lambda money: all(m > 1 for m in money)),
+    ],
+)
+def test_paths_within_a_reward_follow_a_strategy(path, shown, engine):
+    options = {"exact": True} if engine == "exact" else {"engine": engine}
+    stakes = symcheck.load(STAKES, **options)
+    value = Fraction(symcheck.load(STAKES, exact=True).check(f"Pmax=? [ {path} ]").value)
+    found = stakes.check(f"P<={value - Fraction(1, 100)} [ {path} ]").counterexample()
+    assert found.refutes
+    assert found.complete, found.summary
+    assert found.threshold < found.probability <= value + Fraction(1, 10**12)
+    taken = {}
+    for one in found.paths:
+        money = [state["money"] for state in one.states]
+        assert shown(money), one
+        for step, (source, action) in enumerate(zip(money, one.actions, strict=False)):
+            assert taken.setdefault((min(step, 3), source), action) == action
+
+
+def test_paths_of_a_ctmc_within_a_reward_of_its_transitions():
+    text = """ctmc module m x : [0..3];
+      [a] x<3 -> 2:(x'=x+1); [b] x>0 & x<3 -> 1:(x'=x-1); endmodule
+      rewards "ups" [a] true : 1; [b] true : 1; endrewards"""
+    model = symcheck.loads(text)
+    found = model.check('P<=0.5 [ F{"ups"}<=5 x=3 ]').counterexample()
+    assert [len(p.states) - 1 for p in found.paths] == [3, 5]
+    assert found.probability == pytest.approx(4 / 9 + 4 / 27)
+
+
+def test_what_has_no_counterexample_within_a_reward_says_what_has():
+    stakes = symcheck.load(STAKES)
+    with pytest.raises(UnsupportedError, match="those of F, G, U, W and R for MDPs too"):
+        stakes.check('P<=0.1 [ X{"bets"}<=1 money>0 ]').counterexample()
+    with pytest.raises(UnsupportedError, match="a counterexample would need a memory of"):
+        stakes.check('P<=0.1 [ F{"bets"}<=3000000 "rich" ]').counterexample()

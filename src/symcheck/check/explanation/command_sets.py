@@ -23,7 +23,10 @@ def command_set(question: Question) -> tuple[CommandSet | None, str]:
     if model.builder is not None:
         return None, "no commands: the model has none"
     if question.origin is not None:
-        return None, "no commands: they are found for probabilities of one of X, F, G, U, W and R"
+        return (
+            None,
+            "no commands: they are found for one of X, F, G, U, W and R without bounds on rewards",
+        )
     if model.type is ModelType.CTMC:
         return None, "no commands: without a command, the others of a CTMC are more likely"
     if isinstance(problem, StepProblem):

@@ -37,8 +37,8 @@ def find_counterexample(
 
     Args:
         context: the model, on any engine.
-        formula: `P bound [ path ]` with any path formula but bounds on rewards, `R bound
-            [ F states ]`, `T bound [ F states ]`, or in discrete time `R bound [ C<=k ]`.
+        formula: `P bound [ path ]`, `R bound [ F states ]`, `T bound [ F states ]`, or in discrete
+            time `R bound [ C<=k ]`.
         paths: the most paths; None for 1000.
         commands: also look for a small set of commands that suffices.
 

@@ -6,10 +6,11 @@ of a strategy that makes them as likely as possible; such a strategy also shows 
 best case holds, but no set of paths shows what holds under every strategy.
 
 Paths that violate `left U right` reach a state from which it cannot be satisfied any more, or use
-up the steps that it has. Other LTL formulas are those of the product with an automaton: a path ends
-where the formula is satisfied almost surely. A path within a time bound counts with the probability
-that a CTMC runs it in time, a path to the target of a reward (of all steps of `C<=k`) with what it
-earns.
+up the steps that it has. With bounds on rewards, paths are those of the product with counters,
+which show that a bound is exceeded. Other LTL formulas are those of the product with an automaton:
+a path ends where the formula is satisfied almost surely. A path within a time bound counts with the
+probability that a CTMC runs it in time, a path to the target of a reward (of all steps of `C<=k`)
+with what it earns.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ import numpy as np
 
 from symcheck.check import tuning
 from symcheck.check.context import Context
+from symcheck.check.measures.reward_bounded_until import row_rewards
+from symcheck.check.measures.reward_scaling import scale_bound
 from symcheck.check.omega_regular.ltl import accepted_states, linear_product
 from symcheck.check.path_formulas import (
     NextPath,
@@ -37,6 +40,7 @@ from symcheck.check.path_formulas import (
 from symcheck.check.queries.rewards import reward_of
 from symcheck.check.rebind_exact import exactly_bound
 from symcheck.check.state_formulas import satisfying, states_of, threshold_of
+from symcheck.check.strategies.counters import counter_product
 from symcheck.check.strategies.strategy import strategy_of, temporal_strategy
 from symcheck.direction import Direction
 from symcheck.engines.base import erased
@@ -209,10 +213,7 @@ def _probability(
         case UntilPath(window=window) if window.at_once:
             return _plain(engine, _bounded(context, engine.matrix, path), first, satisfies)
         case RewardPath():
-            raise UnsupportedError(
-                "counterexamples are not supported for bounds on rewards\n  hint: F<=k with steps "
-                "is supported, and so is a module that counts the reward"
-            )
+            return _within_rewards(context, engine, formula, path, first, satisfies=satisfies)
         case NextPath() | UntilPath() | TemporalPath() | StatePath():
             if is_ctmc and not isinstance(path, TemporalPath):
                 raise UnsupportedError("counterexamples are not supported for X with a time bound")
@@ -231,9 +232,14 @@ def _until(context: Context, matrix: SparseMatrix, path: UntilPath) -> tuple[Boo
     to = context.engine.to_bools
     passing, goal, end = to(path.left), to(path.right), to(context.engine.none)
     if path.negative:
-        impossible = graph.prob0(matrix, passing, goal, Direction.MAX)
-        passing, goal, end = passing & ~goal & ~impossible, impossible, ~goal
+        return *_missed(matrix, passing, goal), ~goal
     return passing, goal, end
+
+
+def _missed(matrix: SparseMatrix, passing: Bools, goal: Bools) -> tuple[Bools, Bools]:
+    """Where paths that violate an until formula pass, and where they end."""
+    impossible = graph.prob0(matrix, passing, goal, Direction.MAX)
+    return passing & ~goal & ~impossible, impossible
 
 
 def _bounded(context: Context, matrix: SparseMatrix, path: UntilPath) -> StepProblem:
@@ -263,6 +269,49 @@ def _within(engine: ExplicitEngine, time: float | None) -> Callable[[FoundPath],
         return least_probability_within(rates, time)
 
     return lambda path: of_rates(tuple(sorted(exit_rates[list(path.states[:-1])].tolist())))
+
+
+def _within_rewards(
+    context: Context,
+    engine: ExplicitEngine,
+    formula: ProbabilityOperator,
+    path: RewardPath,
+    first: int,
+    *,
+    satisfies: bool,
+) -> Question:
+    """Paths with bounds on rewards: those of the product with a counter for each reward."""
+    is_mdp, to = engine.model.type is ModelType.MDP, context.engine.to_bools
+    system = context.engine.system(context.engine.all)
+    bounds = [scale_bound(context, system, row_rewards(context, system, c), c) for c in path.counts]
+    product = counter_product(engine, bounds, "a counterexample")
+    matrix, rows = _probabilities(product.engine), None
+    problem: WalkProblem | StepProblem
+    match path.path:
+        case NextPath(target):
+            if is_mdp:
+                raise UnsupportedError(
+                    "counterexamples of X with a bound on a reward are supported for chains; those "
+                    "of F, G, U, W and R for MDPs too"
+                )
+            end = to(target)[product.state] & product.met
+            everything, nothing = np.ones_like(end), np.zeros_like(end)
+            end = ~end if path.negative else end
+            problem = StepProblem(matrix, everything, nothing, end, 1)
+        case UntilPath(left, right):
+            if is_mdp:
+                rows = strategy_of(context, formula, states_of).rows
+                matrix = matrix.choose(rows)
+            passing = to(left)[product.state] & product.within
+            goal = to(right)[product.state] & product.met
+            if path.negative:
+                passing, goal = _missed(matrix, passing, goal)
+            problem = WalkProblem(matrix, passing, goal)
+    question = _plain(engine, problem, int(product.entry[first]), satisfies)
+    explored = product.engine.explored
+    assert isinstance(explored, ProductModel)
+    rows = explored.rows if rows is None else explored.rows[rows]
+    return replace(question, origin=product.state.astype(np.int64), rows=rows)
 
 
 def _on_product(

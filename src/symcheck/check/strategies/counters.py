@@ -1,4 +1,4 @@
-"""The product of an MDP with counters: the memory of strategies that depend on steps or rewards."""
+"""The product of a model with counters: the memory of what depends on steps or rewards."""
 
 from __future__ import annotations
 
@@ -37,13 +37,16 @@ class CounterProduct:
     met: Bools
 
 
-def counter_product(base: ExplicitEngine, counters: Sequence[ScaledBound]) -> CounterProduct:
+def counter_product(
+    base: ExplicitEngine, counters: Sequence[ScaledBound], what: str = "a strategy"
+) -> CounterProduct:
     """The product with counters that add up rewards, each up to where its bounds are decided.
 
     Args:
-        base: the MDP.
+        base: the model.
         counters: the rewards of each row, and the bounds; a counter with an upper bound has one
             more value, which stands for all greater ones.
+        what: what needs the product, for the message.
 
     Raises:
         UnsupportedError: there are too many pairs.
@@ -51,16 +54,16 @@ def counter_product(base: ExplicitEngine, counters: Sequence[ScaledBound]) -> Co
     sizes = [c.lower + 1 if c.upper is None else c.upper + 2 for c in counters]
     codes = int(np.prod(sizes, dtype=object))
     matrix = base.matrix
-    assert matrix.groups is not None
+    groups = np.arange(matrix.states + 1) if matrix.groups is None else matrix.groups
     if codes * max(matrix.entries, matrix.states) > tuning.STRATEGY_ENTRIES:
         raise UnsupportedError(
-            f"a strategy would need a memory of {codes:,} values in each of {matrix.states:,} "
+            f"{what} would need a memory of {codes:,} values in each of {matrix.states:,} "
             f"states, which is too large"
         )
     state = np.repeat(np.arange(matrix.states, dtype=np.int32), codes)
     code = np.tile(np.arange(codes, dtype=np.int32), matrix.states)
-    rows = spans(matrix.groups[state], matrix.groups[state + 1])
-    counts = np.diff(matrix.groups)[state]
+    rows = spans(groups[state], groups[state + 1])
+    counts = np.diff(groups)[state]
     before, after, stride = np.repeat(code, counts), np.zeros(len(rows), np.int64), 1
     within, met = np.ones(len(state), bool), np.ones(len(state), bool)
     for counter, size in zip(counters, sizes, strict=True):
@@ -79,7 +82,7 @@ def counter_product(base: ExplicitEngine, counters: Sequence[ScaledBound]) -> Co
         ),
         matrix.data[entries],
         len(state),
-        starts_of(counts),
+        None if matrix.groups is None else starts_of(counts),
     )
     model = ProductModel(base, state, code, pairs, rows)
     entry = np.arange(matrix.states, dtype=np.int64) * codes
