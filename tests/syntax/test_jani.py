@@ -270,6 +270,34 @@ def simple(**changes):
             simple(**{"restrict-initial": {"exp": {"op": "aa", "exp": "x", "index": 0}}}),
             "arrays ('aa') are not supported",
         ),
+        *(
+            (simple(**{"restrict-initial": {"exp": expression}}), message)
+            for expression, message in (
+                ({"op": "av", "elements": [1]}, "arrays ('av') are not supported"),
+                ({"op": "da", "exp": "x", "member": "y"}, "datatypes ('da') are not supported"),
+                ({"op": "nondet", "var": "i", "exp": True}, "selections of values ('nondet') are"),
+                ({"op": "der", "var": "x"}, "derivatives of continuous variables ('der') are not"),
+                ({"op": "sin", "exp": "x"}, "the operator 'sin' is not supported"),
+                ({"distribution": "Uniform", "args": [0, 1]}, "continuous distributions are not"),
+            )
+        ),
+        (simple(type="ha"), "hybrid automata are not supported"),
+        (simple(variables=[variable("c", kind={"kind": "datatype", "ref": "d"})]), "'datatype' is"),
+        (
+            simple(
+                variables=[variable("c", kind={"kind": "bounded", "base": "int", "lower-bound": 0})]
+            ),
+            "has one bound only",
+        ),
+        (
+            simple(
+                automata=[
+                    automaton("m", ["l"], [edge("l", ("l", {}))])
+                    | {"locations": [{"name": "l", "time-progress": {"exp": True}}]}
+                ]
+            ),
+            "conditions on the progress of time are not supported",
+        ),
     ],
 )
 def test_what_is_not_supported_is_named_with_its_place(found, message):
@@ -305,6 +333,32 @@ def test_what_is_not_supported_is_named_with_its_place(found, message):
         (text(model("mdp", [automaton("m", ["l"], [edge("l")])])), "an edge needs a destination"),
         (
             text(
+                simple(automata=[automaton("m", ["l"], [edge("l", ("l", {})) | {"guards": True}])])
+            ),
+            '"guards" is no member of this object\n  43 |      "guards": true\n',
+        ),
+        (
+            text(
+                simple(automata=[automaton("m", ["l"], [edge("l", ("l", {})) | {"guards": True}])])
+            ),
+            'hint: did you mean "guard"?',
+        ),
+        (
+            text(simple(propertys=[]) | {"properties": None}).replace("properties", "x-notes"),
+            '"properties"?',
+        ),
+        (
+            text(simple(automata=[automaton("m", ["l"], [edge("l", ("l", {}), action="b")])])),
+            "there is no action 'b'",
+        ),
+        (
+            text(
+                simple(system={"elements": [{"automaton": "m"}], "syncs": [{"synchronise": ["c"]}]})
+            ),
+            'hint: the model declares its "actions": there are none',
+        ),
+        (
+            text(
                 model(
                     "mdp",
                     [automaton(n, ["l"], [edge("l", ("l", {}), action="a")]) for n in "ab"],
@@ -332,6 +386,41 @@ def test_faults_have_their_place(found, message):
         read_jani(found, "model.jani")
     assert message in str(error.value)
     assert "\n  hint" in str(error.value) or "^" in str(error.value)
+
+
+def test_members_of_other_tools_are_left_alone():
+    given = simple(
+        **{"x-origin": "a tool", "comment": "of the model", "metadata": {"author": "us"}}
+    )
+    assert read_jani(text(given), "model.jani").program.modules
+
+
+@pytest.mark.parametrize(
+    ("formula", "message"),
+    [
+        ({"op": "P", "exp": {"op": "F", "exp": True}}, "'P' needs a direction"),
+        ({"op": "timelock"}, "models have no timelocks"),
+        (
+            {"op": "Pmax", "exp": {"op": "F", "exp": True, "time-bounds": {"upper": 3}}},
+            "MDPs have no time: use step-bounds",
+        ),
+        ({"op": "multi", "objectives": []}, "the operator 'multi' is not supported"),
+        ({"op": "Emax", "exp": 1, "reward-instants": []}, "instant of a reward are not supported"),
+    ],
+)
+def test_properties_that_are_not_read_have_their_place(formula, message):
+    (fault,) = read_jani(
+        text(simple() | {"properties": [{"name": "p", "expression": filtered(formula, "max")}]}),
+        "model.jani",
+    ).faults.values()
+    assert message in str(fault)
+    assert "^" in str(fault)
+
+
+def test_a_truth_value_in_a_filter_of_numbers_has_its_place(tmp_path):
+    formula = filtered({"op": "∀", "exp": {"op": "F", "exp": {"op": "initial"}}}, "max")
+    with pytest.raises(symcheck.SymcheckError, match=r"model\.jani:\d+:\d+: error\[type\]"):
+        values(tmp_path, simple(properties=[{"name": "p", "expression": formula}]))
 
 
 def test_faults_of_types_point_into_the_file(tmp_path):

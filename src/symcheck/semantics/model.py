@@ -141,7 +141,7 @@ class BoundModel:
 
     Attributes:
         events: the flattened composition (see `symcheck.semantics.binding.composition`).
-        initial: the condition between init and endinit; None: the variables' initial values.
+        initial: the condition on initial states; None: the variables' initial values.
         exact: doubles in literals are used as the fractions that they are.
         derivation: of a transformed model (such as a reduced one), the function that transforms
             another bound model of the same text in the same way.

@@ -120,9 +120,9 @@ def deadlocks(states: Iterable[str], count: int) -> Diagnostic:
 
 
 def no_initial_state(span: Span = NO_SPAN) -> Diagnostic:
-    """No state satisfies the condition between init and endinit."""
+    """No state satisfies the condition on initial states."""
     return Diagnostic(
-        "no state satisfies the condition between init and endinit", span, "no-initial-state"
+        "no state satisfies the condition on initial states", span, "no-initial-state"
     )
 
 

@@ -183,7 +183,7 @@ class _Builder:
             if v.low is None or v.high is None:
                 message = (
                     f"variable {v.name} has no bounds, so the states that satisfy the condition "
-                    "between init and endinit cannot be enumerated"
+                    "on initial states cannot be enumerated"
                 )
                 self.report.input(
                     "init-unbounded", message, v.span, f"declare {v.name} : [low..high]"

@@ -123,7 +123,7 @@ def _check(checked: CheckedProgram) -> None:
     for label in program.labels:
         typer.boolean(label.expression, f'label "{label.name}"')
     if program.initial is not None:
-        typer.boolean(program.initial, "the condition between init and endinit")
+        typer.boolean(program.initial, "the condition on initial states")
     _check_system(checked)
     _check_rewards(checked)
 

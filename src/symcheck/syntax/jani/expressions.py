@@ -76,7 +76,7 @@ _CONSTANTS = {"π": math.pi, "e": math.e}
 _MISSING = {
     **dict.fromkeys(("aa", "ac", "av"), "arrays"),
     **dict.fromkeys(("da", "dv"), "datatypes"),
-    "nondet": "nondeterministic selection of values",
+    "nondet": "nondeterministic selections of values",
     "der": "derivatives of continuous variables",
 }
 
@@ -177,7 +177,7 @@ class ExpressionReader:
                     f"{_MISSING[operator]} ('{operator}') are not supported"
                 )
             case _:
-                raise node["op"].unsupported(f"the operator '{operator}' is not supported here")
+                raise node["op"].unsupported(f"the operator '{operator}' is not supported")
 
     def _call(self, node: Json) -> Expression:
         name, given = node["function"].text, node.each("args")

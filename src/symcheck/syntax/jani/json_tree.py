@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from fractions import Fraction
 from typing import NoReturn
 
@@ -15,6 +16,8 @@ __all__ = ["Json", "parse_json"]
 
 _SPACE = re.compile(r"[ \t\r\n]*")
 _LARGEST_EXPONENT = 400
+_TYPO = 0.7
+"""The least similarity of a word to the one that it is taken for."""
 
 Value = bool | int | Fraction | str | list["Json"] | Mapping[str, "Json"] | None
 
@@ -77,6 +80,18 @@ class Json:
         """The items of the list that is a member of an object; none without the member."""
         member = self.get(key)
         return () if member is None else member.items
+
+    def check_members(self, known: Sequence[str]) -> None:
+        """Refuse a member that resembles a known one; other members belong to other tools.
+
+        Raises SyntaxFault.
+        """
+        for key in self.members.keys() - set(known):
+            near = get_close_matches(key, known, 1, _TYPO)
+            if near and near[0] not in self.members:
+                raise self.members[key].fault(
+                    f'"{key}" is no member of this object', f'did you mean "{near[0]}"?'
+                )
 
     def flag(self, key: str) -> bool:
         """The truth of a member of an object; false without the member."""

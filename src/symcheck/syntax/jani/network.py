@@ -232,6 +232,19 @@ def assigned_values(
 
 # ------------------------------------------------------------------------------------------ reading
 
+_MODEL = (
+    "jani-version", "name", "metadata", "type", "features", "actions", "constants", "variables",
+    "restrict-initial", "properties", "automata", "system", "functions", "datatypes",
+)  # fmt: skip
+_AUTOMATON = (
+    "name", "variables", "restrict-initial", "locations", "initial-locations", "edges", "functions",
+)  # fmt: skip
+_VARIABLE = ("name", "type", "transient", "initial-value")
+_LOCATION = ("name", "time-progress", "transient-values")
+_EDGE = ("location", "action", "rate", "guard", "destinations", "assignments")
+_DESTINATION = ("location", "probability", "assignments")
+_ASSIGNMENT = ("ref", "value", "index")
+
 
 def read_network(root: Json) -> Network:
     """Read a model. Raises SyntaxFault, UnsupportedError."""
@@ -255,10 +268,13 @@ class _NetworkReader:
         self.names: dict[str, Expression] = {}
         self.transients: dict[str, Transient] = {}
         self.functions: dict[str, FunctionDefinition] = {}
+        self.actions: set[str] = set()
         self.boolean: set[str] = set()
 
     def read(self) -> Network:
         root = self.root
+        root.check_members(_MODEL)
+        self.actions = {a["name"].text for a in root.each("actions")}
         constants = tuple(map(self._constant, root.each("constants")))
         variables = self._variables(root, self.names)
         self.functions = self._functions(root)
@@ -327,6 +343,7 @@ class _NetworkReader:
         result = []
         reader = ExpressionReader(dict(self.names), self.functions)
         for node in owner.each("variables"):
+            node.check_members(_VARIABLE)
             identifier = node["name"].text
             self._check_new(node["name"], names)
             kind, low, high = self._type(node["type"], "a variable")
@@ -403,15 +420,26 @@ class _NetworkReader:
                 raise node["synchronise"].fault(
                     f"this vector should have an entry for each of the {elements} automata"
                 )
+            taking_part = tuple(None if p.value is None else self._action(p) for p in parts)
             result = node.get("result")
-            taking_part = tuple(None if p.value is None else p.text for p in parts)
+            action = None if result is None else self._action(result)
             if any(p is not None for p in taking_part):
-                vectors.append((taking_part, None if result is None else result.text))
+                vectors.append((taking_part, action))
         return tuple(vectors)
+
+    def _action(self, node: Json) -> str:
+        """The name of a declared action."""
+        if node.text not in self.actions:
+            known = ", ".join(sorted(self.actions)) or "there are none"
+            raise node.fault(
+                f"there is no action '{node.text}'", f'the model declares its "actions": {known}'
+            )
+        return node.text
 
     # ---------------------------------------------------------------------------------- automata
 
     def _element(self, node: Json, input_enable: Sequence[Json]) -> Element:
+        node.check_members(_AUTOMATON)
         module = self.unique.take(node["name"].text)
         names = dict(self.names)
         local: dict[str, Expression] = {}
@@ -457,6 +485,7 @@ class _NetworkReader:
         return locations.index(node.text)
 
     def _transient_values(self, location: Json, reader: ExpressionReader) -> dict[str, Expression]:
+        location.check_members(_LOCATION)
         if location.get("time-progress") is not None:
             raise location["time-progress"].unsupported(
                 "conditions on the progress of time are not supported"
@@ -484,6 +513,7 @@ class _NetworkReader:
         locations: Sequence[str],
         reader: ExpressionReader,
     ) -> Edge:
+        node.check_members(_EDGE)
         action, guard, rate = node.get("action"), node.get("guard"), node.get("rate")
         if rate is not None and self.kind is not ModelType.CTMC:
             raise rate.fault(f"edges of {self.kind.name}s have no rate")
@@ -494,6 +524,7 @@ class _NetworkReader:
         if not node["destinations"].items:
             raise node["destinations"].fault("an edge needs a destination")
         for destination in node["destinations"].items:
+            destination.check_members(_DESTINATION)
             probability = destination.get("probability")
             assignments = [*shared, *self._assignments(destination, reader)]
             there = destination["location"]
@@ -509,7 +540,7 @@ class _NetworkReader:
             )
             self._check_assigned_once(assignments, destination)
         return Edge(
-            None if action is None else action.text,
+            None if action is None else self._action(action),
             conjunction(at, condition),
             None if rate is None else reader.read(rate["exp"]),
             tuple(branches),
@@ -519,6 +550,7 @@ class _NetworkReader:
     def _assignments(self, owner: Json, reader: ExpressionReader) -> list[RawAssignment]:
         result = []
         for node in owner.each("assignments"):
+            node.check_members(_ASSIGNMENT)
             index = node.get("index")
             if index is not None and not isinstance(index.value, int):
                 raise index.fault("the index of an assignment is an integer")

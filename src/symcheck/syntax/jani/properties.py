@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Literal as Choice
 from typing import cast
 
 from symcheck.syntax.ast import (
@@ -144,7 +145,14 @@ class PropertyReader(ExpressionReader):
             return cast(Expression, binary(left, right, self._bounds(node), span=node.span))
         match operator:
             case "∀" | "∃":
-                return PathQuantifier("A" if operator == "∀" else "E", self.read(node["exp"]))
+                quantifier: Choice["A", "E"] = "A" if operator == "∀" else "E"
+                return PathQuantifier(quantifier, self.read(node["exp"]), span=node.span)
+            case "P" | "E" | "S":
+                raise node["op"].fault(
+                    f"'{operator}' needs a direction",
+                    f"the operators are {operator}min and "
+                    f"{operator}max; they are the same in chains",
+                )
             case "filter":
                 return self._filter(node)
             case "initial" | "deadlock":
@@ -310,7 +318,7 @@ class PropertyReader(ExpressionReader):
         steps, time = node.get("step-bounds"), node.get("time-bounds")
         if time is not None:
             if not is_timed:
-                raise time.unsupported(f"a {self.network.type.name} has no time: use step-bounds")
+                raise time.unsupported(f"{self.network.type.name}s have no time: use step-bounds")
             result.append(TimeBound(*self._interval(time), span=time.span))
         if steps is not None:
             limits = self._interval(steps)
