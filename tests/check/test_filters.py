@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf, isnan
+
 import pytest
 
 from checking import RESULTS, check_text, engine_of
@@ -119,3 +121,18 @@ def test_what_is_divided_or_added_in_floating_point_is_not_called_exact(name):
     assert check_text(model, "filter(avg, x=1 ? 1 : 0)").accuracy == Exact(rounding=rounding)
     assert check_text(model, "R=? [ S ]").accuracy == Exact(rounding=rounding)
     assert check_text(model, "filter(avg, x)").accuracy == Exact()
+
+
+@pytest.mark.parametrize("name", BUILDERS)
+@pytest.mark.parametrize("operator", ["min", "max", "sum", "avg", "first"])
+@pytest.mark.parametrize("number", ["0/x", "0/(x-4)"])  # NaN in the first state, in the last one
+def test_nan_in_one_state_is_nan_for_all(name: str, operator: str, number: str) -> None:
+    one = "filter(state, {}, x={})".format(number, 0 if number == "0/x" else 4)
+    everywhere = f"filter({operator}, {number})" if operator != "first" else one
+    assert isnan(check_text(engine_of(MANY, name), everywhere).value)
+
+
+@pytest.mark.parametrize("name", BUILDERS)
+def test_a_sum_with_infinity_may_have_numbers_beyond_doubles(name: str) -> None:
+    found = check_text(engine_of(MANY, name), "filter(sum, x=0 ? 1/x : pow(10.0, 400*x))").value
+    assert found == inf

@@ -91,3 +91,15 @@ def test_a_whole_sum_of_rates_may_be_rounded(engine: str) -> None:
     built = engine_of(text, engine)
     assert check_text(built, "R=? [ S ]").accuracy == Exact(rounding=not built.exact)
     assert check_text(built, "R>5e11 [ S ]").value is True
+
+
+@pytest.mark.parametrize("method", ["interval", "optimistic"])
+@pytest.mark.parametrize("engine", ["explicit", "hybrid"])
+def test_a_complement_of_bounds_is_rounded_outwards(engine: str, method: str) -> None:
+    text = """mdp module m x : [0..3] init 2;
+        [] x=2 -> 1e-12 : (x'=3) + 1-1e-12 : (x'=1);
+        [] x=1 | x=3 -> (x'=x-1);
+        endmodule"""
+    built = engine_of(text, engine)
+    assert check_text(built, "Pmin<=0.999999999999 [ X X x<2 ]", method=method).value is True
+    assert check_text(built, "Pmin<0.999999999999 [ X X x<2 ]", method=method).value is False

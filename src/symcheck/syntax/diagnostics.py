@@ -419,7 +419,7 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
         fault.token.type not in (FOREIGN, RESERVED)
         and found.isidentifier()
         and expected == {"LSQB", "ENDMODULE"}
-        and fault.after[0].value == ":"
+        and [token.value for token in fault.after[:1]] == [":"]
     ):
         return Diagnostic(
             "a variable is declared behind a command",

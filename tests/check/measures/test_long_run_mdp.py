@@ -178,3 +178,14 @@ def test_against_storm(seed, tmp_path):
             assert check_text(engine, ours).value == pytest.approx(value, abs=2e-5), (
                 f"{ours}\n{text}"
             )
+
+
+@pytest.mark.parametrize("name", ["explicit", "hybrid"])
+def test_an_average_far_below_rounding_has_wide_bounds(name: str) -> None:
+    text = """mdp module m x : [0..1] init 1;
+        [] x=1 -> 1e-17 : (x'=0) + 1-1e-17 : (x'=1);
+        [] x=0 -> (x'=1);
+        endmodule"""
+    true = check_text(engine_of(text, "exact"), "Smin=? [ x=0 ]").value
+    low, high = check_text(engine_of(text, name), "Smin=? [ x=0 ]").bounds
+    assert low <= true <= high

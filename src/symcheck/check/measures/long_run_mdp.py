@@ -72,7 +72,7 @@ def _average(
     gain_error = float(
         ((shifted.upper - shifted.lower) / np.maximum(shifted.upper, 1e-300)).max(initial=0.0)
     )
-    accuracy = replace(finer, epsilon=max(finer.epsilon, 4.0 * gain_error))
+    accuracy = replace(finer, epsilon=min(max(finer.epsilon, 4.0 * gain_error), 0.5))
     solution = solve_linear(problem, accuracy, observer)
     lower, upper = solution.lower[state], solution.upper[state]
     exact = solution.exact and shift == 0 and bool(np.array_equal(gains.lower, gains.upper))

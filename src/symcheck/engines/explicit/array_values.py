@@ -286,17 +286,35 @@ def _interval(operator: str, pairs: list[_Pair]) -> _Pair:
         return -first[1], -first[0]
     for other in rest:
         bounds = _INTERVALS.get(operator, _corners)(operator, first, other)
-        first = (
-            bounds if operator in ("min", "max") else _outward(*bounds)
-        )  # these two do not round
+        rounded = _is_rounded(operator, first, other, bounds)
+        first = _outward(*bounds, rounded)
     return first
 
 
-def _outward(low: Floats, high: Floats) -> _Pair:
-    """Wider by one unit in the last place, unless the value is a point."""
-    wide = low != high
-    return np.where(wide, np.nextafter(low, -np.inf), low), np.where(
-        wide, np.nextafter(high, np.inf), high
+def _is_rounded(operator: str, x: _Pair, y: _Pair, bounds: _Pair) -> Bools:
+    """Where an operator may have rounded bounds: of numbers that are known it has the value."""
+    if operator in ("min", "max"):
+        return np.zeros(len(x[0]), bool)
+    wide = (x[0] != x[1]) | (y[0] != y[1])
+    match operator:
+        case "+" | "-":
+            return np.asarray(wide)
+        case "*":
+            return np.asarray(wide & ~_is_zero(x) & ~_is_zero(y))
+        case "/":
+            return np.asarray(wide & ~_is_zero(x))
+        case _:
+            return np.asarray(bounds[0] != bounds[1])
+
+
+def _is_zero(x: _Pair) -> Bools:
+    return np.asarray((x[0] == 0) & (x[1] == 0))
+
+
+def _outward(low: Floats, high: Floats, rounded: Bools) -> _Pair:
+    """Wider by one unit in the last place, where they were rounded."""
+    return np.where(rounded, np.nextafter(low, -np.inf), low), np.where(
+        rounded, np.nextafter(high, np.inf), high
     )
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
-from math import isfinite
+from math import isfinite, isnan
 from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
@@ -160,7 +160,7 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
         """The same value (or bounds of it) everywhere."""
         low = full(self.states, lower, exact=self.exact)
         if self.exact:
-            assert upper is None or upper == lower, "rational values have no bounds"
+            assert upper is None or upper == lower or isnan(upper), "rational values have no bounds"
             return RationalValues(low)
         high = low if upper is None or upper == lower else np.full(self.states, float(upper))
         return ArrayValues(low, high, self.all.members if rounded else None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import reduce
 from math import isfinite, nan
 from operator import eq, ge, gt, le, lt, ne
 
@@ -58,18 +59,19 @@ class RationalValues:
         return chosen, chosen
 
     def minimum(self, states: ArraySet) -> tuple[Rational, Rational]:
-        """The least value over the set, twice."""
-        least = min(self.array[states.members])
+        """The least value over the set, twice; NaN if there is one."""
+        least = _function("min")(*self.array[states.members])
         return least, least
 
     def maximum(self, states: ArraySet) -> tuple[Rational, Rational]:
-        """The greatest value over the set, twice."""
-        greatest = max(self.array[states.members])
+        """The greatest value over the set, twice; NaN if there is one."""
+        greatest = _function("max")(*self.array[states.members])
         return greatest, greatest
 
     def total(self, states: ArraySet) -> tuple[Rational, Rational]:
         """The sum over the set, twice."""
-        total = sum(self.array[states.members], Fraction(0))
+        zero: Rational = Fraction(0)
+        total = reduce(_function("+"), self.array[states.members], zero)
         return total, total
 
     def compare(self, operator: str, threshold: float | Fraction) -> tuple[ArraySet, ArraySet]:
