@@ -6,9 +6,12 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from math import exp
 from pathlib import Path
 
 import campaign
+import exponentials
+import pytest
 
 import symcheck
 from symcheck.check.result import Certified, Exact
@@ -32,6 +35,28 @@ def test_a_contradiction_is_a_difference():
     assert campaign.difference(InputError("no"), true) == "error"
     assert campaign.difference(UnsupportedError("no"), true) == ""
     assert campaign.difference(ValueError("no"), true) == "crash"
+
+
+@pytest.mark.parametrize(
+    ("formula", "value"),
+    [
+        ("P=? [ F<=0.5 x=2 ]", 1 - 3 * exp(-1) + 2 * exp(-1.5)),
+        ("P=? [ G>0.5 x=0 ]", 0.0),
+        ("P=? [ x=0 U[0.5,2] x=1 ]", exp(-1) - exp(-4)),
+        ("P=? [ F=1 x=0 ]", exp(-2)),
+        ('R{"r"}=? [ C<=2 ]', 3 * (1 - exp(-4)) / 2),
+        ('R{"r"}=? [ I=1 ]', exp(-2)),
+        ("P>=0.1 [ F=1 x=0 ]", True),
+        ("P=? [ X x=1 ]", None),
+    ],
+)
+def test_exponentials_have_the_values_of_a_chain_of_three_states(formula, value):
+    text = """ctmc module m x : [0..2];
+        [] x=0 -> 2 : (x'=1);
+        [] x=1 -> 3 : (x'=2);
+        endmodule rewards "r" x=0 : 1; [] x=0 : 1; endrewards"""
+    found = exponentials.value(symcheck.loads(text, exact=True), formula)
+    assert found == pytest.approx(value, abs=1e-15) if value is not None else found is None
 
 
 def test_a_few_models_agree_and_a_second_run_continues(tmp_path):
