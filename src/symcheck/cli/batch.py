@@ -1,9 +1,8 @@
 """`symcheck -batch FILE`: many command lines, for which Python and its modules start once.
 
 Each line runs in a copy of this process, which has loaded the modules and the grammars (on Windows,
-in a new one). A line has
-the output, the limits and the exit status that it has alone. Neither its errors nor its memory
-reach the next line, even if it crashes.
+in a new one). A line has the output, the limits and the exit status that it has alone. Neither its
+errors nor its memory reach the next line, even if it crashes.
 
 Source: Stevens & Rago, Advanced Programming in the UNIX Environment, 3rd ed. (2013), 8.3 (fork).
 """

@@ -6,18 +6,16 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from symcheck.direction import Direction
+from symcheck.matrices import tuning
 from symcheck.matrices.rows import Floats
 
 __all__ = ["BoundStep", "Operator", "SweepOperator", "underflow_error"]
 
 
 def underflow_error(divisor: Floats | None) -> float:
-    """The absolute error of a row of products that underflow, divided by one of the numbers.
-
-    A product of doubles loses at most 2^-1074, so that this bounds 10^15 products.
-    """
+    """The absolute error of a row of products that underflow, divided by one of the numbers."""
     least = 1.0 if divisor is None else float(divisor.min(initial=1.0))
-    return 1e-307 / least
+    return tuning.UNDERFLOW_MARGIN / least
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,10 @@
 """Tuning constants of block matrices (`benchmarks/matrix.py` measures their effect)."""
 
+UNDERFLOW_MARGIN = 1e-307
+"""More than all products of a sum lose by underflow, 2^-1074 each; a relative rounding error is too
+small for subnormal numbers.
+"""
+
 MAX_BLOCK_RUNS = 60_000
 """Diagonal runs in all distinct blocks together: about half a megabyte, so that they stay in a
 core's cache while their occurrences are multiplied.

@@ -13,8 +13,6 @@ UNIT_ROUNDOFF = 2.0**-53
 """Relative error of one rounded operation on doubles."""
 SMALLEST_DIVISOR = 1e-300
 """Widths are relative to at least this, so that a value of 0 has a finite relative width."""
-SMALLEST_INCREMENT = 1e-307
-"""Added to positive upper bounds: a relative rounding error is too small for subnormal numbers."""
 UNDERFLOW_RISK = 1e-290
 """Values below it may differ from their bounds by underflow, not only by rounding."""
 ROUNDING_WIDTH = 1e-9

@@ -9,6 +9,7 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.matrices.operators import BoundStep
 from symcheck.matrices.rows import Floats, Int64s, first_best
+from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import (
     LinearProblem,
@@ -65,13 +66,13 @@ class BellmanOperator:
         positive = out > 0.0
         if not positive.all():  # a product may have underflowed to 0
             positive = self.best(self.product(np.sign(x)) + self.problem.high) > 0.0
-        return np.where(positive, out + tuning.SMALLEST_INCREMENT, 0.0)
+        return np.where(positive, out + UNDERFLOW_MARGIN, 0.0)
 
     def improve_lower(self, lower: Floats) -> Floats:
         """Better lower bounds: one application, or a sweep if the matrix is an operator."""
         if self.problem.operator is None:
             improved = self.apply(lower) * (1.0 - self.rounding_error)
-            return np.maximum(lower, improved - tuning.SMALLEST_INCREMENT)
+            return np.maximum(lower, improved - UNDERFLOW_MARGIN)
         return self._sweep(lower, self.problem.constant, upper=False)
 
     def improve_upper(self, upper: Floats) -> Floats:

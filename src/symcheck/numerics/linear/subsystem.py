@@ -27,6 +27,7 @@ from symcheck.matrices.rows import (
     first_best,
     starts_of,
 )
+from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix, scaled
 from symcheck.numerics.linear.problem import LinearProblem, Solution
@@ -174,7 +175,7 @@ def solve_direct(local: LocalSystem, limit: int) -> Bounds | None:
     upper = factors.solve(local.high)
     if factors.out_of_range:
         return None
-    upper = np.where(upper > 0.0, upper * (1.0 + factors.error) + tuning.SMALLEST_INCREMENT, 0.0)
+    upper = np.where(upper > 0.0, upper * (1.0 + factors.error) + UNDERFLOW_MARGIN, 0.0)
     return Bounds(lower, upper)
 
 
