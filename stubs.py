@@ -186,7 +186,7 @@ class _Module:
         modules |= {name: ARRAYS for name in exported if name in used}
         for module in (typing, collections.abc):
             modules |= {n: module.__name__ for n in module.__all__ if n in used and n[0] != "_"}
-        others = {"IntEnum": "enum", "ArrayLike": "numpy.typing"}
+        others = {"ArrayLike": "numpy.typing", "Executor": "concurrent.futures", "IntEnum": "enum"}
         modules |= {name: module for name, module in others.items() if name in used}
         imports = [f"from {module} import {name}" for name, module in sorted(modules.items())]
         return "\n".join([*imports, *lines, ""])

@@ -43,6 +43,7 @@ from symcheck.errors import ResourceError, SymcheckError, UsageError
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import Observer as IterationObserver
 from symcheck.options import Options, OptionValues, make_options
+from symcheck.parallel.threads import use_threads
 from symcheck.semantics.binding.bind import (
     BoundProperties,
     BoundProperty,
@@ -199,11 +200,13 @@ class Model:
         )
 
     def _within_limits(self, compute: Callable[[], T]) -> T:
-        """What a function returns within `time_limit`, with its large arrays in `workdir`.
+        """What a function returns within `time_limit`, with `threads`, and with its large arrays
+        in `workdir`.
 
         Raises TimeLimitError, and UsageError if the folder cannot be used.
         """
         folder, limit = self.options.workdir, self.options.time_limit
+        compute = use_threads(self.options.threads)(compute)
         if folder is not None:
             from symcheck.explicit.file_arrays import arrays_in
 

@@ -85,6 +85,12 @@ def read_count(text: str) -> int:
     return int(text) if text.isdigit() else int(value)
 
 
+def _at_least_one(value: int) -> int:
+    if value == 0:
+        raise ValueError("there is at least one thread: this one")
+    return value
+
+
 def read_fraction(text: str) -> float:
     """A number between 0 and 1, both excluded. Raises ValueError."""
     value = read_number(text)
@@ -148,6 +154,12 @@ _FRACTION = ValueType(
     "X",
 )
 _COUNT = ValueType("a whole number from 0", _is_count, read_count, "N")
+_THREADS = ValueType(
+    "a whole number from 1, or None",
+    lambda value: value is None or (_is_count(value) and cast(int, value) > 0),
+    lambda text: _at_least_one(read_count(text)),
+    "N",
+)
 _BYTES = ValueType(
     "a number of bytes, or None",
     lambda value: value is None or _is_count(value),
@@ -385,6 +397,15 @@ class Options:
         "Folder for files that hold large arrays, so that an explicit model may exceed the memory.",
         _switch("workdir", "keep large arrays in files in DIR: explicit models beyond the memory"),
     )
+    threads: int | None = _option(
+        None,
+        _THREADS,
+        "model",
+        "Number of threads of one computation, which do not change its digits. None: as many as "
+        "there are processors for this process, up to 4; one in a worker of an experiment and "
+        "beside the main thread.",
+        _switch("threads", "threads of one computation (default: one per processor, up to 4)"),
+    )
     time_limit: float | None = _option(
         None,
         _SECONDS,
@@ -426,6 +447,7 @@ class OptionValues(TypedDict, total=False):
     order: tuple[str, ...] | None
     max_memory: int | None
     workdir: str | None
+    threads: int | None
     time_limit: float | None
 
 

@@ -59,6 +59,7 @@ def test_defaults_are_accepted_and_explained():
         ({"max_iterations": 2.5}, "a whole number from 0"),
         ({"max_iterations": True}, "a whole number from 0"),
         ({"max_memory": "4g"}, "a number of bytes, or None"),
+        ({"threads": 0}, "a whole number from 1, or None"),
         ({"time_limit": 0}, "a number of seconds above 0"),
         ({"order": "force"}, r"a tuple of names of variables, \('force',\)"),
         ({"order": ()}, "a tuple of names"),
@@ -108,6 +109,7 @@ SWITCHES = [
     ("-order x,y", "order", ("x", "y")),
     ("-cuddmaxmem 1.5m", "max_memory", 3 << 19),
     ("-workdir d", "workdir", "d"),
+    ("-threads 2", "threads", 2),
     ("-timeout 2m", "time_limit", 120),
 ]
 

@@ -36,6 +36,7 @@ from symcheck.kernels.explore.breadth_first import CsrBuilder, Explorer, Outcome
 from symcheck.machine import available_memory
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.options import Options
+from symcheck.parallel.threads import helpers, thread_count, use_threads
 from symcheck.semantics import state_faults
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import ModelType
@@ -201,13 +202,17 @@ class Exploration:
             ModelFault: the model breaks a rule in a reachable state.
             TimeLimitError, MemoryLimitError, Interrupted: `run` may be called again and goes on.
         """
+        budget = _NO_BUDGET if state_budget is None else state_budget
         try:
-            while not self._step(_NO_BUDGET if state_budget is None else state_budget):
-                if observer is not None:
-                    observer(self.progress)
-                self._check_limits()
+            with use_threads(self.options.threads):
+                while not self._step(budget):
+                    if observer is not None:
+                        observer(self.progress)
+                    self._check_limits()
         except KeyboardInterrupt:
             self._stop(Interrupted, "interrupted")
+        finally:
+            self._explorer.forget_blocks()
         if observer is not None:
             observer(self.progress)
         return self.complete
@@ -215,7 +220,9 @@ class Exploration:
     def _step(self, budget: int) -> bool:
         """Search for one slice; whether the search ended, complete or at the budget."""
         started = time.perf_counter()
-        outcome = self._explorer.run(budget, self._slice())
+        count = thread_count() if len(self._explorer.states) > tuning.THREADED_STATES else 1
+        pool = None if count == 1 else helpers()
+        outcome = self._explorer.run(budget, self._slice(), pool, count)
         self._seconds += time.perf_counter() - started
         match outcome:
             case Outcome.COMPLETE | Outcome.BUDGET:

@@ -28,6 +28,11 @@ cdef enum:
     # time to work.
     BATCH_STATES = 256
     BATCH_SUCCESSORS = 16384
+    # explore/breadth_first: states that a thread expands at a time, a multiple of BATCH_STATES, and states
+    # that must be left for threads to be used. A block takes a millisecond, and its start some 30
+    # microseconds; the rows of several blocks should stay in the last cache until they are numbered.
+    BLOCK_STATES = 2048
+    MANY_STATES_LEFT = 4096
     # explore/breadth_first: states between two looks at the time limit.
     CLOCK_INTERVAL = 2048
 

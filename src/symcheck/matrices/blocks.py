@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 from symcheck.dd.odd import Odd, levels_of
 from symcheck.direction import Direction
 from symcheck.errors import MemoryLimitError
-from symcheck.kernels.arrays import Floats
+from symcheck.kernels.arrays import Floats, Int64s
 from symcheck.kernels.blocks.block_matrix import BlockOperations
 from symcheck.kernels.diagrams.quad_dag import QuadDag
 from symcheck.kernels.graph.components import components
 from symcheck.matrices import tuning
 from symcheck.matrices.operators import BoundStep, underflow_error
-from symcheck.operating_system import processors
+from symcheck.parallel.threads import on_threads, thread_count
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd
@@ -207,31 +207,24 @@ class BlockMatrix:
         return self.operations.statistics
 
     @cached_property
-    def _shares(self) -> list[tuple[int, int]]:
-        """Ranges of row ranges with about the same work, one per thread."""
-        count = min(tuning.MAX_THREADS, processors())
-        work = np.cumsum(self.operations.range_work)
-        if self.entries < tuning.MIN_THREADED_ENTRIES:
-            count = 1
+    def _work(self) -> Int64s:
+        """The work in the row ranges up to each."""
+        return np.cumsum(self.operations.range_work)
+
+    def _shares(self) -> list[int]:
+        """Where the row ranges of each thread begin, with about the same work, and their number."""
+        count = thread_count() if self.entries >= tuning.MIN_THREADED_ENTRIES else 1
+        work = self._work
         cuts = (
             np.searchsorted(work, work[-1] * np.arange(1, count) / count) + 1 if len(work) else []
         )
-        ends = np.unique([0, *cuts, self.operations.ranges])
-        return list(pairwise(ends.tolist()))
+        ends: list[int] = np.unique([0, *cuts, self.operations.ranges]).tolist()
+        return ends
 
     def _run(self, part: Callable[[int, int], None]) -> None:
         """Call part(first, last) on all row ranges, each share on its own thread."""
-        if len(self._shares) == 1:
-            part(0, -1)
-            return
-        from concurrent.futures import ThreadPoolExecutor
-
-        first, *others = self._shares
-        with ThreadPoolExecutor(len(others)) as pool:
-            waiting = [pool.submit(part, *share) for share in others]
-            part(*first)
-            for each in waiting:
-                each.result()
+        shares = self._shares()
+        on_threads(part, shares if len(shares) > 2 else [0, -1])
 
     def multiply(self, x: Floats) -> Floats:
         """The product A x: float64[rows]. Releases the interpreter lock."""

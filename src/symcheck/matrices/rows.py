@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike
 
 from symcheck.kernels.arrays import Bools, Floats, Int32s, Int64s
 from symcheck.kernels.rows import sparse, submatrix
+from symcheck.matrices import tuning
 from symcheck.matrices.numbers import Numbers, doubles, is_exact, sum_segments
+from symcheck.parallel.threads import on_threads, thread_count
 
 __all__ = [
     "Bools",
@@ -114,9 +116,19 @@ class SparseMatrix:
         """The product with a vector (one number per column): one number per row."""
         if self.exact:
             return sum_segments(self.data * x[self.indices], self.indptr)
-        out = np.empty(self.rows)
-        sparse.multiply(*self.arrays, x, out)
+        out, (indptr, indices, data) = np.empty(self.rows), self.arrays
+
+        def part(first: int, end: int) -> None:
+            sparse.multiply(indptr[first : end + 1], indices, data, x, out[first:end])
+
+        on_threads(part, self.shares())
         return out
+
+    def shares(self) -> list[int]:
+        """Where the rows of each thread begin, and their number; large products have several."""
+        count = thread_count() if self.entries >= tuning.MIN_THREADED_ROWS_ENTRIES else 1
+        cuts = np.searchsorted(self.indptr, self.entries * np.arange(1, count) / count)
+        return [0, *cuts.tolist(), self.rows]
 
     def row_sums(self) -> Floats:
         """The sum of each row of doubles."""

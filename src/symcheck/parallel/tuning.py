@@ -5,3 +5,6 @@ CONNECT_SECONDS = 10
 
 MEMORY_SHARE = 0.9
 """Part of the limit of a Dask worker that tasks may fill: Dask kills a worker at 95 %."""
+
+MAX_THREADS = 4
+"""Most threads of a computation unless more are asked for; more have not been measured."""

@@ -40,7 +40,7 @@ _REASONS: Mapping[str, str] = {
     "-sim": "-sim builds no model",
     "-scheduler": "-scheduler builds the models on other machines",
     "-resume": "-resume keeps values only, and no models",
-    "-exact": "-exact computes without rounding",
+    "-exact": "-exact computes without rounding, in one thread",
     "-jobs": "-jobs starts processes on this machine",
     "-testall": "-testall goes on after a failure",
 }
@@ -135,6 +135,7 @@ NEEDS_OF_OPTIONS: Mapping[str, Needs] = {
     "-method": _NUMBERS._replace(all_of=(f"{PROPERTY}|-steadystate",)),
     "-fair": _PROPERTY._replace(all_of=(PROPERTY, MDP)),
     "-bisim": _PROPERTY,
+    "-threads": Needs(not_with=("-sim", "-exact", "-nobuild"), note=True),
     "-nostates": _PROPERTY,
     "-ltl2datool": _PROPERTY,
     "-ltl2dasyntax": Needs(("-ltl2datool",), note=True),

@@ -5,6 +5,55 @@ from libc.math cimport INFINITY
 from libc.stdint cimport int32_t, int64_t
 
 
+cdef void multiply_rows(const int64_t[::1] indptr, const int32_t[::1] indices,
+                        const double[::1] data, const double[::1] diagonal, const double* current,
+                        double* following, double* total, double w, int64_t first, int64_t end
+                        ) noexcept nogil:
+    """following = P current and total += w current, in the rows `first` to `end` - 1."""
+    cdef int64_t i, k
+    cdef double product
+    cdef const double* values = &data[0] if data.shape[0] else NULL
+    cdef const int32_t* columns = &indices[0] if indices.shape[0] else NULL
+    cdef const int64_t* row_ptr = &indptr[0]
+    for i in range(first, end):
+        product = diagonal[i] * current[i]
+        for k in range(row_ptr[i], row_ptr[i + 1]):
+            product = product + values[k] * current[columns[k]]
+        following[i] = product
+        if w != 0.0:
+            total[i] += w * current[i]
+
+
+def uniformized_rows(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
+                     const double[::1] diagonal, const double[::1] y, double[::1] z,
+                     double[::1] total, double weight, int64_t first, int64_t end):
+    """z = P y and total += weight y, in the rows `first` to `end` - 1; see `uniformized_steps`."""
+    with nogil:
+        multiply_rows(indptr, indices, data, diagonal, &y[0], &z[0], &total[0], weight, first, end)
+
+
+def step_ratios(const double[::1] y, const double[::1] z, double floor
+                ) -> tuple[float, float, float]:
+    """The ratios of a step from y to z, and the greatest entry of z; see `uniformized_steps`."""
+    cdef int64_t i, n = y.shape[0]
+    cdef double least = INFINITY, greatest = 0.0, largest = 0.0, ratio
+    with nogil:
+        for i in range(n):
+            if y[i] > floor:
+                ratio = (z[i] - floor) / y[i]
+                if ratio < least:
+                    least = ratio
+            if y[i] + floor > 0.0:
+                ratio = (z[i] + floor) / (y[i] + floor)
+                if ratio > greatest:
+                    greatest = ratio
+            elif z[i] > 0.0:
+                greatest = INFINITY
+            if z[i] > largest:
+                largest = z[i]
+    return least, greatest, largest
+
+
 def uniformized_steps(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
                       const double[::1] diagonal, double[::1] y, double[::1] z, double[::1] total,
                       const double[::1] weights, double floor) -> tuple[bool, float, float, float]:
@@ -23,44 +72,18 @@ def uniformized_steps(const int64_t[::1] indptr, const int32_t[::1] indices, con
             without its entries below f, and for y + f, if P does not enlarge constants.
         largest: the greatest entry of P y.
     """
-    cdef int64_t n = y.shape[0], i, k, t, count = weights.shape[0]
-    cdef double w, product, least = 1.0, greatest = 1.0, largest = 0.0, ratio
+    cdef int64_t n = y.shape[0], t, count = weights.shape[0]
     cdef double* current = &y[0]
     cdef double* following = &z[0]
-    cdef double* swapped
-    cdef const double* values = &data[0] if data.shape[0] else NULL
-    cdef const int32_t* columns = &indices[0] if indices.shape[0] else NULL
-    cdef const int64_t* row_ptr = &indptr[0]
+    if count == 0:
+        return True, 1.0, 1.0, 0.0
     with nogil:
         for t in range(count):
-            w = weights[t]
-            for i in range(n):
-                product = diagonal[i] * current[i]
-                for k in range(row_ptr[i], row_ptr[i + 1]):
-                    product = product + values[k] * current[columns[k]]
-                following[i] = product
-                if w != 0.0:
-                    total[i] += w * current[i]
-            if t == count - 1:
-                least = INFINITY
-                greatest = 0.0
-                for i in range(n):
-                    if current[i] > floor:
-                        ratio = (following[i] - floor) / current[i]
-                        if ratio < least:
-                            least = ratio
-                    if current[i] + floor > 0.0:
-                        ratio = (following[i] + floor) / (current[i] + floor)
-                        if ratio > greatest:
-                            greatest = ratio
-                    elif following[i] > 0.0:
-                        greatest = INFINITY
-                    if following[i] > largest:
-                        largest = following[i]
-            swapped = current
-            current = following
-            following = swapped
-    return count % 2 == 0, least, greatest, largest
+            multiply_rows(indptr, indices, data, diagonal, current, following, &total[0],
+                          weights[t], 0, n)
+            current, following = following, current
+    return count % 2 == 0, *(step_ratios(z, y, floor) if count % 2 == 0
+                             else step_ratios(y, z, floor))
 
 
 def active_steps(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] rates,

@@ -117,6 +117,30 @@ cdef class CsrBuilder:
         self.groups += 1
         return 0
 
+    cdef int adopt(self, CsrBuilder other, long long first, long long end, long long first_group,
+                   long long end_group) noexcept nogil:
+        """Open the rows `first` to `end` - 1 of another builder, with their actions, rewards and
+        groups.
+        """
+        cdef int s
+        cdef long long g, size = end - first
+        if (reserve(&self.actions, (self.opened + size) * 4)
+                or reserve(&self.group_ends, (self.groups + end_group - first_group) * 8)):
+            return 1
+        memcpy(<int32_t*> self.actions.data + self.opened,
+               <const int32_t*> other.actions.data + first, size * 4)
+        for s in range(self.structures):
+            if reserve(&self.rewards[s], (self.opened + size) * 8):
+                return 1
+            memcpy(<double*> self.rewards[s].data + self.opened,
+                   <const double*> other.rewards[s].data + first, size * 8)
+        for g in range(first_group, end_group):
+            (<int64_t*> self.group_ends.data)[self.groups] = (
+                (<const int64_t*> other.group_ends.data)[g] - first + self.opened)
+            self.groups += 1
+        self.opened += size
+        return 0
+
     cdef int close_row(self, const int32_t* ids, const double* weights, long long n) noexcept nogil:
         """Write the entries of the next row; weights of equal columns are added."""
         cdef int32_t* indices

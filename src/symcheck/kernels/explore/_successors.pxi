@@ -50,12 +50,14 @@ cdef class Expander:
     cdef uint64_t* level_words
     cdef int candidate_count, enabled_count, evaluated_count, part_count
     cdef int joint_choices, row_action
-    # scratch of one batch
-    cdef Buffer targets, weights, ends, deadlocks
+    # scratch of one batch; with orbits, the different successors of each row are counted
+    cdef Orbits orbits
+    cdef Buffer targets, weights, ends, deadlocks, counts, target_table
     cdef long long successor_count, row_count, deadlock_count
 
-    def __cinit__(self, tables):
+    def __cinit__(self, tables, Orbits orbits: Orbits | None = None):
         self.tables = tables
+        self.orbits = orbits
         self.kind = tables.kind
         self.words = tables.words
         self.tolerance = tables.tolerance
@@ -109,11 +111,14 @@ cdef class Expander:
         release(&self.weights)
         release(&self.ends)
         release(&self.deadlocks)
+        release(&self.counts)
+        release(&self.target_table)
 
     @property
     def nbytes(self) -> int:
         """Memory held, in bytes."""
-        return self.rows.nbytes + self.targets.size + self.weights.size + self.deadlocks.size
+        return (self.rows.nbytes + self.targets.size + self.weights.size + self.deadlocks.size
+                + self.counts.size + self.target_table.size)
 
     def successors(self, const uint64_t[:, ::1] states) -> tuple[int, int, Branches | None]:
         """Branches of packed states, for tables in which each joint choice is a row (`kind` 2).
@@ -152,6 +157,49 @@ cdef class Expander:
         """Begin a batch."""
         self.successor_count = 0
         self.row_count = 0
+
+    cdef int represent(self) noexcept nogil:
+        """With orbits, count the different successors of each row of the batch, and replace them by
+        representatives; 1 when memory ends.
+        """
+        cdef long long row, begin = 0, end
+        cdef uint64_t* targets = <uint64_t*> self.targets.data
+        cdef int32_t* counts
+        if self.orbits is None:
+            return 0
+        if reserve(&self.counts, self.row_count * 4):
+            return 1
+        counts = <int32_t*> self.counts.data
+        for row in range(self.row_count):
+            end = (<const int64_t*> self.ends.data)[row]
+            counts[row] = self._different(targets + begin * self.words, end - begin)
+            if counts[row] < 0:
+                return 1
+            begin = end
+        self.orbits.represent_rows(targets, self.successor_count)
+        return 0
+
+    cdef int32_t _different(self, const uint64_t* rows, long long n) noexcept nogil:
+        """The number of different rows; -1 when memory ends."""
+        cdef int32_t count = 0
+        cdef long long i
+        cdef uint64_t capacity = 4, slot
+        cdef int32_t* table
+        while capacity < <uint64_t> n * 2:
+            capacity *= 2
+        if reserve(&self.target_table, capacity * 4):
+            return -1
+        table = <int32_t*> self.target_table.data
+        memset(table, 0, capacity * 4)
+        for i in range(n):
+            slot = hash_row(rows + i * self.words, self.words) & (capacity - 1)
+            while table[slot] and not rows_equal(rows + (table[slot] - 1) * self.words,
+                                                 rows + i * self.words, self.words):
+                slot = (slot + 1) & (capacity - 1)
+            if not table[slot]:
+                table[slot] = <int32_t> (i + 1)
+                count += 1
+        return count
 
     # ------------------------------------------------------------------------------------- one
     # state
@@ -222,6 +270,15 @@ cdef class Expander:
         self.successor_count += 1
         self._end_row(-1)
         return Status.MEMORY if self.kind == Kind.MDP and self.rows.end_group() else 0
+
+    cdef int add_deadlocks(self, Expander other, long long first, long long end) noexcept nogil:
+        """Append some deadlocks of another expander."""
+        if reserve(&self.deadlocks, (self.deadlock_count + end - first) * 8):
+            return 1
+        memcpy(<int64_t*> self.deadlocks.data + self.deadlock_count,
+               <const int64_t*> other.deadlocks.data + first, (end - first) * 8)
+        self.deadlock_count += end - first
+        return 0
 
     cdef int _open_row(self) noexcept nogil:
         """Open a row, which counts as a choice."""

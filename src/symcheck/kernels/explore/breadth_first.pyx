@@ -11,19 +11,22 @@ from libc.stdint cimport int32_t, int64_t, uint16_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memcpy, memset
 
+from collections import deque
+
 import numpy as np
 
 from symcheck.kernels.explore.register_machine cimport Instruction, Register, Status, execute
 from symcheck.kernels.memory cimport Buffer, array_of, release, reserve
 from symcheck.kernels.portable cimport (monotonic_seconds, prefer_huge_pages, prefetch,
                                         trim_heap)
-from symcheck.kernels.tuning cimport (BATCH_STATES, BATCH_SUCCESSORS, CLOCK_INTERVAL, INSERT_CHUNK,
-                                      LINEAR_SCAN_ENTRIES)
+from symcheck.kernels.tuning cimport (BATCH_STATES, BATCH_SUCCESSORS, BLOCK_STATES, CLOCK_INTERVAL,
+                                      INSERT_CHUNK, LINEAR_SCAN_ENTRIES, MANY_STATES_LEFT)
 
 include "_csr_builder.pxi"
 include "_orbits.pxi"
 include "_state_table.pxi"
 include "_successors.pxi"
+include "_state_block.pxi"
 
 cpdef enum Outcome:
     COMPLETE = 0
@@ -32,6 +35,9 @@ cpdef enum Outcome:
     FAULT
     NO_MEMORY
     TOO_MANY
+
+cdef enum:
+    MANY_STATES = 100           # an outcome within this file
 
 
 def malloc_trim():
@@ -93,33 +99,38 @@ cdef class Explorer:
     cdef readonly CsrBuilder rows
     cdef readonly long long explored, level, level_end, fault_state
     cdef readonly int fault_status
+    cdef long long level_begin
     cdef Expander expander
-    cdef Orbits orbits
-    cdef Buffer ids, counts, target_table
+    cdef Buffer ids, counts
     cdef const uint64_t[::1] mask
     cdef uint64_t seed
     cdef int parts, number
+    cdef object blocks          # those that threads expand, in the order of their states
+    cdef list free_blocks
 
     def __cinit__(self, tables, Orbits orbits: Orbits | None = None, share=None):
-        self.orbits = orbits
         self.parts = 1
         if share is not None:
             self.mask, self.seed, self.parts, self.number = share
-        self.expander = Expander(tables)
+        self.expander = Expander(tables, orbits)
         self.rows = self.expander.rows
         self.states = StateSet(tables.words)
         self.fault_state = -1
+        self.forget_blocks()
 
     def __dealloc__(self):
         release(&self.ids)
         release(&self.counts)
-        release(&self.target_table)
 
     @property
     def nbytes(self) -> int:
         """Memory held, in bytes."""
-        return (self.states.nbytes + self.expander.nbytes + self.ids.size
-                + self.counts.size + self.target_table.size)
+        cdef StateBlock block
+        cdef long long total = 0
+        for block in (*self.blocks, *self.free_blocks):
+            total += block.expander.nbytes + block.sources.size
+        return (self.states.nbytes + self.expander.nbytes + self.ids.size + self.counts.size
+                + total)
 
     @property
     def deadlocks(self) -> Int64s:
@@ -144,42 +155,68 @@ cdef class Explorer:
         if self.explored == 0:
             self.level_end = self.states.count
 
-    def run(self, long long budget, double seconds) -> Outcome:
+    def run(self, long long budget, double seconds, pool: Executor | None = None,
+            int threads=1) -> Outcome:
         """Explore until nothing is left, `budget` states are known, or `seconds` have passed.
 
+        Args:
+            pool: `threads` - 1 threads, which expand states beside this one; the states, their
+                numbers and the rows do not depend on them. They are used while many states are
+                left, and not with a share.
         Returns:
             The outcome: COMPLETE, PAUSED (time), BUDGET, FAULT, NO_MEMORY or TOO_MANY (2**31
                 states).
         """
         cdef int outcome
-        with nogil:
-            outcome = self._run(budget, monotonic_seconds() + seconds)
+        cdef double deadline = monotonic_seconds() + seconds
+        if pool is None or self.parts > 1:
+            with nogil:
+                outcome = self._run(budget, deadline, MAX_STATES)
+        else:
+            outcome = self._run_in_blocks(budget, deadline, pool, threads)
         return Outcome(outcome)
 
-    cdef int _run(self, long long budget, double deadline) noexcept nogil:
+    def forget_blocks(self):
+        """Forget what threads have expanded ahead: their pool has ended."""
+        self.blocks, self.free_blocks = deque(), []
+
+    cdef int _run(self, long long budget, double deadline, long long many) noexcept nogil:
+        """Explore in this thread, also until `many` states are left."""
         cdef long long last_check = self.explored
         cdef int outcome
         while self.explored < self.states.count:
-            if self.states.count >= budget:
+            if self.states.count >= budget and self._between_batches():
                 return Outcome.BUDGET
+            if self.states.count - self.explored >= many and self._between_batches():
+                return MANY_STATES
             if (self.explored - last_check >= CLOCK_INTERVAL
                     or self.expander.successor_count >= BATCH_SUCCESSORS):
                 last_check = self.explored
                 if monotonic_seconds() > deadline:
                     return Outcome.PAUSED
-            if self.explored >= self.level_end:
-                self.level += 1
-                self.level_end = self.states.count
+            self._begin_level()
             outcome = self._explore_batch()
             if outcome:
                 return outcome
         return Outcome.COMPLETE
 
+    cdef bint _between_batches(self) noexcept nogil:
+        """Whether a batch is complete, or a level; only the number of successors cuts a batch."""
+        return (self.explored >= self.level_end
+                or (self.explored - self.level_begin) % BATCH_STATES == 0)
+
+    cdef void _begin_level(self) noexcept nogil:
+        """Begin the next level if this one is explored."""
+        if self.explored >= self.level_end:
+            self.level += 1
+            self.level_begin, self.level_end = self.explored, self.states.count
+
     cdef int _explore_batch(self) noexcept nogil:
         """Explore some states of one level."""
         cdef const uint64_t* rows = <const uint64_t*> self.states.rows.data
         cdef const uint64_t* row
-        cdef long long stop = min(self.level_end, self.explored + BATCH_STATES)
+        cdef long long batch = (self.explored - self.level_begin) // BATCH_STATES + 1
+        cdef long long stop = min(self.level_end, self.level_begin + batch * BATCH_STATES)
         cdef int status
         self.expander.clear()
         while self.explored < stop and self.expander.successor_count < BATCH_SUCCESSORS:
@@ -189,76 +226,135 @@ cdef class Explorer:
                 status = self.expander.skip()
             else:
                 status = self.expander.expand(self.explored, row)
-            if status == Status.MEMORY:
-                return Outcome.NO_MEMORY
             if status:
-                self.fault_status = status
-                self.fault_state = self.explored
-                return Outcome.FAULT
+                return self._failed(status, self.explored)
             self.explored += 1
-        status = self._number_successors()
-        if status:
-            return Outcome.TOO_MANY if status == 2 else Outcome.NO_MEMORY
-        return 0
+        if self.expander.represent():
+            return Outcome.NO_MEMORY
+        return self._number_successors(self.expander, 0, self.expander.row_count)
 
-    cdef int _number_successors(self) noexcept nogil:
-        """Number the successors of the batch and write its rows."""
-        cdef long long row, begin = 0, end, n = self.expander.successor_count
-        cdef const double* weights = <const double*> self.expander.weights.data
+    cdef int _failed(self, int status, long long state) noexcept nogil:
+        """The outcome if the expansion of a state has failed."""
+        if status == Status.MEMORY:
+            return Outcome.NO_MEMORY
+        self.fault_status = status
+        self.fault_state = state
+        return Outcome.FAULT
+
+    cdef int _number_successors(self, Expander source, long long first, long long end
+                                ) noexcept nogil:
+        """Number the successors in some rows of a batch, and close these rows."""
+        cdef const int64_t* ends = <const int64_t*> source.ends.data
+        cdef const double* weights = <const double*> source.weights.data
+        cdef long long row, begin = ends[first - 1] if first else 0, n
         cdef int32_t* ids
         cdef int status
+        if first == end:
+            return 0
+        n = ends[end - 1] - begin
         if reserve(&self.ids, n * 4):
-            return 1
+            return Outcome.NO_MEMORY
         ids = <int32_t*> self.ids.data
-        if self.orbits is not None:
-            if self._count_targets():
-                return 1
-            self.orbits.represent_rows(<uint64_t*> self.expander.targets.data, n)
-        status = self.states.insert(<const uint64_t*> self.expander.targets.data, n, ids)
+        if source.orbits is not None:
+            if reserve(&self.counts, (self.rows.closed + end - first) * 4):
+                return Outcome.NO_MEMORY
+            memcpy(<int32_t*> self.counts.data + self.rows.closed,
+                   <const int32_t*> source.counts.data + first, (end - first) * 4)
+        status = self.states.insert(<const uint64_t*> source.targets.data
+                                    + begin * self.states.words, n, ids)
         if status:
-            return status
-        for row in range(self.expander.row_count):
-            end = (<const int64_t*> self.expander.ends.data)[row]
-            if self.rows.close_row(ids + begin, weights + begin, end - begin):
-                return 1
-            begin = end
+            return Outcome.TOO_MANY if status == 2 else Outcome.NO_MEMORY
+        weights += begin
+        for row in range(first, end):
+            n = ends[row] - begin
+            if self.rows.close_row(ids, weights, n):
+                return Outcome.NO_MEMORY
+            ids += n
+            weights += n
+            begin = ends[row]
         return 0
 
-    cdef int _count_targets(self) noexcept nogil:
-        """Count the different successors of each row of the batch; 1 when memory ends."""
-        cdef long long row, begin = 0, end
-        cdef const uint64_t* targets = <const uint64_t*> self.expander.targets.data
-        cdef int32_t* counts
-        if reserve(&self.counts, (self.rows.closed + self.expander.row_count) * 4):
-            return 1
-        counts = <int32_t*> self.counts.data + self.rows.closed
-        for row in range(self.expander.row_count):
-            end = (<const int64_t*> self.expander.ends.data)[row]
-            counts[row] = self._different(targets + begin * self.states.words, end - begin)
-            if counts[row] < 0:
-                return 1
-            begin = end
+    # -------------------------------------------------------------------------------- threads
+
+    cdef int _run_in_blocks(self, long long budget, double deadline, pool, int threads) except -1:
+        """Explore with threads that expand blocks of states; this one numbers their successors, in
+        order, and expands a block itself if the next one in order is not ready.
+        """
+        cdef StateBlock block
+        cdef int outcome
+        while True:
+            if not self.blocks:
+                with nogil:
+                    outcome = self._run(budget, deadline, MANY_STATES_LEFT)
+                if outcome != MANY_STATES:
+                    return outcome
+            self._fill_blocks(pool, 2 * threads)
+            block = self.blocks[0]
+            if block.first + block.numbered.states != self.explored:      # an interrupt came between two lines of this
+                self.forget_blocks()
+            elif block.ready:
+                with nogil:
+                    outcome = self._number_block(block, budget)
+                if outcome:
+                    return outcome
+                self.free_blocks.append(self.blocks.popleft())
+                if monotonic_seconds() > deadline:
+                    return Outcome.PAUSED
+            else:
+                for other in self.blocks:
+                    if not (<StateBlock> other).ready and (<StateBlock> other).task.cancel():
+                        (<StateBlock> other).expand()
+                        break
+                else:
+                    block.task.result()
+
+    cdef int _fill_blocks(self, pool, int most) except -1:
+        """Let the pool expand further states, up to a number of blocks.
+
+        Blocks end with batches, so that the numbers of states at which an exploration stops at its
+        budget do not depend on threads.
+        """
+        cdef StateBlock last, block
+        cdef long long first, end, n = self.states.count
+        cdef long long size = BLOCK_STATES
+        while len(self.blocks) < most:
+            first = self.explored
+            if self.blocks:
+                last = self.blocks[len(self.blocks) - 1]
+                first = last.first + last.size
+            end = min(first + size, self.level_end) if first < self.level_end else first + size
+            if end > n:
+                break
+            block = (self.free_blocks.pop() if self.free_blocks
+                     else StateBlock(self.expander.tables, self.expander.orbits))
+            block.load(first, end - first, self.states)
+            block.task = pool.submit(block.expand)
+            self.blocks.append(block)
         return 0
 
-    cdef int32_t _different(self, const uint64_t* rows, long long n) noexcept nogil:
-        """The number of different rows; -1 when memory ends."""
-        cdef int words = self.states.words
-        cdef int32_t count = 0
-        cdef long long i
-        cdef uint64_t capacity = 4, slot
-        cdef int32_t* table
-        while capacity < <uint64_t> n * 2:
-            capacity *= 2
-        if reserve(&self.target_table, capacity * 4):
-            return -1
-        table = <int32_t*> self.target_table.data
-        memset(table, 0, capacity * 4)
-        for i in range(n):
-            slot = hash_row(rows + i * words, words) & (capacity - 1)
-            while table[slot] and not rows_equal(rows + (table[slot] - 1) * words,
-                                                 rows + i * words, words):
-                slot = (slot + 1) & (capacity - 1)
-            if not table[slot]:
-                table[slot] = <int32_t> (i + 1)
-                count += 1
-        return count
+    cdef int _number_block(self, StateBlock block, long long budget) noexcept nogil:
+        """Number the successors in a block, batch by batch."""
+        cdef BatchEnd before, end
+        cdef bint grouped = self.expander.kind == Kind.MDP
+        cdef int outcome
+        while block.next_batch < block.batches:
+            if self.states.count >= budget:
+                return Outcome.BUDGET
+            self._begin_level()
+            before, end = block.numbered, (<const BatchEnd*> block.ends.data)[block.next_batch]
+            if (self.rows.adopt(block.expander.rows, before.rows, end.rows,
+                                before.states if grouped else 0, end.states if grouped else 0)
+                    or self.expander.add_deadlocks(block.expander, before.deadlocks,
+                                                   end.deadlocks)):
+                return Outcome.NO_MEMORY
+            self.explored += end.states - before.states
+            outcome = self._number_successors(block.expander, before.rows, end.rows)
+            if outcome:
+                return outcome
+            block.numbered = end
+            block.next_batch += 1
+        if block.status:
+            if self.states.count >= budget:
+                return Outcome.BUDGET
+            return self._failed(block.status, block.first + block.failed)
+        return 0

@@ -19,6 +19,7 @@ from symcheck.numerics.linear.problem import (
     largest_width,
 )
 from symcheck.numerics.settings import Settings
+from symcheck.parallel.threads import helpers, thread_count
 
 __all__ = ["BellmanOperator", "iterate_bounds"]
 
@@ -90,14 +91,15 @@ class BellmanOperator:
 
     def improve_both(self, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
         """Better lower and upper bounds; large sweeps run side by side in two threads."""
-        if len(lower) < tuning.TWO_THREADS_STATES or self.problem.operator is None:
+        if (
+            len(lower) < tuning.TWO_THREADS_STATES
+            or self.problem.operator is None
+            or thread_count() == 1
+        ):
             return self.improve_lower(lower), self.improve_upper(upper)
-        from concurrent.futures import ThreadPoolExecutor
-
-        with ThreadPoolExecutor(1) as pool:
-            other = pool.submit(self.improve_lower, lower)
-            improved = self.improve_upper(upper)
-            return other.result(), improved
+        other = helpers().submit(self.improve_lower, lower)
+        improved = self.improve_upper(upper)
+        return other.result(), improved
 
     def greedy_policy(self, x: Floats) -> Int64s | None:
         """The first optimal row of each state for the values x; None without choices."""

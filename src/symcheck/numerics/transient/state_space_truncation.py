@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.component_bounds import ComponentSolver
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
 from symcheck.numerics import graph, tuning
+from symcheck.parallel.threads import helpers, thread_count
 
 __all__ = ["Truncation", "truncate"]
 
@@ -60,14 +62,15 @@ def truncate(
     Returns:
         None if the bounds are not found.
     """
-    from concurrent.futures import ThreadPoolExecutor
-
     start: Floats = np.zeros(rates.states)
     start[interest] = 1.0
-    with ThreadPoolExecutor(1) as pool:  # sweeps release the lock of the interpreter
-        other = pool.submit(_resolvent, rates, exit_rates, time, start, laplace_shift, True)
-        value = _resolvent(rates, exit_rates, time, reward_rate, laplace_shift, False)
-        occupation = other.result()
+    occupied = partial(_resolvent, rates, exit_rates, time, start, laplace_shift, True)
+    valued = partial(_resolvent, rates, exit_rates, time, reward_rate, laplace_shift, False)
+    if thread_count() == 1:
+        occupation, value = occupied(), valued()
+    else:
+        other = helpers().submit(occupied)  # sweeps release the lock of the interpreter
+        value, occupation = valued(), other.result()
     if value is None or occupation is None:
         return None
     # A lower bound on the least value: the reward within T/a is part of that within T.

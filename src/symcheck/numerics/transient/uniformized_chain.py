@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from symcheck.kernels.chains import uniformization
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.parallel.threads import on_threads
 
 __all__ = ["UniformizedChain", "uniformize"]
 
@@ -50,6 +52,12 @@ class UniformizedChain:
         """
         if self.matrix is not None:
             m = self.matrix
+            if len(shares := m.shares()) > 2 and len(weights):
+                for weight in weights:
+                    parts = (*m.arrays, self.diagonal, y, z, total, weight)
+                    on_threads(partial(uniformization.uniformized_rows, *parts), shares)
+                    y, z = z, y
+                return y, z, *uniformization.step_ratios(z, y, floor)
             even, low, high, most = uniformization.uniformized_steps(
                 *m.arrays, self.diagonal, y, z, total, weights, floor
             )

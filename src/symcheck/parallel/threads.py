@@ -1,0 +1,106 @@
+"""Threads within one computation, for compiled loops that release the lock of the interpreter.
+
+A row of a product, and the successors of a state, are computed by one thread in one order of
+additions, so that no digit depends on the number of threads.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from symcheck.operating_system import processors
+from symcheck.parallel import tuning
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+__all__ = ["helpers", "on_threads", "thread_count", "use_threads"]
+
+
+class _Team:
+    """The thread of a computation and those that help it, which start when they are first used."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self.pool: Executor | None = None
+
+    def helpers(self) -> Executor:
+        """The pool of the others."""
+        from concurrent.futures import ThreadPoolExecutor
+
+        self.pool = self.pool or ThreadPoolExecutor(self.count - 1)
+        return self.pool
+
+    def end(self) -> None:
+        """Finish what has begun, and drop the rest."""
+        if self.pool is not None:
+            self.pool.shutdown(cancel_futures=True)
+
+
+_TEAM: ContextVar[_Team | None] = ContextVar("team", default=None)
+
+
+@contextmanager
+def use_threads(count: int | None = None) -> Iterator[None]:
+    """A context whose computations use so many threads.
+
+    Args:
+        count: None: as many as the context around it or, without one, as there are processors. A
+            thread beside the main one, and a worker process, is one of several that compute: it
+            uses no other.
+    """
+    team = _TEAM.get()
+    if team is not None and count in (None, team.count):
+        yield
+        return
+    team = _Team(_default_count() if count is None else count)
+    token = _TEAM.set(team)
+    try:
+        yield
+    finally:
+        _TEAM.reset(token)
+        team.end()
+
+
+def thread_count() -> int:
+    """How many threads a computation uses, with the one that calls this; outside of `use_threads`,
+    this one only.
+    """
+    team = _TEAM.get()
+    return 1 if team is None else team.count
+
+
+def helpers() -> Executor:
+    """The other threads of this computation, where `thread_count` is above 1."""
+    team = _TEAM.get()
+    assert team is not None
+    return team.helpers()
+
+
+def _default_count() -> int:
+    if threading.current_thread() is not threading.main_thread() or _is_worker():
+        return 1
+    return min(processors(), tuning.MAX_THREADS)
+
+
+def _is_worker() -> bool:
+    """Whether another process of Python has started this one."""
+    process = sys.modules.get("multiprocessing.process")
+    return process is not None and process.parent_process() is not None
+
+
+def on_threads(part: Callable[[int, int], object], ends: Sequence[int]) -> None:
+    """Call part(first, end) for each two consecutive numbers, the first pair in this thread."""
+    if len(ends) == 2:
+        part(ends[0], ends[1])
+        return
+    waiting = [helpers().submit(part, *share) for share in pairwise(ends[1:])]
+    part(ends[0], ends[1])
+    for each in waiting:
+        each.result()
