@@ -172,6 +172,8 @@ def _ends(result: Result) -> list[Bounds]:
     values = result.value if pair else result.bounds
     match result.accuracy:
         case Certified() as within if pair:
+            if isinf(within.epsilon):
+                return [(-inf, inf)] * 2
             radius = Fraction(within.epsilon)
         case Exact(rounding=True):
             radius = Fraction(0)
@@ -343,6 +345,19 @@ def run(seed: str, storm: Storm | None, folder: Path) -> dict[str, object]:
     }
 
 
+def failed(seed: str, error: Exception) -> dict[str, object]:
+    """The line of a run that this program could not compare."""
+    line: dict[str, object] = dict.fromkeys(("checks", "seconds"), 0)
+    found = [f"campaign: {error!r}"]
+    return line | {
+        "seed": seed,
+        "kind": "failed",
+        "outcomes": {},
+        "differences": found,
+        "megabytes": resident(),
+    }
+
+
 def resident() -> int:
     """The memory of this process, in MB."""
     with open("/proc/self/statm") as file:
@@ -434,6 +449,8 @@ def main() -> int:
                 line = run(seed, storm if sampled else None, folder)
             except KeyboardInterrupt:
                 break
+            except Exception as error:  # a run of days goes on
+                line = failed(seed, error)
             memory = [*memory[:100], line["megabytes"]]
             counts.add(line)
             if line["differences"]:

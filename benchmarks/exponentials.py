@@ -39,7 +39,9 @@ def value(exact: symcheck.Model, formula: str) -> Answer | None:
     bound = BOUND.match(formula)
     asked = formula if bound is None else f"{bound[1]}=? [{formula[bound.end() :]}"
     path, reward = PATH.fullmatch(asked), REWARD.fullmatch(asked)
-    if (path is None and reward is None) or exact.engine.states > MOST_STATES:
+    if re.search(r"\] [-+*]", formula) or (path is None and reward is None):
+        return None
+    if exact.engine.states > MOST_STATES:
         return None
     ctx.prec = BITS
     if path is not None:
