@@ -10,15 +10,17 @@ built if it is small, and printed and read again; a property is checked.
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from random import Random
 from types import FrameType
+from typing import Any
 
 import atheris
 
@@ -240,6 +242,47 @@ def mutated(data: bytes, most: int, seed: int) -> bytes:
     return b"".join(words)[:most]
 
 
+def mutated_json(data: bytes, most: int, seed: int) -> bytes:
+    """A document with nodes replaced by others of any document, left out or changed."""
+    rng = Random(seed)
+    try:
+        document = json.loads(data)
+    except ValueError:
+        return bytes(atheris.Mutate(data, most))
+    for _ in range(rng.randint(1, 3)):
+        places = list(_places(document))
+        if not places:
+            break
+        parent, key = rng.choice(places)
+        match rng.randrange(8):
+            case 0:
+                del parent[key]
+            case 1:
+                parent[key] = rng.choice((None, True, -1, 0.5, 1e400, 2**63, "", [], {}))
+            case 2 if isinstance(parent, list):
+                parent.insert(key, rng.choice(NODES))
+            case 3 if isinstance(parent, dict):
+                parent[rng.choice(KEYS)] = parent[key]
+            case _:  # likely to have the type that is expected
+                alike = [n for n in NODES if type(n) is type(parent[key])]
+                parent[key] = rng.choice(alike or NODES)
+        document = json.loads(json.dumps(document))  # nodes are shared
+    out = json.dumps(document, separators=(",", ":")).encode()
+    return out if len(out) <= most else data
+
+
+def _places(node: object) -> Iterator[tuple[Any, Any]]:
+    """Each node below this one, as its parent and its key or index."""
+    items: Iterable[tuple[Any, Any]] = ()
+    if isinstance(node, dict):
+        items = node.items()
+    elif isinstance(node, list):
+        items = enumerate(node)
+    for key, below in items:
+        yield node, key
+        yield from _places(below)
+
+
 def stop(_number: int, _frame: FrameType | None) -> None:
     """End an input that takes too long."""
     raise TimeLimitError("too long")
@@ -268,12 +311,20 @@ if __name__ == "__main__":
     ALIKE: dict[bytes, list[bytes]] = {}
     for word in WORDS:
         ALIKE.setdefault(kind(word), []).append(word)
+    mutator = None if target == "umb" else mutated
+    if target == "jani":
+        documents = [json.loads(text) for text in seeds]
+        NODES = [parent[key] for d in documents for parent, key in _places(d)]
+        KEYS = sorted({key for d in documents for _, key in _places(d) if isinstance(key, str)})
+        mutator = mutated_json
+        seeds = [json.dumps(d, separators=(",", ":")).encode() for d in documents]
     for i, text in enumerate(seeds):
         (corpus / f"seed{i}").write_bytes(text)
     signal.signal(signal.SIGALRM, stop)
+    most = max(4000, *(2 * len(text) for text in seeds))  # a longer text is cut
     arguments = [
         sys.argv[0],
-        "-max_len=4000",
+        f"-max_len={most}",
         "-rss_limit_mb=4096",
         "-timeout=60",
         f"-artifact_prefix={folder}/",
@@ -281,6 +332,6 @@ if __name__ == "__main__":
     atheris.Setup(
         [*arguments, *sys.argv[3:], str(corpus)],
         Faults(folder, check),
-        custom_mutator=None if target == "umb" else mutated,
+        custom_mutator=mutator,
     )
     atheris.Fuzz()
