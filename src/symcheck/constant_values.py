@@ -61,6 +61,10 @@ def parse_constants(texts: Sequence[str], source: str = "-const") -> dict[str, t
     values: dict[str, tuple[str, ...]] = {}
     for item in itertools.chain.from_iterable(map(_items, texts)):
         name, equals, text = (part.strip() for part in item.partition("="))
+        if ";" in text or text.startswith("="):
+            raise UsageError(
+                f"{source}: cannot read '{item}'\n  hint: constants are given as N=3,p=0.5"
+            )
         if not equals or not name or not text:
             raise UsageError(
                 f"{source}: '{item}' is not of the form NAME=VALUE, NAME=LOW:HIGH, "

@@ -322,6 +322,7 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
 
     if glued and text[start - 1 : start + 1] in _DOUBLED:
         message, hint = _DOUBLED[text[start - 1 : start + 1]]
+        hint = "a value is asked for by =?" if text[start:].startswith("=?") else hint
         return wrong(message, hint, 2, start - 1)
     for word, at in ((fault.token.value, start), (fault.last, fault.previous - len(fault.last))):
         if word in _FOREIGN_OPERATORS:
@@ -343,6 +344,10 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
             return wrong("'->' has no place here", hint, 2)
     if two[:1] == "'":
         if _in_command(fault) and not _has(fault.after, "->"):
+            arrows = [word for word in fault.before if word.value == "=>"]
+            if arrows:
+                at = cast(int, arrows[-1].start_pos)
+                return wrong("'=>' is implication, and no arrow of a command", _COMMAND, 2, at)
             return wrong("'->' is missing between the guard and the updates", _COMMAND)
         if _in_update(fault) and fault.before[-2].value != "(":
             return wrong("an update stands in parentheses", f"write ({fault.last}' = …)")
@@ -400,6 +405,8 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
     if found in (";", "+") and "COLON" in expected and _in_update(fault):
         return _no_update(source, fault, span)
     if last == "->" and "INTEGER" in expected:
+        if found in _KEYWORD_NAMES:
+            return _reserved(found, span)
         return Diagnostic(f"an update is missing before {_found(found)}", span, "update", _UPDATE)
     if (
         found == "("

@@ -42,6 +42,10 @@ def meant(fault: Fault, source: Source, language: Language) -> str | None:
         return None if in_model else "properties are separated by ;"
     if last == ":" and {"[", "bool"} <= signs:
         return _RANGE
+    if found == "[" and last == "int" and ";" in signs:
+        return _RANGE
+    if in_model and found.lower() in _MODEL_TYPES and not before:
+        return f"write {found.lower()}"
     if found == ";" and last in _MODEL_TYPES:
         return "leave out the semicolon"
     if last == "if":

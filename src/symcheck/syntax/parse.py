@@ -11,15 +11,17 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from lark import UnexpectedInput
 
 from symcheck.errors import NO_SPAN, Diagnostic, Source, SyntaxFault, UsageError
-from symcheck.syntax.ast import Expression
-from symcheck.syntax.declarations import Program, PropertiesFile
+from symcheck.syntax.ast import Expression, Name
+from symcheck.syntax.declarations import Program, PropertiesFile, Property
 from symcheck.syntax.grammars import load, load_interactive
+from symcheck.syntax.operators import CTL_HINTS
 from symcheck.whole_file import read_whole, uncompressed_name
 
 if TYPE_CHECKING:
@@ -86,7 +88,21 @@ def parse_properties(text: str, name: str = "<properties>", *, shown: str = "") 
         >>> len(parse_properties('P=? [ F x=1 ]; "goal": x>2').properties)
         2
     """
-    return cast(PropertiesFile, _parse("properties", "properties", Source(name, text, shown)))
+    file = cast(PropertiesFile, _parse("properties", "properties", Source(name, text, shown)))
+    for one, following in pairwise(file.properties):
+        _check_operator(one, following, text)
+    return file
+
+
+def _check_operator(one: Property, following: Property, text: str) -> None:
+    """Refuse `AG d=0`, which would be a property AG and another one, d=0."""
+    named = one.formula
+    if not isinstance(named, Name) or named.name not in CTL_HINTS:
+        return
+    between = text[named.span.end : following.span.start]
+    if not between.strip(" \t"):
+        message = f"'{named.name}' is not an operator of properties"
+        raise SyntaxFault(Diagnostic(message, named.span, "syntax", CTL_HINTS[named.name]))
 
 
 def parse_expression(text: str, name: str = "<expression>") -> Expression:
@@ -229,4 +245,6 @@ def _faults(name: str, start: str, source: Source) -> list[Diagnostic]:
     result = [
         diagnose(fault, source, language) for fault in find_faults(language, start, source.text)
     ]
+    if result and result[0].code == "model":  # the text is of another kind
+        return result[:1]
     return [*result, *language.builder.diagnostics.values()]

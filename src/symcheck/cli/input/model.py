@@ -38,6 +38,8 @@ def choose_model_file(a: Arguments) -> str:
         UsageError: there is no model, or there are two.
     """
     if a.importmodel is None and a.model is not None and _ends(a.model, _EXPLICIT_ENDINGS):
+        if not a.model.split(":")[0].endswith(".all") and not Path(a.model).exists():
+            raise UsageError(f"cannot read {a.model}: there is no such file")
         a.model, a.properties, a.importmodel = a.properties, None, a.model
     if a.importmodel is not None and a.importtrans is not None:
         raise UsageError("-importmodel and -importtrans both name a model to read")

@@ -273,6 +273,14 @@ def _variables(table: SymbolTable) -> str:
     return f"the variables are {text}; or " if 0 < len(text) <= _MOST_CHARACTERS else ""
 
 
+def _reward_structure(node: Name) -> str | None:
+    """A hint at quotes if a name stands alone between braces, as in `R{cost}=?`."""
+    text, span = node.span.source.text, node.span
+    if text[span.start - 1 : span.start] + text[span.end : span.end + 1] == "{}":
+        return f'a reward structure is named in quotes: {{"{node.name}"}}'
+    return None
+
+
 def unknown(node: Name, table: SymbolTable, why: str | None = None) -> Diagnostic:
     """The diagnostic about an unknown name, or about a variable that is not allowed (`why`)."""
     if node.name in table.variables:
@@ -280,6 +288,7 @@ def unknown(node: Name, table: SymbolTable, why: str | None = None) -> Diagnosti
     known = (*table.constants, *table.formulas, *table.variables)
     hint = (
         (f'the label is written "{node.name}"' if node.name in table.labels else None)
+        or _reward_structure(node)
         or CTL_HINTS.get(node.name)
         or suggest(node.name, known)
         or f"{_variables(table)}declare a constant: const int {node.name}; "

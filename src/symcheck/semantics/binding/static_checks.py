@@ -259,6 +259,7 @@ def _check_assignment(
     actual = scope.typer().state(assignment.expression)
     if name not in checked.declared:
         message, hint = f"unknown variable {name}", suggest(name, checked.declared)
+        hint = hint or f"declare it: {name} : [low..high];"
         kind = checked.table.kind_of(name)
         if kind is not None:
             message, hint = f"{name} is a {kind}, not a variable", None
