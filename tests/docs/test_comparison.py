@@ -22,6 +22,23 @@ ROWS = [
 CLAIMS = {feature: own for feature, _, _, own in ROWS if own != "no"}
 
 
+PROPERTIES = [
+    (words[1], words[3], storm == "yes")
+    for _, _, storm, own in ROWS
+    if (found := re.fullmatch(r"yes: `(symcheck \S+ -pf '[^']*')`", own))
+    and len(words := shlex.split(found[1])) == 4
+    and storm in ("yes", "no", "in the program, not in stormpy")
+]
+
+
+@pytest.mark.parametrize(("model", "text", "answered"), PROPERTIES)
+def test_storm_answers_as_its_column_says(model: str, text: str, answered: bool) -> None:
+    pytest.importorskip("stormpy")
+    (found,) = symcheck.compare(ROOT / model, text)
+    has_answer = found.peer_value is not None or "its answer is a front" in found.explanation
+    assert has_answer is answered, found.explanation
+
+
 def test_cells_are_filled() -> None:
     assert len(ROWS) > 30
     assert len({feature for feature, *_ in ROWS}) == len(ROWS)
