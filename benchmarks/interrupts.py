@@ -271,21 +271,23 @@ def faults(trial: Trial, found: Outcome, slack: float) -> list[str]:
     if _BAD.search(text):
         out.append("traceback")
     stopped = {
-        "SIGINT": 130,
-        "SIGTERM": 143,
-        "time": 3,
-        "memory": 3,
-        "space": 1,
-        "full output": 1,
-        "closed pipe": 1,
+        "SIGINT": {130},
+        "SIGTERM": {143},
+        "time": {3},
+        "memory": {3},
+        "space": {1},
+        "full output": {1},
+        "closed pipe": {1},
     }[trial.kind]
-    if "-batch" in trial.words and stopped == 3:
-        stopped = 1  # the limit is that of a line
-    if found.status not in (whole.status, stopped):
+    if "-batch" in trial.words and stopped == {3}:
+        stopped = {1, 3}  # the limit of a line, or too little for the modules
+    if "-jobs" in trial.words and trial.kind == "space":
+        stopped = {1, 3}  # a semaphore of the processes needs space too
+    if found.status not in {whole.status, *stopped}:
         out.append(f"status {found.status}")
     if (
         trial.kind not in ("SIGINT", "SIGTERM")
-        and found.status == stopped != whole.status
+        and found.status in stopped - {whole.status}
         and "error: " not in found.err
     ):
         out.append("no message")
