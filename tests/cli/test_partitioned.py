@@ -91,6 +91,12 @@ def test_result_lines_are_tested(said: Said, tmp_path: Path) -> None:
     assert out.count("FAIL") >= 1
 
 
+def test_switches_that_the_parts_do_not_read_are_noted(said: Said) -> None:
+    status, out = said(*DIE, "-pf", "P=? [ F d=6 ]", "-method", "jacobi", "-threads", "2")
+    assert status == 0
+    assert "-method, -threads have no effect: -distributed iterates bounds" in " ".join(out.split())
+
+
 def test_faults_are_told(said: Said, workers: InProcessCluster, tmp_path: Path) -> None:
     status, out = said(*DIE, "-pf", "P=? [ X d=6 ]; P=? [ F d=6 ]")
     assert status == 1

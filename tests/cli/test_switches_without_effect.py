@@ -115,7 +115,7 @@ def test_a_switch_without_effect_beside_another_says_so(name, other, said):
     needs = DECLARED[name]
     given = {n: Given(n, PARSER.needs[n]) for n in (name, other)}
     reason = next(u.reason for u in unmet_needs(given, {}) if u.switch == name)
-    if needs.note and other in ("-scheduler", "-resume", "-with"):
+    if needs.note and other in ("-scheduler", "-distributed", "-resume", "-with"):
         return  # the run itself would start programs
     line = [DIE, *words(name), *words(other)]
     line += [] if other == "-batch" else ["-pf", "true"]

@@ -39,6 +39,7 @@ _REASONS: Mapping[str, str] = {
     "-nobuild": "-nobuild builds no model",
     "-sim": "-sim builds no model",
     "-scheduler": "-scheduler builds the models on other machines",
+    "-distributed": "-distributed iterates bounds on the workers",
     "-resume": "-resume keeps values only, and no models",
     "-exact": "-exact computes without rounding, in one thread",
     "-jobs": "-jobs starts processes on this machine",
@@ -132,10 +133,12 @@ _PROPERTY = Needs((PROPERTY,), not_with=("-sim", "-nobuild"), note=True)
 NEEDS_OF_OPTIONS: Mapping[str, Needs] = {
     **dict.fromkeys(("-m", "-h", "-s", "-ex", "-order"), _ENGINE),
     **dict.fromkeys(("-epsilon", "-absolute", "-maxiters", "-estimate"), _NUMBERS),
-    "-method": _NUMBERS._replace(all_of=(f"{PROPERTY}|-steadystate",)),
+    "-method": _NUMBERS._replace(
+        all_of=(f"{PROPERTY}|-steadystate",), not_with=(*_NUMBERS.not_with, "-distributed")
+    ),
     "-fair": _PROPERTY._replace(all_of=(PROPERTY, MDP)),
     "-bisim": _PROPERTY,
-    "-threads": Needs(not_with=("-sim", "-exact", "-nobuild"), note=True),
+    "-threads": Needs(not_with=("-sim", "-exact", "-nobuild", "-distributed"), note=True),
     "-nostates": _PROPERTY,
     "-ltl2datool": _PROPERTY,
     "-ltl2dasyntax": Needs(("-ltl2datool",), note=True),
