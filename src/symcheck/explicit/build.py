@@ -11,6 +11,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, NoReturn, assert_never
 
 import numpy as np
@@ -36,7 +37,7 @@ from symcheck.kernels.explore.breadth_first import CsrBuilder, Explorer, Outcome
 from symcheck.machine import available_memory
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.options import Options
-from symcheck.parallel.threads import helpers, thread_count, use_threads
+from symcheck.parallel.threads import helpers, on_threads, thread_count, use_threads
 from symcheck.semantics import state_faults
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import ModelType
@@ -73,7 +74,15 @@ def row_arrays(
     earning = [any(not item.on_states for item in r.items) for r in model.rewards]
     rewards = [np.empty(rows.closed) if e else np.zeros(rows.closed) for e in earning]
     earned = [r for r, e in zip(rewards, earning, strict=True) if e]
-    rows.build(order, rank, indptr, indices, data, groups, actions, earned)
+    count = thread_count() if len(order) > tuning.THREADED_STATES else 1
+    row_shares = [rows.closed * i // count for i in range(count + 1)]
+    shares = [len(order) * i // count for i in range(count + 1)]
+    rows.place(order, indptr, groups, actions)
+    on_threads(partial(rows.renumber, rank), row_shares)
+    on_threads(partial(rows.write_columns, order, indptr, groups, indices), shares)
+    rows.release_columns()
+    on_threads(partial(rows.write_weights, order, indptr, groups, data), shares)
+    rows.write_rewards(order, groups is not None, earned)
     return SparseMatrix(indptr, indices, data, len(order), groups), actions, rewards
 
 
@@ -291,7 +300,8 @@ class Exploration:
         e.states.drop_rows()
         deadlocks = np.sort(rank[e.deadlocks].astype(np.int64))
         self._check_deadlocks(states, deadlocks)
-        matrix, actions, choice_rewards = row_arrays(self._explorer.rows, order, rank, self.model)
+        with use_threads(self.options.threads):
+            matrix, actions, choice_rewards = row_arrays(e.rows, order, rank, self.model)
         initial = np.sort(rank[: len(self._initial)].astype(np.int64))  # they were found first
         represented = None
         if self.orbits is not None:

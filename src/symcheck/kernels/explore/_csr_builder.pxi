@@ -261,69 +261,113 @@ cdef class CsrBuilder:
 
     # -------------------------------------------------------------------------------- result
 
-    def build(self, const int32_t[::1] order, const int32_t[::1] rank, int64_t[::1] indptr,
-              int32_t[::1] indices, double[::1] data, groups: Int64s | None, int32_t[::1] actions,
-              rewards: list[Floats]):
-        """Write the rows with renumbered states into arrays; columns ascend in each row.
+    # The rows are written with renumbered states; columns ascend in each row. `place` comes first,
+    # then `renumber`, `write_columns`, `write_weights` and `write_rewards`; the parts of a step may
+    # run in several threads. The builder gives its memory back on the way. Arguments:
+    #   order: int32[states], the old number of each new state; rank: int32[states], its inverse.
+    #   indptr: int64[rows+1]; indices: int32[entries]; data: float64[entries].
+    #   groups: int64[states+1], or None if each state has one row.
 
-        The builder gives its memory back on the way, so this can be called once.
-
-        Args:
-            order: int32[states], the old number of each new state; rank: int32[states], its
-                inverse.
-            indptr: int64[rows+1]; indices: int32[entries]; data: float64[entries].
-            groups: int64[states+1], or None if each state has one row.
-            actions: int32[rows], -1 for none.
-            rewards: a float64[rows] per structure.
-        """
+    def place(self, const int32_t[::1] order, int64_t[::1] indptr, groups: Int64s | None,
+              int32_t[::1] actions):
+        """Write where each row begins, and its action (int32[rows], -1 for none)."""
         cdef int64_t[::1] group_ptr
-        cdef double[::1] out
-        cdef long long n = order.shape[0], i, row, new = 0, begin, end, position = 0, size
         cdef const int64_t* starts = <const int64_t*> self.starts.data
-        cdef int s
+        cdef long long i, row, new = 0, begin, end
         cdef bint grouped = groups is not None
-        cdef const double* values = <double*> self.distinct_weights.data
-        cdef const uint16_t* codes = <uint16_t*> self.weight_codes.data
-        if n == 0:
-            return
         if grouped:
             group_ptr = groups
         with nogil:
-            indptr[0] = 0
-            if grouped:
-                group_ptr[0] = 0
-            self._renumber(&rank[0])
-            for i in range(n):
+            for i in range(order.shape[0]):
                 self._row_range(order[i], grouped, &begin, &end)
                 for row in range(begin, end):
-                    size = starts[row + 1] - starts[row]
-                    memcpy(&indices[position], <int32_t*> self.indices.data + starts[row], size * 4)
-                    position += size
+                    actions[new] = (<int32_t*> self.actions.data)[row]
+                    indptr[new + 1] = indptr[new] + starts[row + 1] - starts[row]
                     new += 1
-                    indptr[new] = position
-                    actions[new - 1] = (<int32_t*> self.actions.data)[row]
                 if grouped:
                     group_ptr[i + 1] = new
-            release(&self.indices)
             release(&self.actions)
-            position = 0
-            for i in range(n):
-                self._row_range(order[i], grouped, &begin, &end)
-                size = starts[end] - starts[begin]
+
+    def renumber(self, const int32_t[::1] rank, long long first, long long end):
+        """Renumber the columns of the rows `first` to `end` - 1 in place, and sort each row."""
+        cdef const int64_t* starts = <const int64_t*> self.starts.data
+        cdef int32_t* indices = <int32_t*> self.indices.data
+        cdef long long row, i
+        if first == end:
+            return
+        with nogil:
+            for i in range(starts[first], starts[end]):
+                indices[i] = rank[indices[i]]
+            for row in range(first, end):
                 if self.raw_weights:
-                    memcpy(&data[position], <double*> self.weights.data + starts[begin], size * 8)
+                    sort_row(indices + starts[row], <double*> self.weights.data + starts[row],
+                             starts[row + 1] - starts[row])
                 else:
-                    for row in range(size):
-                        data[position + row] = values[codes[starts[begin] + row]]
-                position += size
-            release(&self.weight_codes)
-            release(&self.weights)
+                    sort_row(indices + starts[row],
+                             <uint16_t*> self.weight_codes.data + starts[row],
+                             starts[row + 1] - starts[row])
+
+    def write_columns(self, const int32_t[::1] order, const int64_t[::1] indptr,
+                      groups: Int64s | None, int32_t[::1] indices, long long first, long long end):
+        """Write the columns of the new states `first` to `end` - 1."""
+        cdef const int64_t[::1] group_ptr
+        cdef const int64_t* starts = <const int64_t*> self.starts.data
+        cdef long long i, begin, stop, position
+        cdef bint grouped = groups is not None
+        if grouped:
+            group_ptr = groups
+        if first == end:
+            return
+        with nogil:
+            position = indptr[group_ptr[first] if grouped else first]
+            for i in range(first, end):
+                self._row_range(order[i], grouped, &begin, &stop)
+                memcpy(&indices[0] + position, <int32_t*> self.indices.data + starts[begin],
+                       (starts[stop] - starts[begin]) * 4)
+                position += starts[stop] - starts[begin]
+
+    def release_columns(self):
+        """Give the memory of the columns back."""
+        release(&self.indices)
+
+    def write_weights(self, const int32_t[::1] order, const int64_t[::1] indptr,
+                      groups: Int64s | None, double[::1] data, long long first, long long end):
+        """Write the entries of the new states `first` to `end` - 1."""
+        cdef const int64_t[::1] group_ptr
+        cdef const int64_t* starts = <const int64_t*> self.starts.data
+        cdef const double* values = <double*> self.distinct_weights.data
+        cdef const uint16_t* codes = <uint16_t*> self.weight_codes.data
+        cdef double* out
+        cdef long long i, k, begin, stop
+        cdef bint grouped = groups is not None
+        if grouped:
+            group_ptr = groups
+        if first == end:
+            return
+        with nogil:
+            out = &data[0] + indptr[group_ptr[first] if grouped else first]
+            for i in range(first, end):
+                self._row_range(order[i], grouped, &begin, &stop)
+                if self.raw_weights:
+                    memcpy(out, <double*> self.weights.data + starts[begin],
+                           (starts[stop] - starts[begin]) * 8)
+                else:
+                    for k in range(starts[begin], starts[stop]):
+                        out[k - starts[begin]] = values[codes[k]]
+                out += starts[stop] - starts[begin]
+
+    def write_rewards(self, const int32_t[::1] order, grouped: bool, rewards: list[Floats]):
+        """Write the rewards, a float64[rows] per structure, and give all memory back."""
+        cdef double[::1] out
+        cdef long long i, row, new, begin, end
+        cdef bint several = grouped
+        cdef int s
         for s in range(self.structures):
             out = rewards[s]
             new = 0
             with nogil:
-                for i in range(n):
-                    self._row_range(order[i], grouped, &begin, &end)
+                for i in range(order.shape[0]):
+                    self._row_range(order[i], several, &begin, &end)
                     for row in range(begin, end):
                         out[new] = (<double*> self.rewards[s].data)[row]
                         new += 1
@@ -338,18 +382,3 @@ cdef class CsrBuilder:
         else:
             begin[0] = state
             end[0] = state + 1
-
-    cdef void _renumber(self, const int32_t* rank) noexcept nogil:
-        """Renumber columns in place and sort each row."""
-        cdef const int64_t* starts = <const int64_t*> self.starts.data
-        cdef int32_t* indices = <int32_t*> self.indices.data
-        cdef long long row, i
-        for i in range(self.entries):
-            indices[i] = rank[indices[i]]
-        for row in range(self.closed):
-            if self.raw_weights:
-                sort_row(indices + starts[row], <double*> self.weights.data + starts[row],
-                         starts[row + 1] - starts[row])
-            else:
-                sort_row(indices + starts[row], <uint16_t*> self.weight_codes.data + starts[row],
-                         starts[row + 1] - starts[row])

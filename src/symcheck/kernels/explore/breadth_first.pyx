@@ -4,6 +4,7 @@
 A batch of states of one level is expanded into one array of successors. These are numbered by the
 hash table, and the rows are closed. So the table is probed with prefetching, and a deep exploration
 of narrow levels costs no more per state than a wide one.
+Other threads may expand blocks of states, whose successors one thread numbers in order.
 """
 
 cimport cython
