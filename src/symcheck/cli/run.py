@@ -225,6 +225,8 @@ def _selected_properties(file: PropertiesFile, selection: str | None) -> list[in
             hint = f"there {'is' if count == 1 else 'are'} {count or 'none'}"
             hint += f", among them {names}" if names else ""
             message = f"-prop: there is no property '{item}'"
+            if "[" in item:
+                hint = "-pf TEXT checks the properties of a text"
             raise NameFault(Diagnostic(message, code="unknown-property", hint=hint))
         selected.update(indices)
     return sorted(selected)

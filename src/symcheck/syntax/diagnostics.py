@@ -150,7 +150,8 @@ def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
             named = _last_span(source, fault)
             message = "the name of these rewards needs quotes"
             return Diagnostic(message, named, "quotes", f'write "{fault.last}"')
-        missing = f"'{language.spelling[fault.mended]}'"
+        listed = fault.mended == "RPAR" and "COMMA" in expected and found in _PROPERTY_WORDS
+        missing = "','" if listed else f"'{language.spelling[fault.mended]}'"
         where = f"before {_found(found)}" if found else "at the end of the text"
         at = max(fault.previous - 1, 0)
         return Diagnostic(
@@ -237,6 +238,9 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
         return Diagnostic(
             f"{_OTHER_WORDS[word]}, which are not supported", span, "model-type", hint
         )
+    if word == "<" and source.text[fault.start :].startswith("<<") and "INTEGER" in expected:
+        message = "coalitions belong to stochastic games, which are not supported"
+        return Diagnostic(message, Span(source, fault.start, fault.start + 2), "model-type", hint)
     if word == "[" and "INTEGER" in expected and "," in source.text[fault.start :].split(";", 1)[0]:
         return Diagnostic(
             "intervals of probabilities are not supported",

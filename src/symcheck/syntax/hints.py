@@ -42,6 +42,8 @@ def meant(fault: Fault, source: Source, language: Language) -> str | None:
         return None if in_model else "properties are separated by ;"
     if last == ":" and {"[", "bool"} <= signs:
         return _RANGE
+    if not in_model and re.match(r"\[(exp|var)\]", after_fault):
+        return "R=? is the expected value; variances are not supported"
     if found == "[" and last == "int" and ";" in signs:
         return _RANGE
     if in_model and found.lower() in _MODEL_TYPES and not before:

@@ -190,10 +190,26 @@ def _is_number(word: str) -> bool:
     return True
 
 
+_STORM = {
+    "engine": "-ex, -s, -h and -m choose an engine",
+    "prism": "the model needs no switch: symcheck MODEL PROPERTIES",
+    "jani": "the model needs no switch: symcheck MODEL.jani PROPERTIES",
+    "prismcompat": "the models of PRISM are read as PRISM reads them",
+    "explicit-drn": "the model needs no switch: symcheck MODEL.drn PROPERTIES",
+    "sound": "bounds are proved without a switch, and -exact computes with fractions",
+    "buildfull": "the whole model is built, unless -nostates is given",
+    "eqsolver": "-method chooses the numerical method",
+    "minmax:method": "-method chooses the numerical method",
+    "precision": "-epsilon sets the precision",
+    "exportscheduler": "-exportstrat FILE writes the strategy",
+}
+"""What is meant by the switches of Storm that have no counterpart of the same name."""
+
+
 def _hint(word: str, known: Mapping[str, int]) -> str:
     from difflib import get_close_matches
 
-    if word.lstrip("-").partition("=")[0] == "engine":
-        return "-ex, -s, -h and -m choose an engine; "
+    if hint := _STORM.get(word.lstrip("-").partition("=")[0]):
+        return f"{hint}; "
     near = get_close_matches(word, known, 1, 0.75)
     return f"did you mean {near[0]}? " if near else ""
