@@ -18,8 +18,9 @@ import symcheck
 __all__ = ["MOST_STATES", "value"]
 
 MOST_STATES = 50
-BITS = 400
-"""Of the numbers: the squarings of the exponential lose some 2 per factor of 2 in a rate."""
+BITS = 1500
+"""Of the numbers: complements of the least doubles are known, though the squarings of the
+exponential lose some 2 bits per factor of 2 in a rate."""
 
 PATH = re.compile(r"P=\? \[ (?:([FG])|(.+) U)(<=|<|>=|>|=|\[)([\d.]+)(?:,([\d.]+)\])? (.+) \]")
 REWARD = re.compile(r'R\{"(\w)"\}=\? \[ ([CI])(?:<=|=)([\d.]+) \]')
@@ -125,5 +126,5 @@ def _fraction(number: arb) -> Fraction:
     assert number.rad() < 1e-30 * max(arb(1), abs(number).mid()), "too few bits"
     mantissa, exponent = number.mid().man_exp()
     value = Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
-    whole = Fraction(round(value))
-    return whole if abs(value - whole) < Fraction(1, 10**60) else value
+    whole = round(value)
+    return Fraction(whole) if number.contains(whole) else value
