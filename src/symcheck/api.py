@@ -43,7 +43,6 @@ from symcheck.errors import ResourceError, SymcheckError, UsageError
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import Observer as IterationObserver
 from symcheck.options import Options, OptionValues, make_options
-from symcheck.parallel.threads import use_threads
 from symcheck.semantics.binding.bind import (
     BoundProperties,
     BoundProperty,
@@ -205,6 +204,8 @@ class Model:
 
         Raises TimeLimitError, and UsageError if the folder cannot be used.
         """
+        from symcheck.parallel.threads import use_threads
+
         folder, limit = self.options.workdir, self.options.time_limit
         compute = use_threads(self.options.threads)(compute)
         if folder is not None:
