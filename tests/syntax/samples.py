@@ -56,6 +56,9 @@ P>=0.5 [ (G F "safe") & !(X x=1) ] // RESULT (T=1): true
 R{"time"}max=? [ C<=T*2 ];
 Rmin=? [ F (x=1 | "named") ]
 R{1}<5 [ I=3 {x=1}{min}{max} ];
+R=? [ C {x=1}{max} ];
+R=? [ C {"init"} ];
+R=? [ C^{rew{"cost"}<=k} {x=1} ];
 S=? [ x=1 & y!=2 ] + 1 - 2;
 filter(max, P=? [ a U[1,T+1] b ], "init"); filter(+, x)
 A [ G E [ F "safe" ] ]

@@ -247,7 +247,7 @@ def test_properties() -> None:
     assert [c.name for c in file.constants] == ["T"]
     assert [f.name for f in file.formulas] == ["f"]
     assert [label.name for label in file.labels] == ["safe"]
-    assert [p.name for p in file.properties] == ["named"] + [None] * 11
+    assert [p.name for p in file.properties] == ["named"] + [None] * 14
     assert [p.span.text.split(" ")[0] for p in file.properties[1:4]] == [
         "P>=0.5",
         'R{"time"}max=?',
@@ -256,6 +256,8 @@ def test_properties() -> None:
     old = file.properties[4].formula
     assert isinstance(old, ast.StateFilter)
     assert old.operators == ("min", "max")
+    # Also where a brace behind C could begin a bound on a reward.
+    assert all(isinstance(p.formula, ast.StateFilter) for p in file.properties[5:8])
 
 
 def test_properties_need_no_semicolons() -> None:

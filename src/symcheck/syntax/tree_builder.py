@@ -582,6 +582,11 @@ class PropertiesBuilder(Builder):
                 pass
         return self._measure(ast.RewardOperator, values)
 
+    def total_reward(self, values: Values) -> Expression:
+        """`C {states}`, in which the brace after C could also begin a bound on a cost."""
+        values[-3] = self.total(values[-3:-2])
+        return self._measure(ast.RewardOperator, values)
+
     time = partialmethod(_measure, ast.ExpectedTime)
     steady = partialmethod(_measure, ast.SteadyState)
     quantifier = _node(ast.PathQuantifier, 0, 2)
@@ -592,7 +597,8 @@ class PropertiesBuilder(Builder):
 
     def structure(self, values: Values) -> Structure:
         opening, inner, closing = values
-        return Structure(_text(inner), opening.start_pos, closing.end_pos)
+        name = inner.name if isinstance(inner, ast.LabelReference) else inner
+        return Structure(name, opening.start_pos, closing.end_pos)
 
     cost_bounded = _node(ast.CostBoundedReward, 1)
     total = _node(ast.TotalReward)
