@@ -297,7 +297,9 @@ def faults(trial: Trial, found: Outcome, slack: float) -> list[str]:
         if name not in whole.files:
             out.append(f"left behind: {name}")
         elif not name.startswith("r.") and name != "path.txt" and content != whole.files[name]:
-            out.append(f"half a file: {name}")
+            lines = content.count(b"\n"), whole.files[name].count(b"\n")
+            if trial.kind != "memory" or lines[0] != lines[1]:  # other methods have other digits
+                out.append(f"half a file: {name}")
         elif not _is_whole(name, content):
             out.append(f"half a table: {name}")
     results = found.out.count("\nResult: ")
