@@ -116,33 +116,8 @@ def test_a_faulty_command_line_ends_it(
     assert message in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_line_and_the_batch(tmp_path: Path, number: signal.Signals) -> None:
-    model = tmp_path / "endless.pm"
-    model.write_text(ENDLESS)
-    with subprocess.Popen(
-        [*SYMCHECK, "-batch", "-"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        process.stdin.write(f"{model} -pf 'P=? [ F x<0 ]' -ex\n{DIE}\n")
-        process.stdin.flush()
-        while not process.stdout.readline().startswith("Type:"):
-            pass
-        process.send_signal(number)
-        out, err = process.communicate()
-    assert statuses(out) == [process.returncode] == [128 + number]
-    assert "interrupted by" in err
-
-
-@pytest.mark.parametrize(
-    ("number", "sender"), [(signal.SIGINT, "Ctrl-C"), (signal.SIGTERM, "SIGTERM")]
-)
-def test_a_signal_between_two_lines_ends_the_batch(number: signal.Signals, sender: str) -> None:
+def stopped(number: signal.Signals, line: str, after: str) -> subprocess.CompletedProcess[str]:
+    """A batch that gets a signal when it has printed a line with this beginning."""
     with subprocess.Popen(
         [*SYMCHECK, "-batch", "-"],
         stdin=subprocess.PIPE,
@@ -153,13 +128,33 @@ def test_a_signal_between_two_lines_ends_the_batch(number: signal.Signals, sende
     ) as process:
         assert process.stdin is not None
         assert process.stdout is not None
-        process.stdin.write(f"{DIE}\n")
+        process.stdin.write(line)
         process.stdin.flush()
-        while not process.stdout.readline().startswith("Exit status:"):
+        while not process.stdout.readline().startswith(after):
             pass
         process.send_signal(number)
-        _, err = process.communicate()
-    assert (process.returncode, err) == (128 + number, f"error: interrupted by {sender}\n")
+        out, err = process.communicate()
+    return subprocess.CompletedProcess(process.args, process.returncode, out, err)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_line_and_the_batch(tmp_path: Path, number: signal.Signals) -> None:
+    model = tmp_path / "endless.pm"
+    model.write_text(ENDLESS)
+    ended = stopped(number, f"{model} -pf 'P=? [ F x<0 ]' -ex\n{DIE}\n", "Type:")
+    assert statuses(ended.stdout) == [ended.returncode] == [128 + number]
+    assert "interrupted by" in ended.stderr
+
+
+@pytest.mark.parametrize(
+    ("number", "sender"), [(signal.SIGINT, "Ctrl-C"), (signal.SIGTERM, "SIGTERM")]
+)
+def test_a_signal_between_two_lines_ends_the_batch(number: signal.Signals, sender: str) -> None:
+    ended = stopped(number, f"{DIE}\n", "Exit status:")
+    assert (ended.returncode, ended.stderr) == (
+        128 + number,
+        f"error: interrupted by {sender}\n",
+    )
 
 
 def test_a_line_that_crashes_does_not_end_the_batch(tmp_path: Path) -> None:

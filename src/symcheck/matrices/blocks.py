@@ -31,7 +31,7 @@ from symcheck.kernels.diagrams.quad_dag import QuadDag
 from symcheck.kernels.graph.components import components
 from symcheck.matrices import tuning
 from symcheck.matrices.operators import BoundStep, underflow_error
-from symcheck.parallel.threads import on_threads, thread_count
+from symcheck.parallel.threads import even_shares, on_threads, thread_count
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd
@@ -208,22 +208,17 @@ class BlockMatrix:
 
     @cached_property
     def _work(self) -> Int64s:
-        """The work in the row ranges up to each."""
-        return np.cumsum(self.operations.range_work)
+        """The work before each row range, and that of all."""
+        return np.cumsum([0, *self.operations.range_work])
 
-    def _shares(self) -> list[int]:
-        """Where the row ranges of each thread begin, with about the same work, and their number."""
-        count = thread_count() if self.entries >= tuning.MIN_THREADED_ENTRIES else 1
-        work = self._work
-        cuts = (
-            np.searchsorted(work, work[-1] * np.arange(1, count) / count) + 1 if len(work) else []
-        )
-        ends: list[int] = np.unique([0, *cuts, self.operations.ranges]).tolist()
-        return ends
+    @cached_property
+    def _is_large(self) -> bool:
+        """Whether a product has enough work for several threads."""
+        return self.entries >= tuning.MIN_THREADED_ENTRIES
 
     def _run(self, part: Callable[[int, int], None]) -> None:
         """Call part(first, last) on all row ranges, each share on its own thread."""
-        shares = self._shares()
+        shares = even_shares(self._work, thread_count() if self._is_large else 1)
         on_threads(part, shares if len(shares) > 2 else [0, -1])
 
     def multiply(self, x: Floats) -> Floats:

@@ -13,7 +13,7 @@ from symcheck.kernels.arrays import Bools, Floats, Int32s, Int64s
 from symcheck.kernels.rows import sparse, submatrix
 from symcheck.matrices import tuning
 from symcheck.matrices.numbers import Numbers, doubles, is_exact, sum_segments
-from symcheck.parallel.threads import on_threads, thread_count
+from symcheck.parallel.threads import even_shares, on_threads, thread_count
 
 __all__ = [
     "Bools",
@@ -126,9 +126,8 @@ class SparseMatrix:
 
     def shares(self) -> list[int]:
         """Where the rows of each thread begin, and their number; large products have several."""
-        count = thread_count() if self.entries >= tuning.MIN_THREADED_ROWS_ENTRIES else 1
-        cuts = np.searchsorted(self.indptr, self.entries * np.arange(1, count) / count)
-        return [0, *cuts.tolist(), self.rows]
+        is_large = self.entries >= tuning.MIN_THREADED_ROWS_ENTRIES
+        return even_shares(self.indptr, thread_count() if is_large else 1)
 
     def row_sums(self) -> Floats:
         """The sum of each row of doubles."""

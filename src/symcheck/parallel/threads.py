@@ -14,13 +14,16 @@ from contextvars import ContextVar
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
 from symcheck.operating_system import processors
 from symcheck.parallel import tuning
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-__all__ = ["helpers", "on_threads", "thread_count", "use_threads"]
+__all__ = ["even_shares", "helpers", "on_threads", "thread_count", "use_threads"]
 
 
 class _Team:
@@ -93,6 +96,21 @@ def _is_worker() -> bool:
     """Whether another process of Python has started this one."""
     process = sys.modules.get("multiprocessing.process")
     return process is not None and process.parent_process() is not None
+
+
+def even_shares(work: NDArray[np.int64], count: int) -> list[int]:
+    """Where shares of consecutive items with about the same work begin, and the number of items.
+
+    Args:
+        work: int64[n + 1], the work before each of n items, and that of all.
+        count: the most shares.
+    """
+    items = len(work) - 1
+    if count == 1:
+        return [0, items]
+    cuts = np.searchsorted(work, work[-1] * np.arange(1, count) / count)
+    ends: list[int] = np.unique([0, *cuts, items]).tolist()
+    return ends
 
 
 def on_threads(part: Callable[[int, int], object], ends: Sequence[int]) -> None:
