@@ -41,7 +41,8 @@ _WORDS = (
 """What the loader of libraries, the system and Python say when memory ends."""
 
 _FOR_IMPORTS = (112 << 20, 60 << 20)
-"""Bytes of addresses and of data that the modules of a run take, with a tenth to spare."""
+"""Bytes of address space (RLIMIT_AS) and of data (RLIMIT_DATA) that the modules of a run take, and
+a tenth more."""
 
 _FOR_SCIPY = (144 << 20, 72 << 20)
 """The same for scipy's modules, the first time that one of them is imported."""
@@ -131,7 +132,7 @@ def _below_limits() -> tuple[int, int]:
 
 
 def below_limit() -> int:
-    """Bytes of data that the process may still take before an allocation fails."""
+    """Bytes that the process may still allocate below its limits of address space and of data."""
     return min(_below_limits())
 
 
@@ -158,7 +159,7 @@ def _fits(size: tuple[int, int]) -> bool:
 
 
 def memory_ended(error: BaseException) -> bool:
-    """Whether an error means that memory ended: libraries and threads have other words for it."""
+    """Whether an error means that memory ended: libraries and threads raise other exceptions."""
     match error:
         case MemoryError() | OSError(errno=errno.ENOMEM):
             return True

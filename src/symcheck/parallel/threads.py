@@ -34,14 +34,14 @@ class _Team:
         self.pool: Executor | None = None
 
     def helpers(self) -> Executor:
-        """The pool of the others."""
+        """The pool of the other count - 1 threads."""
         from concurrent.futures import ThreadPoolExecutor
 
         self.pool = self.pool or ThreadPoolExecutor(self.count - 1)
         return self.pool
 
     def end(self) -> None:
-        """Finish what has begun, and drop the rest."""
+        """Wait for the tasks that run, and cancel those that do not yet."""
         if self.pool is not None:
             self.pool.shutdown(cancel_futures=True)
 
@@ -51,12 +51,12 @@ _TEAM: ContextVar[_Team | None] = ContextVar("team", default=None)
 
 @contextmanager
 def use_threads(count: int | None = None) -> Iterator[None]:
-    """A context whose computations use so many threads.
+    """A context whose computations use `count` threads.
 
     Args:
-        count: None: as many as the context around it or, without one, as there are processors. A
-            thread beside the main one, and a worker process, is one of several that compute: it
-            uses no other.
+        count: None: as many as the context around it or, without one, as there are processors, up
+            to `tuning.MAX_THREADS`. In a worker process, and in another thread than the main one,
+            it is 1: others compute at the same time.
     """
     team = _TEAM.get()
     if team is not None and count in (None, team.count):
@@ -114,7 +114,10 @@ def even_shares(work: NDArray[np.int64], count: int) -> list[int]:
 
 
 def on_threads(part: Callable[[int, int], object], ends: Sequence[int]) -> None:
-    """Call part(first, end) for each two consecutive numbers, the first pair in this thread."""
+    """Call part(first, end) for each pair of neighbours in `ends`, and wait for all.
+
+    The first pair is computed by this thread, the others by the pool.
+    """
     if len(ends) == 2:
         part(ends[0], ends[1])
         return
