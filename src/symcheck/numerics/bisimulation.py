@@ -145,7 +145,9 @@ def _predecessors(edges: Incidence, states: Int64s) -> Int64s:
     counts = edges.pre[states + 1] - edges.pre[states]
     offsets = np.repeat(edges.pre[states] - np.concatenate(([0], np.cumsum(counts)[:-1])), counts)
     rows = edges.rows_in[offsets + np.arange(int(counts.sum()))]
-    return np.unique(edges.owner_of_rows[rows]).astype(np.int64)
+    found = np.zeros(len(edges.pre) - 1, np.bool_)
+    found[edges.owner_of_rows[rows]] = True
+    return np.flatnonzero(found)
 
 
 def _quotient(matrix: SparseMatrix, edges: Incidence, block: Int32s, rounds: int) -> Lumping:
