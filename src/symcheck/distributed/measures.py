@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import nextafter
 from time import perf_counter
 from typing import NamedTuple, assert_never
 
+import numpy as np
+
 from symcheck.direction import Direction
 from symcheck.distributed import tuning
+from symcheck.distributed.end_components import end_components
 from symcheck.distributed.part import Message, Part
 from symcheck.distributed.parts import Parts
-from symcheck.errors import NumericalError, UnsupportedError
+from symcheck.errors import NumericalError, ResourceError, UnsupportedError
+from symcheck.matrices.rows import Floats
 from symcheck.numerics.transient.poisson import poisson
 from symcheck.options import Options
 from symcheck.semantics.model import BoundModel
@@ -72,6 +76,7 @@ class Measures:
     formula: str
     _saved: float = field(default_factory=perf_counter, init=False)
     _saving: float = field(default=0.0, init=False)
+    _is_least_reward: bool = field(default=False, init=False)
 
     def bounds(self, formula: Expression, labels: Mapping[str, Expression]) -> Bounds:
         """Bounds on the value of an operator.
@@ -199,7 +204,7 @@ class Measures:
             if self._is_initial(name):
                 return Bounds(value, value, "decided by precomputation")
         self.parts.call(Part.begin_iteration, "one", "zero", direction, None)
-        return self._solve()
+        return self._solve(is_reward=False, direction=direction)
 
     def _bounded_until(self, window: Window, direction: Direction | None) -> Bounds:
         self.parts.call(Part.complement, "zero", "left", "right")
@@ -281,34 +286,47 @@ class Measures:
         if self._is_initial("right"):
             return Bounds(0.0, 0.0, "the initial state is in the target")
         self.parts.call(Part.complement, "infinite", "one")
-        if direction is Direction.MIN and len(self.parts) > 1:
-            self._refuse_free_loops(reward)
         self.parts.call(Part.begin_iteration, "right", "infinite", direction, reward)
-        return self._solve(is_reward=True)
+        return self._solve(is_reward=True, direction=direction)
 
-    def _refuse_free_loops(self, reward: Reward) -> None:
-        """Raise UnsupportedError if some strategy stays away from the target without a reward.
+    def _collapse_components(self) -> None:
+        """Find the end components of the unknowns (for a reward, those in which it is 0), whose
+        states have one value.
 
-        An inductive vector would then be no upper bound: it may belong to this strategy.
+        Raises:
+            ResourceError: the choices between their states are too many for this process.
         """
-        self.parts.call(Part.complement, "unknown", "right", "infinite")
-        begin = self.parts.call(Part.begin_loop_search, "unknown", reward)
+        begin = self.parts.call(Part.begin_loop_search, "unknown")
         self._finish_search("leaving", begin)
         self.parts.call(Part.complement, "staying", "leaving")
-        if self._count("staying"):
-            raise UnsupportedError(
-                "a distributed model is not checked for least rewards where choices without a "
-                "reward may be taken for ever\n  hint: check it on one machine"
+        members = [states for _, states in self.parts.call(Part.members, "staying")]
+        if sum(members) > tuning.COMPONENT_STATES:
+            raise ResourceError(
+                f"a strategy may stay away from the target for ever in {sum(members)} states, and "
+                f"end components are found among {tuning.COMPONENT_STATES} states at most"
+                "\n  hint: check it on one machine"
             )
+        if not sum(members):
+            return
+        firsts = [sum(members[:i]) for i in range(len(members))]
+        rows = self.parts.exchange(Part.staying_rows, self.parts.call(Part.number_staying, firsts))
+        components, count = end_components(rows)
+        if count:
+            outgoing = self.parts.exchange(Part.number_components, [components])
+            self.parts.exchange(Part.collapse, outgoing, count)
 
     # ---------------------------------------------------------------------------- iteration
 
-    def _solve(self, *, is_reward: bool = False) -> Bounds:
+    def _solve(self, *, is_reward: bool, direction: Direction | None) -> Bounds:
         if len(self.parts) == 1:
             # Estimates of other methods are no bounds.
             settings = replace(self.options, epsilon=self.epsilon, method="auto")
             ((lower, upper, method),) = self.parts.call(Part.solve_alone, settings)
             return Bounds(lower, upper, method)
+        # Elsewhere, staying in an end component for ever is the best or the worst choice.
+        if direction is (Direction.MIN if is_reward else Direction.MAX):
+            self._collapse_components()
+        self._is_least_reward = is_reward
         found = self._iterate(is_reward)
         self._forget()
         return found
@@ -335,17 +353,19 @@ class Measures:
                     guess = self.epsilon
             threshold /= 10
         raise NumericalError(
-            f"no bounds are proved in {rounds} rounds: the iteration converges slowly, or the "
-            "model has end components\n  hint: check it on one machine"
+            f"no bounds are proved in {rounds} rounds: the iteration converges slowly"
+            "\n  hint: check it on one machine"
         )
 
     def _raise_lower(self, threshold: float, rounds: int) -> int:
         """A phase of lower bounds; the number of rounds so far."""
         outgoing, busy = self.parts.call(Part.begin_phase), True
+        components = None
         while busy and rounds < tuning.MAX_ROUNDS:
-            answers = self.parts.exchange(Part.improve, outgoing, threshold)
-            outgoing = [messages for _, messages in answers]
-            busy = any(left for left, _ in answers) or _any_messages(outgoing)
+            answers = self.parts.exchange(Part.improve, outgoing, threshold, components)
+            outgoing = [messages for _, messages, _ in answers]
+            changed, components = self._combined([x for *_, x in answers], components, threshold)
+            busy = changed or any(left for left, *_ in answers) or _any_messages(outgoing)
             rounds += 1
             self._save(rounds)
         return rounds
@@ -353,13 +373,29 @@ class Measures:
     def _lower_upper(self, threshold: float, rounds: int, guess: float | None) -> tuple[int, bool]:
         """A phase of upper bounds; the number of rounds so far, and whether they are proved."""
         outgoing, busy, violated = self.parts.call(Part.begin_bounding, guess), True, 1
+        components = None
         while busy and rounds < tuning.MAX_ROUNDS and not (guess and not violated):
-            answers = self.parts.exchange(Part.lower, outgoing, threshold)
-            outgoing = [messages for _, _, messages in answers]
-            violated = sum(count for _, count, _ in answers)
-            busy = any(left for left, _, _ in answers) or _any_messages(outgoing)
+            answers = self.parts.exchange(Part.lower, outgoing, threshold, components)
+            outgoing = [messages for _, messages, *_ in answers]
+            changed, components = self._combined([x for *_, x, _ in answers], components, threshold)
+            violated = sum(count for *_, count in answers)
+            busy = changed or any(left for left, *_ in answers) or _any_messages(outgoing)
             rounds += 1
         return rounds, not violated
+
+    def _combined(
+        self, found: Sequence[Floats | None], before: Floats | None, threshold: float
+    ) -> tuple[bool, Floats | None]:
+        """The best values of components of all parts, and whether they differ from those before."""
+        of_parts = [x for x in found if x is not None]
+        if not of_parts:
+            return False, None
+        best = np.minimum if self._is_least_reward else np.maximum
+        new: Floats = best.reduce(of_parts)
+        if before is None:
+            return True, new
+        with np.errstate(invalid="ignore"):  # both infinite
+            return bool((np.abs(new - before) > threshold * new).any()), new
 
     def _initial(self, *, upper: bool) -> list[float]:
         """The values of the initial states."""

@@ -197,9 +197,9 @@ class DistributedModel:
         Raises:
             InputError: the text is faulty.
             UnsupportedError: another property.
-            NumericalError: no bounds are proved, for example because of end components, or they do
-                not decide a threshold.
-            ResourceError: a worker is lost, and there are no checkpoints.
+            NumericalError: no bounds are proved, or they do not decide a threshold.
+            ResourceError: a worker is lost, and there are no checkpoints, or end components are
+                too large to be found in this process.
         """
         bound = bind_properties(parse_properties(formula), self.model, {})
         return self.check_formula(bound.properties[0].formula, bound.labels)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from symcheck.direction import Direction
 from symcheck.distributed import tuning
 from symcheck.distributed.checkpoints import PartFiles
+from symcheck.distributed.end_components import CollapsedComponents, StayingRows
 from symcheck.distributed.exploration import PartExploration, PartRows
 from symcheck.distributed.partition import Partition
 from symcheck.errors import UnsupportedError
@@ -133,6 +134,7 @@ class Part:
         )
         self._row_state = self._matrix.state_of_row.astype(np.int32)
         self._sets: dict[str, Bools] = {}
+        self._collapsed: CollapsedComponents | None = None
 
     def deadlock_examples(self) -> list[str]:
         """The first deadlock states of this part, as texts."""
@@ -183,9 +185,12 @@ class Part:
         self._begin(self._sets[source].copy(), self._sets[through], hit, every_choice)
         return self._new_members()
 
-    def begin_loop_search(self, unknown: str, reward: Reward) -> list[Message]:
+    def begin_loop_search(self, unknown: str) -> list[Message]:
         """Begin the search for states that must leave the choices of `unknown` without reward."""
-        earning = self._rewards(reward) > 0
+        if self._constant is None:
+            earning = np.zeros(self._matrix.rows, np.bool_)
+        else:
+            earning = self._constant > 0
         free = np.bincount(self._row_state[~earning], minlength=self._total)
         source = ~self._sets[unknown] | (free == 0)
         source[self._n :] = ~self._sets[unknown][self._n :]
@@ -240,6 +245,39 @@ class Part:
         """Keep the reached states as a set."""
         self._sets[name] = self._reached.view(np.bool_)
 
+    # ----------------------------------------------------------------------- end components
+
+    def number_staying(self, firsts: Sequence[int]) -> list[Message]:
+        """Number the own states of `staying`, from the first number of this part."""
+        own = self._sets["staying"][: self._n]
+        self._numbers = np.full(self._total, -1, np.int32)
+        self._numbers[: self._n][own] = firsts[self._number] + np.arange(np.count_nonzero(own))
+        return [(None, self._numbers[s]) for s in self._rows.sent]
+
+    def staying_rows(self, incoming: Sequence[Message]) -> StayingRows:
+        """The choices without a reward that lead to states of `staying` only, after its search."""
+        self._receive(self._numbers, incoming)
+        own = np.flatnonzero(self._sets["staying"][: self._n])
+        rows = np.flatnonzero((self._hit == 0) & self._sets["staying"][self._row_state])
+        matrix = self._matrix.choose(rows)
+        choices = np.bincount(self._row_state[rows], minlength=self._n)[own]
+        return StayingRows(choices, matrix.lengths, self._numbers[matrix.indices])
+
+    def number_components(self, given: Sequence[Int32s]) -> list[Message]:
+        """Take the components of the own states of `staying` (-1 for none)."""
+        (components,) = given
+        self._components = np.full(self._total, -1, np.int32)
+        self._components[: self._n][self._sets["staying"][: self._n]] = components
+        return [(None, self._components[s]) for s in self._rows.sent]
+
+    def collapse(self, incoming: Sequence[Message], count: int) -> None:
+        """Let the values of components come from all parts, instead of sweeps."""
+        self._receive(self._components, incoming)
+        self._collapsed = CollapsedComponents(
+            self._matrix, self._row_state, self._components, count, self._constant
+        )
+        self._unknown_own &= self._components < 0
+
     # ---------------------------------------------------------------------------- iteration
 
     def begin_iteration(
@@ -254,6 +292,8 @@ class Part:
         self._known = self._sets[known]
         self._unknown_own = self._unknown.copy()
         self._unknown_own[self._n :] = False
+        self._sets["unknown"] = self._unknown
+        self._collapsed = None
         self._direction = direction
         self._constant = None if reward is None else self._rewards(reward)
         if reward is None:
@@ -349,17 +389,28 @@ class Part:
         self._active = self._unknown_own.astype(np.uint8)
         return self._changes(self._lower, 0.0)
 
-    def improve(self, incoming: Sequence[Message], threshold: float) -> tuple[bool, list[Message]]:
-        """Raise lower bounds; whether states are left whose bounds may rise, and messages.
+    def improve(
+        self, incoming: Sequence[Message], threshold: float, components: Floats | None
+    ) -> tuple[bool, list[Message], Floats | None]:
+        """Raise lower bounds; whether states are left whose bounds may rise, messages, and the
+        values of components as far as this part knows.
 
         threshold: relative changes up to this one are not passed on.
+        components: the values of components by all parts; None: not yet, or there are none.
         """
         self._receive(self._lower, incoming)
         self._activate_before(self._ghosts(incoming))
+        if self._collapsed is not None and components is not None:
+            self._activate_before(self._collapsed.raise_lower(self._lower, components))
         left = self._system.raise_lower(
             self._lower, self._active, threshold, tuning.SWEEPS_PER_ROUND
         )
-        return left, self._changes(self._lower, threshold)
+        return left, self._changes(self._lower, threshold), self._leave(self._lower, upwards=False)
+
+    def _leave(self, values: Floats, *, upwards: bool) -> Floats | None:
+        if self._collapsed is None:
+            return None
+        return self._collapsed.best_values(values, upwards=upwards)
 
     def _activate_before(self, changed: Int32s) -> None:
         entries = spans(self._column_ptr[changed], self._column_ptr[changed + 1])
@@ -374,20 +425,24 @@ class Part:
         if self._upper is None or width is not None:
             guess = np.full(self._total, 1.0) if width is None else self._lower * (1 + width)
             self._upper = np.where(self._unknown, np.minimum(guess, self._cap), self._lower)
-            self._violated = self._unknown_own.astype(np.uint8)
+            self._violated = self._unknown.astype(np.uint8)
+            self._violated[self._n :] = 0
             self._sent_upper = [np.full(len(s), np.nan) for s in self._rows.sent]
         self._active = self._unknown_own.astype(np.uint8)
         return self._changes(self._upper, 0.0, self._sent_upper)
 
     def lower(
-        self, incoming: Sequence[Message], threshold: float
-    ) -> tuple[bool, int, list[Message]]:
-        """Lower candidates for upper bounds; whether some may fall further, how many are not yet
-        bounds, and messages.
+        self, incoming: Sequence[Message], threshold: float, components: Floats | None
+    ) -> tuple[bool, list[Message], Floats | None, int]:
+        """Lower candidates for upper bounds, as `improve` raises lower bounds; also how many
+        candidates are not yet bounds.
         """
         assert self._upper is not None
         self._receive(self._upper, incoming)
         self._activate_before(self._ghosts(incoming))
+        if self._collapsed is not None and components is not None:
+            values = np.minimum(components, self._cap)
+            self._activate_before(self._collapsed.lower_upper(self._upper, self._violated, values))
         left, violated = self._system.lower_upper(
             self._upper,
             self._active,
@@ -396,7 +451,8 @@ class Part:
             threshold,
             tuning.SWEEPS_PER_ROUND,
         )
-        return left, violated, self._changes(self._upper, threshold, self._sent_upper)
+        messages = self._changes(self._upper, threshold, self._sent_upper)
+        return left, messages, self._leave(self._upper, upwards=True), violated
 
     @property
     def _cap(self) -> float:

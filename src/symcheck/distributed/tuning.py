@@ -40,6 +40,9 @@ MIN_CHANGE = 1e-16
 SERIES_ERROR = 1e-10
 """Relative error of Poisson weights and their sums (see `symcheck.numerics.transient.poisson`)."""
 
+COMPONENT_STATES = 20_000_000
+"""States among which the client finds end components at most, in 1 to 2 GB."""
+
 SAVING_SHARE = 0.1
 """Share of the time of an iteration in which checkpoints are written."""
 
