@@ -9,12 +9,20 @@ from typing import Any
 
 @dataclass
 class Call:
-    """The future of a call that has ended."""
+    """The future of a call that has ended, or waits for ever for a worker that is lost."""
 
     value: Any = None
     error: BaseException | None = None
+    waits: bool = False
+
+    def done(self) -> bool:
+        return not self.waits
+
+    def cancel(self) -> None:
+        assert self.waits
 
     def result(self) -> Any:
+        assert not self.waits
         if self.error is not None:
             raise self.error
         return self.value
@@ -51,6 +59,8 @@ class InProcessCluster:
 
     def submit(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> Call:
         (worker,) = options["workers"]
+        if worker not in self.workers:
+            return Call(waits=True)
         return Call(Actor(function(*arguments), worker, self))
 
     def do(self, worker: str, method: Callable[..., Any], arguments: Sequence[Any]) -> Call:

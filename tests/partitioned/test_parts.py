@@ -17,6 +17,7 @@ from generate import random_model
 from in_process_cluster import InProcessCluster, cluster
 from symcheck.check.result import Certified, Exact
 from symcheck.distributed import DistributedModel, explore_on_cluster, parts, tuning
+from symcheck.distributed import model as model_module
 from symcheck.distributed.partition import Partition, choose_partition
 from symcheck.errors import (
     InputError,
@@ -29,6 +30,7 @@ from symcheck.errors import (
     UsageError,
 )
 from symcheck.explicit.states import StateLayout
+from symcheck.semantics.model import BoundModel
 
 MODELS = Path(__file__).parents[2] / "models"
 
@@ -251,6 +253,19 @@ def test_states_of_lost_workers_are_explored_again(
     workers.killed = iter(())
     assert workers.deaths
     assert_same(model, distributed, 'Pmin=? [ F "heads" ]')
+
+
+def test_workers_that_are_lost_before_they_have_a_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Dask would wait for them, since each part is created on a given worker."""
+    workers, choose = cluster(3), model_module.choose_partition
+
+    def choose_meanwhile(model: BoundModel, count: int) -> Partition:
+        workers.workers = ["w0", "w3", "w4"]
+        return choose(model, count)
+
+    monkeypatch.setattr(model_module, "choose_partition", choose_meanwhile)
+    model = symcheck.loads(COIN)
+    assert_same(model, explore_on_cluster(model, workers), 'Pmin=? [ F "heads" ]')
 
 
 def test_without_checkpoints_a_loss_ends_a_check() -> None:

@@ -64,10 +64,27 @@ def create_part(
 
 @dataclass(frozen=True)
 class _Placed:
-    """A part on a worker."""
+    """A part on a worker; None if the worker was lost before the part was created."""
 
     worker: str
     actor: Any
+
+
+@dataclass(frozen=True)
+class _Creation:
+    """A part that is created on a worker. Dask would wait for a worker that is lost."""
+
+    cluster: Cluster
+    worker: str
+    future: Any
+
+    def result(self) -> Any:
+        while not self.future.done():
+            if self.worker not in self.cluster.nthreads():
+                self.future.cancel()
+                raise OSError(f"{self.worker} has ended")
+            sleep(tuning.POLLING_SECONDS)
+        return self.future.result()
 
 
 class Parts:
@@ -99,16 +116,22 @@ class Parts:
         self._placed: list[_Placed] = []
         self._losses = 0
         created = [self._create(i, worker) for i, worker in enumerate(workers)]
-        self._placed = [
-            _Placed(worker, self._results([future])[0])
-            for worker, future in zip(workers, created, strict=True)
-        ]
+        for creation in created:
+            try:
+                actor = self._results([creation])[0]
+            except PartLost:
+                actor = None
+            self._placed.append(_Placed(creation.worker, actor))
+        try:
+            self.call(Part.is_explored)
+        except PartLost as error:
+            self.recover(error)
 
     def __len__(self) -> int:
         return self._partition.parts
 
-    def _create(self, number: int, worker: str) -> Any:
-        return self._cluster.submit(
+    def _create(self, number: int, worker: str) -> _Creation:
+        future = self._cluster.submit(
             create_part,
             self._model,
             number,
@@ -119,6 +142,7 @@ class Parts:
             workers=[worker],
             pure=False,
         )
+        return _Creation(self._cluster, worker, future)
 
     def call(self, method: Callable[..., R], *arguments: object) -> list[R]:
         """The results of a method of `Part`, with the same arguments, on each part."""
@@ -216,6 +240,8 @@ class Parts:
 def _method(actor: Any, name: str) -> Callable[..., Any]:
     """A method of an actor. An actor that is known to be lost has none: the call then fails."""
     try:
+        if actor is None:
+            raise RuntimeError("its worker was lost")
         method: Callable[..., Any] = getattr(actor, name)
     except RuntimeError as error:
         failed: Future[object] = Future()

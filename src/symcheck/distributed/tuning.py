@@ -49,5 +49,8 @@ SAVING_SHARE = 0.1
 RESTART_SECONDS = 30.0
 """Time for which a lost worker is waited for before another one takes over its part."""
 
+POLLING_SECONDS = 0.02
+"""Time between two looks whether a part is created, which takes as long."""
+
 MAX_LOSSES = 100
 """Losses of workers in one call after which it gives up."""
