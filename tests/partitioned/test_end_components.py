@@ -57,6 +57,20 @@ def test_values_that_converge_slowly_in_components_only() -> None:
     assert_exact_values_are_within_bounds(text, 2, "Rmin=? [ F x=3 ]")
 
 
+@pytest.mark.parametrize("workers", [2, 3])
+def test_components_behind_states_that_are_solved_once(workers: int) -> None:
+    """The equations of an end component have several solutions, so it is not solved on its part."""
+    text = """mdp module m x : [0..60]; back : bool;
+        [] x<20 & !back -> 0.5 : (x'=x+1) + 0.5 : (x'=x+2);
+        [stay] (x=20 | x=21) & !back -> (x'=41-x);
+        [go] (x=20 | x=21) & !back -> 0.5 : (x'=40) + 0.3 : (x'=60) + 0.2 : (back'=true);
+        [] x>21 & x<60 & !back -> 0.9 : (x'=x+1) + 0.05 : (x'=x-1) + 0.05 : (back'=true);
+        endmodule rewards [go] true : 3; [] x>21 : 1; endrewards"""
+    assert_exact_values_are_within_bounds(
+        text, workers, "Pmax=? [ F x=60 ]", "Rmin=? [ F x=60 | back ]"
+    )
+
+
 @pytest.mark.parametrize("seed", range(60))
 def test_random_end_components(seed: int) -> None:
     rng = Random(seed)

@@ -18,6 +18,7 @@ from in_process_cluster import InProcessCluster, cluster
 from symcheck.check.result import Certified, Exact
 from symcheck.distributed import DistributedModel, explore_on_cluster, parts, tuning
 from symcheck.distributed import model as model_module
+from symcheck.distributed.part import Message, Part
 from symcheck.distributed.partition import Partition, choose_partition
 from symcheck.errors import (
     InputError,
@@ -54,6 +55,16 @@ WALK = """dtmc  // a walk on a line that takes a while
 const int N = 10;
 module walk x : [0..N] init 5; [] x>0 & x<N -> 0.5:(x'=x+1) + 0.5:(x'=x-1); endmodule
 rewards "turns" x=5 : 2; [] true : 1; endrewards"""
+
+RACE = """TYPE  // who is first at the goal? Now and then, nobody moves
+const int N = 12;
+module first x : [0..N+1];
+  [go] x<N & y<N -> 0.4 : (x'=x+1) + 0.5 : (x'=x) + 0.1 : (x'=x+2);
+endmodule
+module second y : [0..N+1];
+  [go] y<N -> 0.45 : (y'=y+1) + 0.55 : (y'=y); [wait] x<N & y<N-1 -> (y'=y+1);
+endmodule
+rewards "moves" [go] true : 1; x>y & y>3 : 0.5; endrewards"""
 
 QUEUES = """ctmc  // two queues
 const int N = 4;
@@ -131,6 +142,74 @@ def test_random_models(seed: int) -> None:
         assert_same(model, distributed, f'P{d}=? [ F<={rng.randint(0, 9)} "a" ]')
         assert_same(model, distributed, f'P{d}=? [ F "a" ]', f'P{d}=? [ G "a" ]')
         assert_same(model, distributed, f'T{d}=? [ F "a" ]')
+
+
+# ------------------------------------------------------------------ backward substitution
+
+
+def race(kind: str) -> symcheck.Model:
+    """Without a choice, the second one does not wait."""
+    text = RACE.replace("TYPE", kind)
+    return symcheck.loads(text if kind == "mdp" else text.replace("[wait] x<N &", "[wait] false &"))
+
+
+@pytest.mark.parametrize("workers", [2, 3, 5])
+@pytest.mark.parametrize(
+    ("kind", "direction"), [("dtmc", ""), ("ctmc", ""), ("mdp", "min"), ("mdp", "max")]
+)
+def test_states_without_cycles_are_solved_once(kind: str, direction: str, workers: int) -> None:
+    """A state follows its successors, on whichever part they are; self-loops do not matter."""
+    model = race(kind)
+    distributed = explore_on_cluster(model, cluster(workers))
+    formulas = [f"P{direction}=? [ F x>=N ]", f"P{direction}=? [ G y<N ]"]
+    formulas += [f"{r}{direction}=? [ F x>=N | y>=N ]" for r in ("R", "T")]
+    assert_same(model, distributed, *formulas)
+    for formula in formulas:
+        result = distributed.check(formula)
+        low, high = result.bounds or (0, 1)
+        assert "backward substitution" in result.explanation
+        assert 0 < high - low < 1e-11
+
+
+@pytest.mark.parametrize("share", [tuning.SUBSTITUTION_SHARE, 1e9])
+def test_components_within_a_part_are_solved_once(
+    share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Components are solved by iteration in an mdp. Bounds that are too wide are not used."""
+    monkeypatch.setattr(tuning, "SUBSTITUTION_SHARE", share)
+    text = """mdp module stairs stair : [0..60]; step : [0..8];
+        [up] stair<60 & step<8 -> 0.5 : (step'=step+1) + 0.4 : (step'=max(0, step-1))
+          + 0.05 : (stair'=60) & (step'=0) + 0.05 : true;
+        [up] stair<60 & step=8 -> 0.7 : (stair'=stair+1) & (step'=5) + 0.3 : (step'=5);
+        [fall] stair<60 & step=4 -> 0.97 : (step'=8) + 0.03 : (stair'=60);
+        endmodule rewards [up] step>2 : 1; endrewards"""
+    model = symcheck.loads(text)
+    distributed = explore_on_cluster(model, cluster(2))
+    formulas = [f"P{d}=? [ F stair=60 & step=5 ]" for d in ("min", "max")]
+    formulas += [f"R{d}=? [ F stair=60 ]" for d in ("min", "max")]
+    assert_same(model, distributed, *formulas)
+    methods = {distributed.check(f).explanation.split(";")[1].split(",")[0] for f in formulas}
+    assert (methods == {" backward substitution"}) == (share < 1), methods
+
+
+def test_cycles_over_boundaries_are_iterated_on_solved_states(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The walk to and fro depends on the race; the states of the race are not iterated."""
+    text = RACE.replace("TYPE", "dtmc").replace("[wait] x<N & y<N-1", "[wait] false")
+    walk = "\nmodule walk z : [0..60] init 30; [] z>0 & z<60 & x=0 & y=0 -> 0.5:(z'=z-1) + 0.5:(z'=z+1); endmodule"
+    text = text.replace("[go] x<N & y<N", "[go] (z=0 | z=60) & x<N & y<N") + walk
+    model = symcheck.loads(text)
+    distributed = explore_on_cluster(model, cluster(3))
+    unknown, begin = [], Part.begin_phase
+
+    def begin_phase(part: Part) -> list[Message]:
+        unknown.append(int(part._unknown_own.sum()))
+        return begin(part)
+
+    monkeypatch.setattr(Part, "begin_phase", begin_phase)
+    assert_same(model, distributed, "P=? [ F x>=N ]")
+    assert 0 < sum(unknown[:3]) <= 61
 
 
 def test_rewards_are_not_negative() -> None:
@@ -282,6 +361,7 @@ def test_without_checkpoints_a_loss_ends_a_check() -> None:
     [
         (COIN, ['Pmin=? [ F "heads" ]', 'Pmax=? [ F<=30 "finished" ]', "Tmin=? [ F p1=2 ]"]),
         (QUEUES, ["P=? [ F<=2.5 b=3 ]", "R=? [ F b=2 ]"]),
+        (RACE.replace("TYPE", "mdp"), ["Pmax=? [ F x>=N ]", "Rmin=? [ F x>=N | y>=N ]"]),
     ],
 )
 def test_checkpoints_survive_losses(
@@ -301,18 +381,22 @@ def test_checkpoints_survive_losses(
     assert workers.deaths > 2
 
 
+@pytest.mark.parametrize(
+    ("text", "formula"),
+    [(WALK, "P=? [ F<=200 x=N ]"), (RACE.replace("TYPE", "mdp"), "Pmin=? [ F x>=N ]")],
+)
 def test_a_later_run_goes_on_from_checkpoints(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    text: str, formula: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The client dies in an iteration; the next one does not explore, and needs fewer rounds."""
+    """The client dies in a check; the next one does not explore, and needs fewer rounds."""
     monkeypatch.setattr(tuning, "SAVING_SHARE", 1e9)
-    model, formula = symcheck.loads(WALK), "P=? [ F<=200 x=N ]"
+    model = symcheck.loads(text)
     workers = cluster(2)
     distributed = explore_on_cluster(model, workers, checkpoints=tmp_path)
     calls = count_calls(workers)
     distributed.check(formula)
     whole = len(calls)
-    workers.killed = chain(repeat(False, whole // 2), interrupted())
+    workers.killed = chain(repeat(False, whole * 9 // 10), interrupted())
     with pytest.raises(KeyboardInterrupt):
         distributed.check(formula)
     again = cluster(2)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -99,17 +99,15 @@ class PartFiles:
     def _values(self, formula: str, number: int) -> Path:
         return self.folder / f"{_hash(formula)}-{self.number}-{number}.npz"
 
-    def save_values(self, formula: str, number: int, values: Floats, sums: Floats) -> None:
-        """Write the values of an iteration, as a checkpoint with a number."""
-        _write(
-            self._values(formula, number),
-            lambda file: np.savez(file, values=values, sums=sums),
-        )
+    def save_values(self, formula: str, number: int, arrays: Mapping[str, Floats]) -> None:
+        """Write the values of an iteration, by name, as a checkpoint with a number."""
+        named: dict[str, Any] = dict(arrays)
+        _write(self._values(formula, number), lambda file: np.savez(file, **named))
 
-    def load_values(self, formula: str, number: int) -> tuple[Floats, Floats]:
-        """The values of a checkpoint, and the sums of the initial states."""
+    def load_values(self, formula: str, number: int) -> Mapping[str, Floats]:
+        """The values of a checkpoint by name."""
         with np.load(self._values(formula, number)) as a:
-            return a["values"], a["sums"]
+            return dict(a)
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ _NO_BUDGET = 1 << 62
 
 @dataclass(frozen=True, eq=False)
 class PartRows:
-    """An explored part with n states, sorted by their variables, and m states with its ghosts.
+    """An explored part with n states, in the order of discovery, and m states with its ghosts.
 
     Attributes:
         states: uint64[n, words].
@@ -109,7 +109,8 @@ class PartExploration:
             self._exports[part].append(self._add(rows))
         e = self._explorer
         alone = self._partition.parts == 1
-        outcome = e.run(_NO_BUDGET if alone else len(e.states) + tuning.ROUND_STATES, _FOREVER)
+        expansions = _NO_BUDGET if alone else tuning.ROUND_STATES
+        outcome = e.run(_NO_BUDGET, _FOREVER, expansions=expansions)
         if outcome == Outcome.FAULT:
             state = self.layout.unpack(e.states.view_rows()[e.fault_state])
             raise_model_fault(self._model, state, e.fault_status, check_sums=self._check_sums)
@@ -142,13 +143,12 @@ class PartExploration:
         e.states.drop_table()
         rows = e.states.view_rows()
         own = np.flatnonzero(owners == self._number)
-        sorted_own = own[np.lexsort(rows[own].T[::-1])]
         others = np.flatnonzero(owners != self._number)
         ghosts = others[np.argsort(owners[others], kind="stable")]
-        order = np.concatenate([sorted_own, ghosts]).astype(np.int32)
+        order = np.concatenate([own, ghosts]).astype(np.int32)
         rank = np.empty(total, np.int32)
         rank[order] = np.arange(total, dtype=np.int32)
-        states = rows[sorted_own]
+        states = rows[own]
         e.states.drop_rows()
         counts = np.bincount(owners[others], minlength=parts)
         deadlocks = np.zeros(len(own), np.bool_)

@@ -203,8 +203,7 @@ class Measures:
         for name, value in (("one", 1.0), ("zero", 0.0)):
             if self._is_initial(name):
                 return Bounds(value, value, "decided by precomputation")
-        self.parts.call(Part.begin_iteration, "one", "zero", direction, None)
-        return self._solve(is_reward=False, direction=direction)
+        return self._solve("one", "zero", direction, None)
 
     def _bounded_until(self, window: Window, direction: Direction | None) -> Bounds:
         self.parts.call(Part.complement, "zero", "left", "right")
@@ -286,8 +285,7 @@ class Measures:
         if self._is_initial("right"):
             return Bounds(0.0, 0.0, "the initial state is in the target")
         self.parts.call(Part.complement, "infinite", "one")
-        self.parts.call(Part.begin_iteration, "right", "infinite", direction, reward)
-        return self._solve(is_reward=True, direction=direction)
+        return self._solve("right", "infinite", direction, reward)
 
     def _collapse_components(self) -> None:
         """Find the end components of the unknowns (for a reward, those in which it is 0), whose
@@ -317,27 +315,55 @@ class Measures:
 
     # ---------------------------------------------------------------------------- iteration
 
-    def _solve(self, *, is_reward: bool, direction: Direction | None) -> Bounds:
+    def _solve(
+        self, known: str, zero: str, direction: Direction | None, reward: Reward | None
+    ) -> Bounds:
+        """Bounds from those of the sets `known` and `zero` (see `Part.begin_iteration`)."""
+        problem = (known, zero, direction, reward)
+        self.parts.call(Part.begin_iteration, *problem)
+        # Estimates of other methods are no bounds.
+        settings = replace(self.options, epsilon=self.epsilon, method="auto")
         if len(self.parts) == 1:
-            # Estimates of other methods are no bounds.
-            settings = replace(self.options, epsilon=self.epsilon, method="auto")
             ((lower, upper, method),) = self.parts.call(Part.solve_alone, settings)
             return Bounds(lower, upper, method)
-        # Elsewhere, staying in an end component for ever is the best or the worst choice.
-        if direction is (Direction.MIN if is_reward else Direction.MAX):
-            self._collapse_components()
-        self._is_least_reward = is_reward
-        found = self._iterate(is_reward)
+        rounds, width, found = self._substitute(replace(settings, relative=True))
+        if found is None or width > self.epsilon:
+            if width > tuning.SUBSTITUTION_WIDTH * self.epsilon:
+                self.parts.call(Part.begin_iteration, *problem)
+            # Elsewhere, staying in an end component for ever is the best or the worst choice.
+            if direction is (Direction.MAX if reward is None else Direction.MIN):
+                self._collapse_components()
+            self._is_least_reward = reward is not None
+            found = self._iterate(reward is not None, rounds)
         self._forget()
         return found
 
-    def _iterate(self, is_reward: bool) -> Bounds:
+    def _substitute(self, settings: Options) -> tuple[int, float, Bounds | None]:
+        """Backward substitution: the number of rounds, the largest width of the bounds that are
+        known, and bounds on the initial state if they are among them.
+        """
+        folder, name = self.parts.folder, self._substitution_name
+        last = None if folder is None else folder.last(name)
+        outgoing = self.parts.call(Part.begin_substitution, settings, name, last)
+        rounds = (last or 0) + 1
+        while _any_messages(outgoing):
+            self._save(rounds, substitution=True)
+            outgoing = self.parts.exchange(Part.solve_ready, outgoing)
+            rounds += 1
+        ends = self.parts.call(Part.end_substitution)
+        width, known = max(w for w, _ in ends), [b for _, bounds in ends for b in bounds]
+        if not known:
+            return rounds, width, None
+        method = f"backward substitution, {rounds} rounds"
+        return rounds, width, Bounds(*known[0], method)
+
+    def _iterate(self, is_reward: bool, begin: int) -> Bounds:
         """Interval iteration (Haddad & Monmege 2018) for probabilities, and optimistic value
         iteration (Hartmanns & Kaminski 2020) for rewards and where upper bounds do not fall.
 
         In each phase, smaller changes are passed on than before.
         """
-        rounds, threshold = self._resume(), tuning.FIRST_TOLERANCE * self.epsilon
+        rounds, threshold = max(begin, self._resume()), tuning.FIRST_TOLERANCE * self.epsilon
         guess = self.epsilon if is_reward else None
         upper = 1.0
         while threshold >= tuning.MIN_CHANGE and rounds < tuning.MAX_ROUNDS:
@@ -406,13 +432,18 @@ class Measures:
 
     # -------------------------------------------------------------------------- checkpoints
 
-    def _save(self, number: int) -> None:
+    @property
+    def _substitution_name(self) -> str:
+        return f"{self.formula} substitution"
+
+    def _save(self, number: int, *, substitution: bool = False) -> None:
         """Write a checkpoint, if that takes little of the time since the last one."""
         folder, now = self.parts.folder, perf_counter()
         if folder is None or now - self._saved < self._saving / tuning.SAVING_SHARE:
             return
-        self.parts.call(Part.save_values, self.formula, number)
-        folder.complete(self.formula, number)
+        name = self._substitution_name if substitution else self.formula
+        self.parts.call(Part.save_substitution if substitution else Part.save_values, name, number)
+        folder.complete(name, number)
         self._saved = perf_counter()
         self._saving = self._saved - now
 
@@ -428,6 +459,7 @@ class Measures:
     def _forget(self) -> None:
         if self.parts.folder is not None:
             self.parts.folder.forget(self.formula)
+            self.parts.folder.forget(self._substitution_name)
 
 
 def _complement(bound: float, towards: float) -> float:

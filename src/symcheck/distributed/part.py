@@ -7,6 +7,7 @@ another part, and their new values.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import NamedTuple, assert_never
 
 import numpy as np
@@ -18,6 +19,7 @@ from symcheck.distributed.checkpoints import PartFiles
 from symcheck.distributed.end_components import CollapsedComponents, StayingRows
 from symcheck.distributed.exploration import PartExploration, PartRows
 from symcheck.distributed.partition import Partition
+from symcheck.distributed.substitution import PartEquations, Substitution
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.compile import compile_expression
 from symcheck.explicit.states import Rows, StateLayout
@@ -26,7 +28,7 @@ from symcheck.kernels.arrays import Masks
 from symcheck.kernels.graph.partial_search import search
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.part_sweeps import PartSweeps
-from symcheck.matrices.rows import Bools, Floats, Int32s, spans, starts_of
+from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.settings import ROUNDING, Settings
 from symcheck.semantics.model import BoundModel
@@ -129,12 +131,17 @@ class Part:
     def _start(self, rows: PartRows) -> None:
         self._rows, self._matrix = rows, rows.matrix
         self._n, self._total = len(rows.states), int(rows.starts[-1])
-        self._column_ptr, self._column_rows = sparse.transpose(
-            self._matrix.indptr, self._matrix.indices, self._total
-        )
-        self._row_state = self._matrix.state_of_row.astype(np.int32)
         self._sets: dict[str, Bools] = {}
         self._collapsed: CollapsedComponents | None = None
+
+    @cached_property
+    def _columns(self) -> tuple[Int64s, Int32s]:
+        """The transposed structure, which bounded properties do without."""
+        return sparse.transpose(self._matrix.indptr, self._matrix.indices, self._total)
+
+    @cached_property
+    def _row_state(self) -> Int32s:
+        return self._matrix.state_of_row.astype(np.int32)
 
     def deadlock_examples(self) -> list[str]:
         """The first deadlock states of this part, as texts."""
@@ -215,8 +222,7 @@ class Part:
 
     def _extend(self, found: Int32s) -> None:
         search(
-            self._column_ptr,
-            self._column_rows,
+            *self._columns,
             self._row_state,
             self._hit,
             self._misses,
@@ -302,6 +308,7 @@ class Part:
             self._lower = np.where(self._sets[zero], np.inf, 0.0)
         self._total_sum = np.zeros(len(self._rows.initial))
         self._upper: Floats | None = None
+        self._upper_of_known = self._lower
         self._sent_lower = [self._lower[s] for s in self._rows.sent]
 
     @property
@@ -318,8 +325,7 @@ class Part:
         return PartSweeps(
             *self._matrix.arrays,
             self._matrix.groups,
-            self._column_ptr,
-            self._column_rows,
+            *self._columns,
             self._row_state,
             self._constant,
             self._unknown_own.view(np.uint8),
@@ -352,19 +358,21 @@ class Part:
             )
         return found
 
+    def _equations(self) -> tuple[SparseMatrix, Floats | None]:
+        """The rows and their rewards, without choices that may lead to an infinite least reward."""
+        matrix, constant = self._matrix, self._constant
+        if constant is None or self._mode != 1:
+            return matrix, constant
+        kept = ~(matrix.multiply(np.isinf(self._lower).astype(np.float64)) > 0)
+        kept |= ~matrix.rows_of(self._unknown)
+        sizes = np.bincount(self._row_state[kept], minlength=self._total)
+        return matrix.choose(np.flatnonzero(kept), starts_of(sizes)), constant[kept]
+
     def solve_alone(self, settings: Settings) -> tuple[float, float, str]:
         """Bounds on the value of the initial state, where there is no other part."""
         from symcheck.numerics.linear.methods import solve_linear
 
-        matrix, constant = self._matrix, self._constant
-        if constant is not None and self._mode == 1:
-            # Choices that may lead to an infinite reward are not taken.
-            assert matrix.groups is not None
-            kept = ~(matrix.multiply(np.isinf(self._lower).astype(np.float64)) > 0)
-            kept |= ~matrix.rows_of(self._unknown)
-            sizes = np.bincount(self._row_state[kept], minlength=self._total)
-            matrix = matrix.choose(np.flatnonzero(kept), starts_of(sizes))
-            constant = constant[kept]
+        matrix, constant = self._equations()
         problem = MaskedProblem(
             matrix,
             self._unknown,
@@ -382,6 +390,68 @@ class Part:
         if constant is None:
             upper = min(upper, 1.0)
         return lower, upper, solution.explanation
+
+    # ------------------------------------------------------------------ backward substitution
+
+    def begin_substitution(
+        self, settings: Settings, formula: str, number: int | None
+    ) -> list[Message]:
+        """Solve the components of unknown states that lead to known ones, before an iteration.
+
+        number: of a checkpoint of the substitution to go on from; None: there is none.
+        """
+        values = np.stack([self._lower, self._lower], axis=1)
+        self._told = [~self._unknown[s] for s in self._rows.sent]
+        unknown = self._unknown.copy()
+        if number is not None:
+            assert self._files is not None
+            saved = self._files.load_values(formula, number)["values"]
+            found = np.flatnonzero(unknown[: self._n] & ~np.isnan(saved[:, 0]))
+            values[found], unknown[found] = saved[found], False
+        matrix, constant = self._equations()
+        self._substitution = Substitution(
+            PartEquations(
+                matrix,
+                constant,
+                self._mode,
+                self._is_ctmc,
+                *self._columns,
+                self._row_state,
+            ),
+            unknown,
+            self._n,
+            values,
+            settings,
+        )
+        return self.solve_ready([])
+
+    def solve_ready(self, incoming: Sequence[Message]) -> list[Message]:
+        """Solve the components whose last successors have become known, and tell the others."""
+        substitution = self._substitution
+        self._receive(substitution.values, incoming)
+        substitution.decide(self._ghosts(incoming))
+        messages: list[Message] = []
+        for sent, told in zip(self._rows.sent, self._told, strict=True):
+            places = np.flatnonzero(~substitution.unknown[sent] & ~told).astype(np.int32)
+            told[places] = True
+            messages.append((places, substitution.values[sent[places]]))
+        return messages
+
+    def end_substitution(self) -> tuple[float, list[tuple[float, float]]]:
+        """Continue with the states that are still unknown: the largest relative width of the bounds
+        of the others, and the bounds of initial states that are known.
+        """
+        substitution = self._substitution
+        del self._substitution
+        self._sets["unknown"] = self._unknown = substitution.unknown
+        self._unknown_own &= substitution.unknown
+        self._lower, self._upper_of_known = (substitution.values[:, i].copy() for i in (0, 1))
+        self._sent_lower = [self._lower[s] for s in self._rows.sent]
+        known = self._rows.initial[~self._unknown[self._rows.initial]]
+        bounds = [(float(low), float(high)) for low, high in substitution.values[known]]
+        return substitution.width, bounds
+
+    # -------------------------------------------------------------------- interval iteration
 
     def begin_phase(self) -> list[Message]:
         """Begin a phase of `improve`, in which all lower bounds may rise."""
@@ -413,8 +483,9 @@ class Part:
         return self._collapsed.best_values(values, upwards=upwards)
 
     def _activate_before(self, changed: Int32s) -> None:
-        entries = spans(self._column_ptr[changed], self._column_ptr[changed + 1])
-        self._active[self._row_state[self._column_rows[entries]]] = 1
+        column_ptr, column_rows = self._columns
+        entries = spans(column_ptr[changed], column_ptr[changed + 1])
+        self._active[self._row_state[column_rows[entries]]] = 1
 
     def begin_bounding(self, width: float | None) -> list[Message]:
         """Begin a phase of `lower`, in which all candidates for upper bounds may fall.
@@ -424,7 +495,9 @@ class Part:
         """
         if self._upper is None or width is not None:
             guess = np.full(self._total, 1.0) if width is None else self._lower * (1 + width)
-            self._upper = np.where(self._unknown, np.minimum(guess, self._cap), self._lower)
+            self._upper = np.where(
+                self._unknown, np.minimum(guess, self._cap), self._upper_of_known
+            )
             self._violated = self._unknown.astype(np.uint8)
             self._violated[self._n :] = 0
             self._sent_upper = [np.full(len(s), np.nan) for s in self._rows.sent]
@@ -471,15 +544,10 @@ class Part:
         rate: of uniformisation; None: the steps of the chain.
         """
         self._rate = rate
-        states = np.flatnonzero(self._unknown_own)
-        groups = self._matrix.groups
-        starts = states if groups is None else groups[states]
-        ends = states + 1 if groups is None else groups[states + 1]
-        equations = self._matrix.choose(spans(starts, ends))
-        self._step_states, self._step_rows = states, equations
-        self._step_starts = starts_of(ends - starts)[:-1]
+        self._step_states = np.flatnonzero(self._unknown_own).astype(np.int32)
+        self._step_values = np.empty(len(self._step_states))
         if rate is not None:
-            self._stay = 1 - self._matrix.row_sums()[states] / rate
+            self._stay = 1 - self._matrix.row_sums()[self._step_states] / rate
         return self._changes(self._lower, 0.0)
 
     def greatest_rate(self) -> float:
@@ -488,19 +556,18 @@ class Part:
 
     def slack(self) -> float:
         """The relative error of a step by rounding."""
-        return (self._step_rows.longest + 8) * _UNIT_ROUNDOFF
+        return (self._matrix.longest + 8) * _UNIT_ROUNDOFF
 
     def step(self, incoming: Sequence[Message], weight: float) -> tuple[list[float], list[Message]]:
         """Add the weighted values of the initial states, and go a step; the sums, and messages."""
         self._receive(self._lower, incoming)
-        x, states = self._lower, self._step_states
+        x, states, new = self._lower, self._step_states, self._step_values
         self._total_sum += weight * x[self._rows.initial]
-        new = self._step_rows.multiply(x)
+        sparse.best_products(
+            *self._matrix.arrays, self._matrix.groups, states, x, self._mode == 2, new
+        )
         if self._rate is not None:
             new = new / self._rate + self._stay * x[states]
-        elif self._mode and len(new):
-            best = np.minimum if self._mode == 1 else np.maximum
-            new = np.asarray(best.reduceat(new, self._step_starts))
         x[states] = new
         return [float(s) for s in self._total_sum], self._changes(x, 0.0)
 
@@ -509,13 +576,21 @@ class Part:
     def save_values(self, formula: str, number: int) -> None:
         """Write the values of an iteration, as a checkpoint with a number."""
         assert self._files is not None
-        self._files.save_values(formula, number, self._lower[: self._n], self._total_sum)
+        values = {"values": self._lower[: self._n], "sums": self._total_sum}
+        self._files.save_values(formula, number, values)
 
     def load_values(self, formula: str, number: int) -> None:
         """Go on from a checkpoint: the values of this part, which are sent to the others."""
         assert self._files is not None
-        values, self._total_sum = self._files.load_values(formula, number)
-        self._lower[: self._n] = values
+        saved = self._files.load_values(formula, number)
+        self._lower[: self._n], self._total_sum = saved["values"], saved["sums"]
+
+    def save_substitution(self, formula: str, number: int) -> None:
+        """Write the bounds of the states whose values are known, as a checkpoint with a number."""
+        assert self._files is not None
+        values = self._substitution.values[: self._n].copy()
+        values[self._substitution.unknown[: self._n]] = np.nan
+        self._files.save_values(formula, number, {"values": values})
 
     # ----------------------------------------------------------------------------- messages
 

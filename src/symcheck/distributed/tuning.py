@@ -1,8 +1,8 @@
 """Constants of distributed models."""
 
-ROUND_STATES = 1 << 16
-"""States that a part finds at most before it sends states to others: the first of another part are
-not long in coming, and messages stay small.
+ROUND_STATES = 1 << 17
+"""States that a part expands before it sends states to others. Rounds take some tens of
+milliseconds, and all parts have equal work in a round.
 """
 
 SAMPLE_STATES = 100_000
@@ -24,6 +24,17 @@ COST_OF_CROSSING = 3.0
 
 SWEEPS_PER_ROUND = 32
 """Most sweeps of a part between two exchanges; they visit active states only."""
+
+SUBSTITUTION_SHARE = 0.5 / 1024
+"""Share of the requested width by which bounds may move apart at each component on a path: a path
+through more components that are solved by iteration is seldom.
+"""
+
+SUBSTITUTION_WIDTH = 0.5
+"""Share of the requested width that may be used up before the other states are iterated."""
+
+MAX_SUBSTITUTION_STEPS = 1 << 20
+"""Most shares of the width that are counted: bounds that are so far apart are not used."""
 
 FIRST_TOLERANCE = 0.1
 """At first, changes of lower bounds below this share of the requested width are not passed on."""

@@ -157,22 +157,23 @@ cdef class Explorer:
             self.level_end = self.states.count
 
     def run(self, long long budget, double seconds, pool: Executor | None = None,
-            int threads=1) -> Outcome:
-        """Explore until nothing is left, `budget` states are known, or `seconds` have passed.
+            int threads=1, long long expansions=MAX_STATES) -> Outcome:
+        """Explore until nothing is left, `budget` states are known, `seconds` have passed, or this
+        call has expanded `expansions` states.
 
         Args:
             pool: `threads` - 1 threads, which expand states beside this one; the states, their
                 numbers and the rows do not depend on them. They are used while many states are
-                left, and not with a share.
+                left, and not with a share. Their expansions are not limited.
         Returns:
-            The outcome: COMPLETE, PAUSED (time), BUDGET, FAULT, NO_MEMORY or TOO_MANY (2**31
+            The outcome: COMPLETE, PAUSED (time), BUDGET (also of expansions), FAULT, NO_MEMORY or TOO_MANY (2**31
                 states).
         """
         cdef int outcome
         cdef double deadline = monotonic_seconds() + seconds
         if pool is None or self.parts > 1:
             with nogil:
-                outcome = self._run(budget, deadline, MAX_STATES)
+                outcome = self._run(budget, deadline, MAX_STATES, self.explored + expansions)
         else:
             outcome = self._run_in_blocks(budget, deadline, pool, threads)
         return Outcome(outcome)
@@ -181,12 +182,14 @@ cdef class Explorer:
         """Forget what threads have expanded ahead: their pool has ended."""
         self.blocks, self.free_blocks = deque(), []
 
-    cdef int _run(self, long long budget, double deadline, long long many) noexcept nogil:
-        """Explore in this thread, also until `many` states are left."""
+    cdef int _run(self, long long budget, double deadline, long long many,
+                  long long last=MAX_STATES) noexcept nogil:
+        """Explore in this thread, also until `many` states are left, or `last` are explored."""
         cdef long long last_check = self.explored
         cdef int outcome
         while self.explored < self.states.count:
-            if self.states.count >= budget and self._between_batches():
+            if ((self.states.count >= budget or self.explored >= last)
+                    and self._between_batches()):
                 return Outcome.BUDGET
             if self.states.count - self.explored >= many and self._between_batches():
                 return MANY_STATES

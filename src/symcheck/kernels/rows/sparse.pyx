@@ -65,6 +65,33 @@ def multiply(const int64_t[::1] indptr, const int32_t[::1] indices, const double
             out[r] = total
 
 
+def best_products(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
+                  groups: Int64s | None, const int32_t[::1] states, const double[::1] x,
+                  bint maximise, double[::1] out):
+    """The best value of A x among the rows of some states, each of which has a row.
+
+    Args:
+        groups: int64[states of the matrix+1], the rows of each state; None: each has one.
+        states: int32[k]. x: float64[columns]. out: float64[k].
+    """
+    cdef const int64_t[::1] group_ptr = indptr if groups is None else groups
+    cdef bint grouped = groups is not None
+    cdef int64_t i, r, k, first, last
+    cdef double total, best
+    with nogil:
+        for i in range(states.shape[0]):
+            first = group_ptr[states[i]] if grouped else states[i]
+            last = group_ptr[states[i] + 1] if grouped else first + 1
+            best = 0.0
+            for r in range(first, last):
+                total = 0.0
+                for k in range(indptr[r], indptr[r + 1]):
+                    total = total + data[k] * x[indices[k]]
+                if r == first or (total > best if maximise else total < best):
+                    best = total
+            out[i] = best
+
+
 def row_sums(const int64_t[::1] indptr, const double[::1] data) -> Floats:
     """Sum of each row, rounded at most twice in all: float64[rows]."""
     cdef int64_t rows = indptr.shape[0] - 1, r, k

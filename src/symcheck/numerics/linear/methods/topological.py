@@ -39,7 +39,7 @@ from symcheck.numerics.linear.subsystem import (
 )
 from symcheck.numerics.settings import Settings
 
-__all__ = ["solve", "solve_masked"]
+__all__ = ["TopologicalRun", "solve", "solve_in_order", "solve_masked"]
 
 
 _COUNTERS = ("single", "eliminated", "swept", "sweeps", "largest_eliminated", "largest_swept")
@@ -136,15 +136,22 @@ def _solve_components(
     summary = f"{parts.count} SCCs, largest {parts.largest} states"
     order, start = parts.order, parts.start
     del parts, source  # their memory may be needed for the solution
-    _solve_in_order(run, order, start, depths)
+    share = run.settings.epsilon * 0.9 / int(depths.max(initial=1))
+    solve_in_order(run, order, start, depths, share)
     exact = run.counters[2] == 0 and set(run.methods) <= {"elimination"} and not run.unfinished
     return _solution(run, _explain(run, summary), exact, unknown)
 
 
-def _solve_in_order(run: TopologicalRun, order: Int32s, start: Int64s, depths: Int32s) -> None:
-    """Solve all components (see graph.Components); the kernel returns those too hard for it."""
+def solve_in_order(
+    run: TopologicalRun, order: Int32s, start: Int64s, depths: Int32s, share: float
+) -> None:
+    """Solve components one after the other; the kernel returns those too hard for it.
+
+    Args:
+        order, start: the components, successors first (see graph.Components).
+        depths: int32[components]; the bounds of component c may be depths[c] * share apart.
+    """
     np.maximum(depths, 1, out=depths)
-    share = run.settings.epsilon * 0.9 / int(depths.max(initial=1))
     component = 0
     while True:
         component = run.system.advance(
