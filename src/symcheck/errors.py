@@ -228,7 +228,9 @@ class MemoryLimitError(ResourceError):
     """The memory limit was reached, or memory is exhausted."""
 
 
-SMALLER_ENGINES = "the engines -h and -m need less than -s and -ex"
+SMALLER_ENGINES = (
+    "the engines -h and -m need less than -s and -ex; -ex -workdir DIR keeps its arrays in files"
+)
 """The usual advice when memory is exhausted."""
 
 
