@@ -107,6 +107,15 @@ def test_components_survive_losses(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert bounds[0] <= expected <= bounds[1]
 
 
+def test_choices_that_only_lead_back_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They are no reason to send a state to the client."""
+    monkeypatch.setattr(tuning, "COMPONENT_STATES", 0)
+    text = """mdp module m x : [0..5] init 2;
+        [] x>0 & x<5 -> 0.5 : (x'=x+1) + 0.5 : (x'=x-1); [stay] true -> true; endmodule
+        rewards [stay] x>5 : 1; endrewards"""
+    assert_exact_values_are_within_bounds(text, 3, "Pmax=? [ F x=5 ]", "Rmin=? [ F x=5 | x=0 ]")
+
+
 def test_end_components_that_are_too_large_for_the_client(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tuning, "COMPONENT_STATES", 39)
     distributed = explore_on_cluster(symcheck.loads(ROUND), cluster(2))

@@ -193,15 +193,20 @@ class Part:
         return self._new_members()
 
     def begin_loop_search(self, unknown: str) -> list[Message]:
-        """Begin the search for states that must leave the choices of `unknown` without reward."""
-        if self._constant is None:
-            earning = np.zeros(self._matrix.rows, np.bool_)
-        else:
-            earning = self._constant > 0
-        free = np.bincount(self._row_state[~earning], minlength=self._total)
+        """Begin the search for states that must leave the choices of `unknown` without reward.
+
+        Choices that only lead back to their state are left out: sweeps do not take them.
+        """
+        m = self._matrix
+        excluded = m.lengths == 1
+        successors = m.indices[m.indptr[:-1][excluded]]
+        excluded[excluded] = successors == self._row_state[excluded]
+        if self._constant is not None:
+            excluded |= self._constant > 0
+        free = np.bincount(self._row_state[~excluded], minlength=self._total)
         source = ~self._sets[unknown] | (free == 0)
         source[self._n :] = ~self._sets[unknown][self._n :]
-        self._begin(source, self._sets[unknown], earning.view(np.uint8).copy(), True)
+        self._begin(source, self._sets[unknown], excluded.view(np.uint8), True)
         return self._new_members()
 
     def _begin(self, source: Bools, through: Bools, hit: Masks, every: bool) -> None:
