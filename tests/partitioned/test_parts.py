@@ -308,6 +308,25 @@ def test_owners_follow_variables_that_change_rarely() -> None:
     assert 0.3 < owners.mean() < 0.7
 
 
+def test_owners_follow_blocks_of_values_that_change_by_small_steps() -> None:
+    """Most steps of a counter stay in a block."""
+    text = """dtmc module counter c : [0..999] init 500; [] true -> 0.5 : (c'=min(999, c+1))
+        + 0.5 : (c'=max(0, c-1)); endmodule"""
+    model = symcheck.loads(text).bound
+    partition = choose_partition(model, 2)
+    layout = StateLayout.of(model.variables)
+    owners = partition.owners(layout.pack([np.arange(1000)]))
+    assert np.count_nonzero(np.diff(owners)) < 10
+    assert 400 < np.count_nonzero(owners) < 600
+
+
+def test_faults_among_the_first_states_are_left_to_the_exploration() -> None:
+    text = """dtmc module a x:[0..199]; [] x<199 -> 0.5 : (x'=x+1) + 0.5 : true; endmodule
+        module b y:[0..199]; [] true -> (y'=y+1); endmodule"""
+    with pytest.raises(ModelFault, match="range"):
+        explore_on_cluster(symcheck.loads(text), cluster(2))
+
+
 # ------------------------------------------------------------------------------- losses
 
 
@@ -325,7 +344,7 @@ def now_and_then(seed: int, share: float = 0.05, most: int = 12) -> Iterator[boo
 def test_states_of_lost_workers_are_explored_again(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tuning, "ROUND_STATES", 20)
+    monkeypatch.setattr(tuning, "ROUND_ENTRIES", 20)
     model = symcheck.loads(COIN)
     workers = cluster(3, now_and_then(seed, 0.15))
     distributed = explore_on_cluster(model, workers)
@@ -371,7 +390,7 @@ def test_checkpoints_survive_losses(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(tuning, "ROUND_STATES", 20)
+    monkeypatch.setattr(tuning, "ROUND_ENTRIES", 20)
     monkeypatch.setattr(tuning, "SAVING_SHARE", 1e9)
     model = symcheck.loads(text)
     workers = cluster(3, now_and_then(seed))
@@ -428,7 +447,7 @@ def count_calls(workers: InProcessCluster) -> list[None]:
 def test_an_interrupted_exploration_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tuning, "ROUND_STATES", 20)
+    monkeypatch.setattr(tuning, "ROUND_ENTRIES", 20)
     model = symcheck.loads(COIN)
     with pytest.raises(KeyboardInterrupt):
         explore_on_cluster(

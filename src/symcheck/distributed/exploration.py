@@ -28,6 +28,7 @@ __all__ = ["PartExploration", "PartRows"]
 
 _FOREVER = 1e9
 _NO_BUDGET = 1 << 62
+_NO_ENTRIES = 1 << 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +81,7 @@ class PartExploration:
         )
         self._owners: list[Int32s] = []
         self._classified = 0
+        self._round_entries = tuning.FIRST_ROUND_ENTRIES
         self.resend()
         initial = initial_rows(model, self.layout)
         self._initial = self._add(initial[partition.owners(initial) == number])
@@ -109,8 +111,9 @@ class PartExploration:
             self._exports[part].append(self._add(rows))
         e = self._explorer
         alone = self._partition.parts == 1
-        expansions = _NO_BUDGET if alone else tuning.ROUND_STATES
-        outcome = e.run(_NO_BUDGET, _FOREVER, expansions=expansions)
+        entries = _NO_ENTRIES if alone else min(self._round_entries, tuning.ROUND_ENTRIES)
+        self._round_entries *= 2
+        outcome = e.run(_NO_BUDGET, _FOREVER, entries=entries)
         if outcome == Outcome.FAULT:
             state = self.layout.unpack(e.states.view_rows()[e.fault_state])
             raise_model_fault(self._model, state, e.fault_status, check_sums=self._check_sums)

@@ -49,9 +49,9 @@ def explore_on_cluster(
 ) -> DistributedModel:
     """Explore a model on the workers of a Dask cluster, each of which keeps a part of the states.
 
-    The owner of a state is a hash of variables that few transitions change. Workers explore in
-    rounds, and exchange the states that they find for each other. The states of a worker that is
-    lost are explored again, by another one.
+    The owner of a state is a hash or a block of variables that few transitions change. Workers
+    explore in rounds, and exchange the states that they find for each other. The states of a worker
+    that is lost are explored again, by another one.
 
     Args:
         model: a DTMC, CTMC or MDP with commands and one initial state.

@@ -1,4 +1,5 @@
-"""The owner of a state: a hash of variables that few transitions change.
+"""The owner of a state: a hash of variables that few transitions change, or a block of values of a
+variable that changes by small steps.
 
 Source: F. Lerda, R. Sisto: Distributed-memory model checking with SPIN (SPIN 1999), where the owner
 depends on one process.
@@ -6,7 +7,9 @@ depends on one process.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -24,6 +27,7 @@ __all__ = ["Partition", "choose_partition"]
 
 _FOREVER = 1e9
 _KEYS = (1 << 31) - 1
+_BLOCKS = (1 << 63) - 1
 
 
 @dataclass(frozen=True)
@@ -33,7 +37,7 @@ class Partition:
     Attributes:
         parts: how many.
         mask: the bits of each word that name the owner.
-        seed: of the hash.
+        seed: of the hash (see `symcheck.kernels.explore.breadth_first.owners`).
     """
 
     parts: int
@@ -53,45 +57,60 @@ class Partition:
 def choose_partition(model: BoundModel, parts: int) -> Partition:
     """A partition that is even on the first states of the model, with few transitions between the
     parts.
-
-    The variables are tried that change least, one, two and so on, each with some hashes.
     """
     layout = StateLayout.of(model.variables)
     everything = Partition(parts, ((1 << 64) - 1,) * layout.words)
     if parts == 1:
         return everything
     states, sources, targets = _sample(model, layout)
+    candidates = chain(
+        [everything],
+        _hashes(layout, parts, states, sources, targets),
+        _blocks(layout, parts),
+    )
+    return min(candidates, key=lambda partition: _cost(partition, states, sources, targets))
+
+
+def _hashes(
+    layout: StateLayout, parts: int, states: Rows, sources: Rows, targets: Rows
+) -> Iterator[Partition]:
+    """Some hashes of the variable that changes least, of the two that change least, and so on."""
     changes = [
         float((layout.column(sources, v) != layout.column(targets, v)).mean())
-        for v in range(len(model.variables))
+        for v in range(len(layout.fields))
     ]
-    best, least = everything, _cost(everything, states, sources, targets)
     mask = np.zeros(layout.words, np.uint64)
     for variable in np.argsort(changes, kind="stable"):
         _, word, shift, bits = layout.fields[variable].tolist()
         mask[word] |= np.uint64(((1 << bits) - 1) << shift)
         keys = hashed_owners(states, mask, 0, _KEYS)
-        if len(np.unique(keys)) < tuning.KEYS_PER_PART * parts:
-            continue
-        for seed in range(tuning.SEEDS):
-            candidate = Partition(parts, tuple(mask.tolist()), seed)
-            cost = _cost(candidate, states, sources, targets)
-            if cost < least:
-                best, least = candidate, cost
-    return best
+        if len(np.unique(keys)) >= tuning.KEYS_PER_PART * parts:
+            for seed in range(tuning.SEEDS):
+                yield Partition(parts, tuple(mask.tolist()), seed)
+
+
+def _blocks(layout: StateLayout, parts: int) -> Iterator[Partition]:
+    """Blocks of 1, 2, 4, … values of each variable, which the parts own in turns."""
+    for (_, word, shift, bits), greatest in zip(layout.fields, layout.ranges, strict=True):
+        for low_bits in range(bits):
+            if (int(greatest) + 1) >> low_bits >= tuning.BLOCKS_PER_PART * parts:
+                mask = [0] * layout.words
+                mask[word] = ((1 << int(bits)) - (1 << low_bits)) << int(shift)
+                yield Partition(parts, tuple(mask), _BLOCKS)
 
 
 def _sample(model: BoundModel, layout: StateLayout) -> tuple[Rows, Rows, Rows]:
-    """Some of the first states, and the sources and targets of transitions from some of them.
+    """Some of the first states, and the sources and targets of transitions from a few of them.
 
     Faults of the model are left to the exploration, which tells them.
     """
     explorer = Explorer(tables(replace(model, rewards=()), layout))
     explorer.add(initial_rows(model, layout))
     explorer.run(tuning.SAMPLE_STATES, _FOREVER)
-    states = explorer.states.view_rows().copy()
-    explored = states[: max(1, explorer.explored)]
-    chosen = explored[:: 1 + len(explored) // tuning.SAMPLE_ROWS]
+    rows = explorer.states.view_rows()
+    states = rows[:: 1 + len(rows) // tuning.COMPARED_STATES].copy()
+    explored = rows[: max(1, explorer.explored)]
+    chosen = explored[:: 1 + len(explored) // tuning.SAMPLE_ROWS].copy()
     if explorer.fault_state >= 0:
         return states, chosen, chosen
     found = SuccessorGenerator(model, layout).choices(chosen)

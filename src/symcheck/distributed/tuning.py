@@ -1,12 +1,20 @@
 """Constants of distributed models."""
 
-ROUND_STATES = 1 << 17
-"""States that a part expands before it sends states to others. Rounds take some tens of
-milliseconds, and all parts have equal work in a round.
+ROUND_ENTRIES = 1 << 20
+"""Entries of rows that a part explores before it sends states to others: all parts have equal work
+in a round, of some tens of milliseconds.
+"""
+
+FIRST_ROUND_ENTRIES = 1 << 14
+"""The first rounds are short, double each time, and begin with this number: the other parts have
+nothing to do before the first states reach them.
 """
 
 SAMPLE_STATES = 100_000
 """First states of the model, among which variables are chosen that name the owner of a state."""
+
+COMPARED_STATES = 20_000
+"""States of the sample whose owners are compared."""
 
 SAMPLE_ROWS = 5_000
 """States of the sample whose successors are compared with them."""
@@ -17,6 +25,11 @@ SEEDS = 8
 KEYS_PER_PART = 16
 """Values of the chosen variables in the sample for each part: few values make parts uneven, and
 parts that wait for each other.
+"""
+
+BLOCKS_PER_PART = 2
+"""Least number of blocks of values of a variable for each part: with fewer, states that are found
+later have one owner.
 """
 
 COST_OF_CROSSING = 3.0

@@ -47,11 +47,20 @@ def malloc_trim():
         trim_heap()
 
 
+cdef uint64_t BLOCKS = (1 << 63) - 1
+
+
 cdef inline int owner_of(const uint64_t* row, const uint64_t* mask, int words, uint64_t seed,
                          int parts) noexcept nogil:
-    """The part that owns a state."""
+    """The part that owns a state (see `owners`)."""
     cdef uint64_t h = seed
     cdef int w
+    if seed == BLOCKS:
+        h = 0
+        for w in range(words):
+            if mask[w]:
+                h += (row[w] & mask[w]) / (mask[w] & (~mask[w] + 1))
+        return <int> (h % <uint64_t> parts)
     for w in range(words):
         h = (h ^ (row[w] & mask[w])) * 0x94D049BB133111EBULL
         h ^= h >> 31
@@ -66,6 +75,8 @@ def owners(const uint64_t[:, ::1] rows, const uint64_t[::1] mask, long long seed
     Args:
         rows: uint64[n, words].
         mask: uint64[words].
+        seed: of the hash. If it is 2**63 - 1, there is no hash: the masked bits of a word are a
+            number, and the parts take turns.
     Returns:
         int32[n].
     """
@@ -157,23 +168,23 @@ cdef class Explorer:
             self.level_end = self.states.count
 
     def run(self, long long budget, double seconds, pool: Executor | None = None,
-            int threads=1, long long expansions=MAX_STATES) -> Outcome:
+            int threads=1, long long entries=1 << 60) -> Outcome:
         """Explore until nothing is left, `budget` states are known, `seconds` have passed, or this
-        call has expanded `expansions` states.
+        call has written `entries` entries of rows.
 
         Args:
             pool: `threads` - 1 threads, which expand states beside this one; the states, their
                 numbers and the rows do not depend on them. They are used while many states are
-                left, and not with a share. Their expansions are not limited.
+                left, and not with a share. Their entries are not limited.
         Returns:
-            The outcome: COMPLETE, PAUSED (time), BUDGET (also of expansions), FAULT, NO_MEMORY or TOO_MANY (2**31
+            The outcome: COMPLETE, PAUSED (time), BUDGET (also of entries), FAULT, NO_MEMORY or TOO_MANY (2**31
                 states).
         """
         cdef int outcome
         cdef double deadline = monotonic_seconds() + seconds
         if pool is None or self.parts > 1:
             with nogil:
-                outcome = self._run(budget, deadline, MAX_STATES, self.explored + expansions)
+                outcome = self._run(budget, deadline, MAX_STATES, self.rows.entries + entries)
         else:
             outcome = self._run_in_blocks(budget, deadline, pool, threads)
         return Outcome(outcome)
@@ -183,12 +194,12 @@ cdef class Explorer:
         self.blocks, self.free_blocks = deque(), []
 
     cdef int _run(self, long long budget, double deadline, long long many,
-                  long long last=MAX_STATES) noexcept nogil:
-        """Explore in this thread, also until `many` states are left, or `last` are explored."""
+                  long long entries=1 << 60) noexcept nogil:
+        """Explore in this thread, also until `many` states are left, or rows have `entries`."""
         cdef long long last_check = self.explored
         cdef int outcome
         while self.explored < self.states.count:
-            if ((self.states.count >= budget or self.explored >= last)
+            if ((self.states.count >= budget or self.rows.entries >= entries)
                     and self._between_batches()):
                 return Outcome.BUDGET
             if self.states.count - self.explored >= many and self._between_batches():
