@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.numerics import tuning
 from symcheck.numerics.transient import state_space_truncation
 
 REST = 0.05
@@ -37,6 +38,22 @@ def test_the_resolvent_is_bounded(transposed: bool, loops: float) -> None:
     assert found is not None
     assert np.all(found >= truth)
     assert np.all(found <= 3.0 * truth)
+
+
+def test_each_order_of_the_states_goes_on_from_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No order converges within its sweeps, but all of them together do."""
+    shift, time = 2.0, 2.0 / REST
+    full, matrix, leave, right = slow(50, 5)
+    truth = np.exp(shift) * np.linalg.solve(full, right)
+    for sweeps, enough in (
+        ((400, 0, 0, 0), False),
+        ((0, 400, 0, 0), False),
+        ((400, 400, 400, 400), True),
+    ):
+        monkeypatch.setattr(tuning, "TRUNCATION_SWEEPS", sweeps)
+        found = state_space_truncation._resolvent(matrix, leave, time, right, shift, False)
+        assert (found is not None) is enough
+        assert found is None or np.all(found >= truth)
 
 
 def test_no_kept_state_earns_nothing() -> None:

@@ -114,9 +114,10 @@ FORWARD_REFINEMENT = 1e-20
 """Factor of the threshold, or a smaller one, if more was dropped than the accuracy permits."""
 
 # State-space truncation (transient/state_space_truncation.py).
-TRUNCATION_SWEEPS = (600, 4_000, 2_000, 20_000)
+TRUNCATION_SWEEPS = (600, 1_000, 2_000, 20_000)
 """Gauss-Seidel sweeps for the resolvent, in turn in the order of components and in that of distance
-from the source. Tandem needs up to 900 of the second, cluster N=256 1,100 of the first."""
+from the source; each goes on from the last. Tandem needs up to 900 of the second alone, cluster
+N=256 1,100 of the first."""
 
 # Rational Krylov subspaces (transient/rational_krylov.py).
 KRYLOV_STEPS, KRYLOV_ENTRIES = 2e3, 5e9

@@ -121,13 +121,14 @@ def _resolvent(
     reached, parent = components.breadth_first(back[0], back[1], (right > 0.0).view(np.uint8))
     nearest = np.append(reached, np.flatnonzero(parent == -2).astype(np.int32))
     del back
-    trials = [(nearest, tuning.TRUNCATION_SWEEPS[-1])]
-    if not transposed:
-        orders = (graph.sccs(rates).order, nearest) * 2
-        trials = list(zip(orders, tuning.TRUNCATION_SWEEPS, strict=True))
-    for order, sweeps in trials:
+    orders = [nearest] if transposed else [graph.sccs(rates).order, nearest] * 2
+    lower = np.zeros(rates.states)
+    for order, sweeps in zip(orders, tuning.TRUNCATION_SWEEPS[-len(orders) :], strict=True):
         block = system.block(order, np.zeros((rates.states, 2)))
-        if block.optimistic_value_iteration(1.0, True, sweeps)[0]:
+        block.x[:, 0] = lower[order]  # go on from the last order
+        found, _, _ = block.optimistic_value_iteration(1.0, True, sweeps, restart=False)
+        lower[order] = block.x[:, 0]
+        if found:
             break
     else:
         return None

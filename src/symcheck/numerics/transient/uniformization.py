@@ -251,11 +251,12 @@ class _Horizon:
         """A reward rate on a truncated space; other states get trivial bounds."""
         exit_rates, time = self.exit_rates, self.time
         kept, loss, matrix = np.arange(rates.states, dtype=np.int64), 0.0, rates
+        cut = None
         for laplace_shift in tuning.TRUNCATION_SHIFTS:
             index = np.full(rates.states, -1, dtype=np.int32)
             index[kept] = np.arange(len(kept))
             at = index[interest].astype(np.int64)
-            cut = truncate(
+            closer = truncate(
                 matrix,
                 exit_rates[kept],
                 time,
@@ -264,16 +265,16 @@ class _Horizon:
                 0.1 * self.settings.epsilon,
                 laplace_shift,
             )
-            if cut is None:
-                return None
+            if closer is None:
+                break
+            cut = closer
             kept, loss = kept[cut.kept], loss + cut.loss
             index[:] = -1
             index[kept] = np.arange(len(kept))
             matrix = rates.select(kept, index, len(kept))
-        if len(kept) > tuning.TRUNCATION_MAX_KEPT * rates.states:
+        if cut is None or len(kept) > tuning.TRUNCATION_MAX_KEPT * rates.states:
             return None
         at = index[interest].astype(np.int64)
-        assert cut is not None
         smaller = _Horizon(matrix, exit_rates[kept], time, self.settings, at, self.observer)
         weights = importance(matrix, exit_rates[kept], reward_rate[kept], time, cut.values)
         result = None
