@@ -5,9 +5,10 @@ engine; parts that are lost come back.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import chain, repeat
+from itertools import chain, cycle, repeat
 from pathlib import Path
 from random import Random
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,8 +19,10 @@ from in_process_cluster import InProcessCluster, cluster
 from symcheck.check.result import Certified, Exact
 from symcheck.distributed import DistributedModel, explore_on_cluster, parts, tuning
 from symcheck.distributed import model as model_module
+from symcheck.distributed import part as part_module
 from symcheck.distributed.part import Message, Part
 from symcheck.distributed.partition import Partition, choose_partition
+from symcheck.distributed.substitution import Substitution
 from symcheck.errors import (
     InputError,
     ModelFault,
@@ -284,6 +287,24 @@ def test_accuracies_are_told() -> None:
     assert result.accuracy.lower <= 1 / 6 <= result.accuracy.upper
     assert isinstance(die.check("P=? [ F d>0 ]").accuracy, Exact)
     assert repr(die) == "<DistributedModel: dtmc, 13 states, 20 transitions on 2 workers>"
+
+
+def test_backward_substitution_that_has_not_enough_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The iteration needs less memory, and takes its place on all parts."""
+
+    def fail_once_in_a_while(*arguments: Any) -> Substitution:
+        if next(fails):
+            raise MemoryError
+        return Substitution(*arguments)
+
+    fails = cycle([False, True])
+    monkeypatch.setattr(part_module, "Substitution", fail_once_in_a_while)
+    for text, formulas in (
+        (WALK, ["P=? [ F x=N ]", "R=? [ F x=0 | x=N ]"]),
+        (COIN, ['Pmin=? [ F "heads" ]', "Rmin=? [ F p1=2 ]"]),
+    ):
+        model = symcheck.loads(text)
+        assert_same(model, explore_on_cluster(model, cluster(2)), *formulas)
 
 
 # ------------------------------------------------------------------------------- partition

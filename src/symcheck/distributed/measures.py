@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from math import nextafter
+from math import inf, nextafter
 from time import perf_counter
 from typing import NamedTuple, assert_never
 
@@ -16,7 +16,7 @@ from symcheck.distributed import tuning
 from symcheck.distributed.end_components import end_components
 from symcheck.distributed.part import Message, Part
 from symcheck.distributed.parts import Parts
-from symcheck.errors import NumericalError, ResourceError, UnsupportedError
+from symcheck.errors import MemoryLimitError, NumericalError, ResourceError, UnsupportedError
 from symcheck.matrices.rows import Floats
 from symcheck.numerics.transient.poisson import poisson
 from symcheck.options import Options
@@ -326,7 +326,10 @@ class Measures:
         if len(self.parts) == 1:
             ((lower, upper, method),) = self.parts.call(Part.solve_alone, settings)
             return Bounds(lower, upper, method)
-        rounds, width, found = self._substitute(replace(settings, relative=True))
+        try:
+            rounds, width, found = self._substitute(replace(settings, relative=True))
+        except MemoryLimitError:  # the iteration needs less
+            rounds, width, found = 0, inf, None
         if found is None or width > self.epsilon:
             if width > tuning.SUBSTITUTION_WIDTH * self.epsilon:
                 self.parts.call(Part.begin_iteration, *problem)

@@ -304,6 +304,7 @@ class Part:
         self._unknown_own = self._unknown.copy()
         self._unknown_own[self._n :] = False
         self._sets["unknown"] = self._unknown
+        self._substitution: Substitution | None = None
         self._collapsed = None
         self._direction = direction
         self._constant = None if reward is None else self._rewards(reward)
@@ -414,6 +415,7 @@ class Part:
             found = np.flatnonzero(unknown[: self._n] & ~np.isnan(saved[:, 0]))
             values[found], unknown[found] = saved[found], False
         matrix, constant = self._equations()
+        self._lower = self._upper_of_known = np.empty(0)  # until its end
         self._substitution = Substitution(
             PartEquations(
                 matrix,
@@ -433,6 +435,7 @@ class Part:
     def solve_ready(self, incoming: Sequence[Message]) -> list[Message]:
         """Solve the components whose last successors have become known, and tell the others."""
         substitution = self._substitution
+        assert substitution is not None
         self._receive(substitution.values, incoming)
         substitution.decide(self._ghosts(incoming))
         messages: list[Message] = []
@@ -446,15 +449,15 @@ class Part:
         """Continue with the states that are still unknown: the largest relative width of the bounds
         of the others, and the bounds of initial states that are known.
         """
-        substitution = self._substitution
-        del self._substitution
-        self._sets["unknown"] = self._unknown = substitution.unknown
-        self._unknown_own &= substitution.unknown
-        self._lower, self._upper_of_known = (substitution.values[:, i].copy() for i in (0, 1))
+        assert self._substitution is not None
+        values, width = self._substitution.values, self._substitution.width
+        self._sets["unknown"] = self._unknown = self._substitution.unknown
+        self._substitution = None
+        self._unknown_own &= self._unknown
+        self._lower, self._upper_of_known = values[:, 0].copy(), values[:, 1].copy()
         self._sent_lower = [self._lower[s] for s in self._rows.sent]
         known = self._rows.initial[~self._unknown[self._rows.initial]]
-        bounds = [(float(low), float(high)) for low, high in substitution.values[known]]
-        return substitution.width, bounds
+        return width, [(float(low), float(high)) for low, high in values[known]]
 
     # -------------------------------------------------------------------- interval iteration
 
@@ -593,6 +596,7 @@ class Part:
     def save_substitution(self, formula: str, number: int) -> None:
         """Write the bounds of the states whose values are known, as a checkpoint with a number."""
         assert self._files is not None
+        assert self._substitution is not None
         values = self._substitution.values[: self._n].copy()
         values[self._substitution.unknown[: self._n]] = np.nan
         self._files.save_values(formula, number, {"values": values})
