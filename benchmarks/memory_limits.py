@@ -145,9 +145,10 @@ def two_workers(
         with Watch.over([*pids, os.getpid()]) as watch:
             distributed = explore_on_cluster(symcheck.load(model, constants), client)
             for formula in formulas:
-                bounds = distributed.check(formula).bounds
-                assert bounds is not None
-                found.append(bounds)
+                result = distributed.check(formula)
+                assert result.bounds is not None
+                print(f"{formula}: {result.explanation}")
+                found.append(result.bounds)
         assert sorted(pids) == sorted(client.run(os.getpid).values()), "a worker was restarted"
         print(f"{distributed!r}, {distributed.ghosts:,} ghosts")
     return watch, found
