@@ -22,11 +22,9 @@ from symcheck import teach, view
 """
 
 
-def run(code: str, cudd: str = "") -> list[str]:
-    """The lines that Python prints where dd has no CUDD; `cudd` is the file of a shared library."""
-    environment = {k: v for k, v in os.environ.items() if k != "SYMCHECK_CUDD"}
-    if cudd:
-        environment["SYMCHECK_CUDD"] = cudd
+def run(code: str, **variables: str) -> list[str]:
+    """The lines that Python prints where dd has no CUDD, with variables of the environment."""
+    environment = {k: v for k, v in os.environ.items() if k != "SYMCHECK_CUDD"} | variables
     done = subprocess.run(
         [sys.executable, "-c", HIDE_CUDD + IMPORTS + code],
         capture_output=True,

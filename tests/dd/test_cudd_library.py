@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import dd.cudd
 import pytest
 
@@ -14,10 +16,26 @@ for engine in {engines}:
 """
 
 
-def test_a_shared_library_replaces_the_module_of_dd() -> None:
+WAYS = {
+    "the variable SYMCHECK_CUDD": ("", {"SYMCHECK_CUDD": "libcudd.so"}),
+    "the folder of Python's libraries": ("import sys; sys.base_prefix = {folder!r}\n", {}),
+    "the loader of the system": ("", {"LD_LIBRARY_PATH": "lib"}),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_shared_library_replaces_the_module_of_dd(way: str, tmp_path: Path) -> None:
     """The module of dd is itself a shared library that exports CUDD."""
+    library = tmp_path / "lib" / "libcudd.so"
+    library.parent.mkdir()
+    library.symlink_to(dd.cudd.__file__)
+    code, variables = WAYS[way]
+    places = {"libcudd.so": str(library), "lib": str(library.parent)}
     engines = ["explicit", "sparse", "hybrid", "mtbdd"]
-    lines = run(CHECK.format(engines=engines), dd.cudd.__file__)
+    lines = run(
+        code.format(folder=str(tmp_path)) + CHECK.format(engines=engines),
+        **{name: places[place] for name, place in variables.items()},
+    )
     values = {line.split()[0] for line in lines}
     assert [line.split()[1:] for line in lines] == [["155", engine] for engine in engines]
     assert max(map(float, values)) - min(map(float, values)) < 1e-9
@@ -32,7 +50,7 @@ except symcheck.SymcheckError as error:
 """
     import _ctypes
 
-    (line, hint) = run(code, _ctypes.__file__)
+    (line, hint) = run(code, SYMCHECK_CUDD=_ctypes.__file__)
     assert line == f"{_ctypes.__file__} does not export Cudd_ReadOne"
     assert "dd 0.6.0" in hint
 

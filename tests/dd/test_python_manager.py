@@ -87,6 +87,14 @@ def test_images_keep_what_a_relation_does_not_touch(
 
 
 @given(f=TABLES, g=TABLES)
+def test_sets_are_read_from_tables_of_nodes(f: list[bool], g: list[bool]) -> None:
+    manager = PythonManager()
+    manager.add_variables(NAMES)
+    sets = [manager.bdd_table(NAMES, values) for values in (f, g)]
+    assert manager.import_bdd(manager.export_bdd(*sets)) == sets
+
+
+@given(f=TABLES, g=TABLES)
 def test_comparisons_and_shared_nodes(f: list[bool], g: list[bool]) -> None:
     seen = []
     for manager in (DiagramManager(), PythonManager()):

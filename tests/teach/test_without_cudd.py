@@ -17,6 +17,8 @@ GIVEN: dict[str, dict[str, object]] = {
     "kanban/kanban.sm": {"t": 2},
     "crowds/crowds.pm": {"TotalRuns": 2, "CrowdSize": 3},
 }
+CONSTRUCTION = "Construction of the matrix, guard by guard"
+FIXPOINTS = {"prob0", "prob1"}
 MODEL = pytest.mark.parametrize("path", GIVEN)
 
 
@@ -153,3 +155,28 @@ print(len(view.picture(model, part="states").nodes))
 """
     expected = len(view.picture(model("die/die.pm"), part="states").nodes)
     assert printed(code, "die/die.pm") == ["True", str(expected)]
+
+
+@pytest.mark.parametrize(
+    ("path", "text", "missing"),
+    [
+        ("die/die.pm", "P=? [ F d=6 ]", set()),
+        ("dining/dining.nm", 'Pmin=? [ F "eating" ]', FIXPOINTS),
+    ],
+)
+def test_a_page_has_the_sets_and_says_what_the_matrix_needs(
+    path: str, text: str, missing: set[str]
+) -> None:
+    code = f"""
+for show in model.page({text!r}).data["shows"]:
+    print(show["name"], len(show["frames"]), show["frames"][0].get("title"))
+"""
+    shows = model(path).page(text).data["shows"]
+    shown = {
+        (s["name"], f"{s['name']} {len(s['frames'])} {s['frames'][0].get('title')}") for s in shows
+    }
+    lines = set(printed(code, path))
+    assert "Diagrams 1 The matrix is not drawn." in lines
+    others = {name for name, line in shown if line not in lines}
+    assert others - missing == {CONSTRUCTION, *(n for n in others if n.startswith("Matrix"))}
+    assert missing <= others

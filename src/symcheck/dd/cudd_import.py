@@ -2,8 +2,8 @@
 
 1. `dd.cudd`, which wheels of dd have on Linux, x86-64, CPython up to 3.13. Its diagrams and those
    of symcheck are the same objects.
-2. A shared library with CUDD 3.0: the file that the environment variable SYMCHECK_CUDD names, or
-   the one that the system finds as `cudd`.
+2. A shared library with CUDD 3.0: the file that the environment variable SYMCHECK_CUDD names, the
+   one in the folder of Python's libraries, where conda-forge's package is, or that of the system.
 
 Without both, everything but diagrams works, and the first `DiagramManager` raises UnsupportedError;
 `python_manager.py` has BDDs of sets for teaching.
@@ -20,7 +20,9 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from contextlib import suppress
 from functools import cache
+from pathlib import Path
 from types import ModuleType
 
 from symcheck.errors import UnsupportedError
@@ -30,8 +32,8 @@ __all__ = ["INSTALL_HINT", "REQUIRED_VERSION", "Function", "available", "cudd", 
 REQUIRED_VERSION = "0.6.0"
 INSTALL_HINT = (
     f"wheels of dd {REQUIRED_VERSION} for Linux on x86-64 and CPython up to 3.13 contain it; "
-    "elsewhere, SYMCHECK_CUDD names a shared library with CUDD 3.0. The engines -ex and -exact "
-    "need no diagrams"
+    "elsewhere, that of conda-forge's package cudd is found, and SYMCHECK_CUDD names a shared "
+    "library with CUDD 3.0. The engines -ex and -exact need no diagrams"
 )
 """Where CUDD comes from."""
 
@@ -78,9 +80,19 @@ def library() -> str:
 
 @cache
 def _system_library() -> str | None:
-    """The library that the system finds as `cudd`; the search starts processes."""
-    from ctypes.util import find_library  # it imports modules that are needed nowhere else
+    """The library in the folder of Python's libraries, or the one that the system finds as `cudd`.
 
+    The loader is asked first: the search of `find_library` starts processes, which a small system
+    does not have.
+    """
+    import ctypes
+    from ctypes.util import find_library  # they import modules that are needed nowhere else
+
+    here = Path(sys.base_prefix, "lib")
+    for name in (here / "libcudd.so", here / "libcudd.dylib", "libcudd.so", "libcudd-3.0.0.so.0"):
+        with suppress(OSError):
+            ctypes.CDLL(str(name))
+            return str(name)
     return find_library("cudd")
 
 

@@ -171,10 +171,15 @@ class DiagramManager:
         """Level of a variable; 0 is the top."""
         return self.core.level(self.index_of(name))
 
+    @property
+    def size(self) -> int:
+        """Number of variables, which is also the level of the leaves."""
+        return self.core.size()
+
     def order(self) -> tuple[str, ...]:
         """The variables from the top down."""
         names = self.core.names_by_index()
-        return tuple(names[self.core.index_at(level)] for level in range(self.core.size()))
+        return tuple(names[self.core.index_at(level)] for level in range(self.size))
 
     def name_of(self, index: int) -> str:
         """The variable with this index."""
@@ -325,7 +330,7 @@ class DiagramManager:
 
     def export_bdd(self, *sets: Bdd) -> BddTable:
         """Sets as arrays of nodes without complement edges."""
-        return BddTable(self.core.size(), *extension.export_sets(self.core, sets))
+        return BddTable(self.size, *extension.export_sets(self.core, sets))
 
     def import_bdd(self, table: BddTable) -> list[Bdd]:
         """The inverse of `export_bdd`. Raises ValueError if the table is malformed."""
@@ -334,7 +339,7 @@ class DiagramManager:
     def export_mtbdd(self, diagrams: Mtbdd | Sequence[Mtbdd]) -> NodeTable:
         """Functions as arrays of nodes; shared nodes occur once."""
         roots = [diagrams] if isinstance(diagrams, Mtbdd) else diagrams
-        return NodeTable(self.core.size(), *extension.export_nodes(self.core, roots))
+        return NodeTable(self.size, *extension.export_nodes(self.core, roots))
 
     def import_mtbdd(self, table: NodeTable) -> list[Mtbdd]:
         """The inverse of `export_mtbdd`. Raises ValueError if the table is malformed."""

@@ -138,7 +138,7 @@ class Odd:
         """The set of the members where the mask (bool[count]) is true."""
         if len(members) != self.count:
             raise ValueError(f"{len(members)} truth values for {self.count} members")
-        levels, bottom = self.levels, self.manager.core.size()
+        levels, bottom = self.levels, self.manager.size
         level, low, high, root = vectors.array_to_diagram(
             self.table, np.ascontiguousarray(members).view(np.uint8), 2, levels, bottom
         )
@@ -163,7 +163,7 @@ class Odd:
             raise ValueError(f"{len(values)} values for {self.count} members")
         ids = np.empty(len(values), np.int32)
         leaves = vectors.number_values(np.ascontiguousarray(values, np.float64), ids)
-        levels, bottom = self.levels, self.manager.core.size()
+        levels, bottom = self.levels, self.manager.size
         level, low, high, root = vectors.array_to_diagram(
             self.table, ids, len(leaves), levels, bottom
         )

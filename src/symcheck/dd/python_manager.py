@@ -228,6 +228,11 @@ class PythonManager:
         """Level of a variable; 0 is the top."""
         return int(self.bdd.level_of_var(name))
 
+    @property
+    def size(self) -> int:
+        """Number of variables, which is also the level of the leaf."""
+        return len(self.bdd.vars)
+
     def order(self) -> tuple[str, ...]:
         """The variables from the top down."""
         return tuple(sorted(self.bdd.vars, key=self.level_of))
@@ -311,8 +316,7 @@ class PythonManager:
 
     def export_bdd(self, *sets: PythonBdd) -> BddTable:
         """Sets as arrays of nodes without complement edges."""
-        levels = len(self.bdd.vars)
-        rows = [(levels, 0, 0), (levels, 1, 1)]
+        rows = [(self.size, 0, 0), (self.size, 1, 1)]
         number = {-1: 0, 1: 1}  # by the signed number in dd, which is negative for complements
 
         def visit(node: int) -> int:
@@ -326,7 +330,15 @@ class PythonManager:
 
         roots = np.array([visit(s.function.node) for s in sets], np.int32)
         level, low, high = np.array(rows, np.int32).T.copy()
-        return BddTable(levels, level, low, high, roots)
+        return BddTable(self.size, level, low, high, roots)
+
+    def import_bdd(self, table: BddTable) -> list[PythonBdd]:
+        """The inverse of `export_bdd`."""
+        names, made = self.order(), [self.false, self.true]
+        columns = (column[2:].tolist() for column in (table.level, table.low, table.high))
+        for level, low, high in zip(*columns, strict=True):
+            made.append(self.variable(names[level]).ite(made[high], made[low]))
+        return [made[root] for root in table.roots.tolist()]
 
 
 def _autoref() -> Any:

@@ -16,10 +16,11 @@ from symcheck.check.state_formulas import states_of
 from symcheck.constant_values import GivenConstants, constant_values
 from symcheck.direction import Direction
 from symcheck.engines.base import Engine, StateSet
-from symcheck.errors import SymcheckError, UnsupportedError
+from symcheck.errors import MemoryLimitError, SymcheckError, UnsupportedError
 from symcheck.options import MethodName, Options, OptionValues
 from symcheck.page.document import JsonObject, JsonValue, document, fragment
 from symcheck.semantics.model import BoundModel
+from symcheck.symbolic.matrix.transitions import transitions
 from symcheck.syntax.ast import (
     Eventually,
     Measure,
@@ -34,7 +35,7 @@ from symcheck.teach.board import Board, Show
 from symcheck.teach.construction import construction, construction_show
 from symcheck.teach.fixpoints import fixpoint_show, prob0, prob1
 from symcheck.teach.frontiers import frontiers, search_show
-from symcheck.teach.source import symbolic_engine
+from symcheck.teach.source import diagrams_of
 from symcheck.teach.vectors import (
     EquationsTrace,
     equations_show,
@@ -48,6 +49,7 @@ from symcheck.whole_file import write_whole
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd
     from symcheck.engines.symbolic.engine import SymbolicEngine
+    from symcheck.symbolic.encoding.variables import Encoding
 
 __all__ = ["Page", "PageModel", "model_page"]
 
@@ -187,14 +189,8 @@ class _Writer:
         ]
         for entry in properties:
             entry["show"] = None if entry["show"] is None else entry["show"] + 1
-        symbolic = None
-        if bound.events and total <= _MOST_DIAGRAM_STATES:
-            try:
-                symbolic = symbolic_engine(self.model)
-                shows.extend(self._diagrams(symbolic))
-            except UnsupportedError as error:
-                frame = {"title": "This model has no diagrams.", "note": str(error)}
-                shows.append(self._on_states("Diagrams", "", frame))
+        has_diagrams = bound.events and total <= _MOST_DIAGRAM_STATES
+        symbolic = self._diagrams() if has_diagrams else None
         for instance, entry in zip(instances, properties, strict=True):
             if entry["value"] != "error":
                 stages = self._stages(instance, symbolic)
@@ -262,28 +258,46 @@ class _Writer:
             self.strategies.append({"name": instance.title, "rows": rows, "values": frame["low"]})
         return frame
 
-    def _diagrams(self, engine: SymbolicEngine) -> Iterator[Show]:
-        """Search, construction, and the diagrams of states and matrix."""
-        board = self.board
-        space = engine.space
-        encoding = space.symbolic.encoding
-        yield search_show(list(frontiers(space.symbolic, frames=1000)), board)
-        yield construction_show(list(construction(space, self.model.options)), board)
-        pictures: dict[str, Bdd | Mtbdd] = {"Reachable states": space.states}
-        roots = list(engine.diagrams.roots)
-        for i, root in enumerate(roots):
-            pictures[f"Matrix, choice class {i + 1}" if len(roots) > 1 else "Matrix"] = root
-        for name, diagram in pictures.items():
-            for bits, how in ((False, "variables"), (True, "bits")):
-                drawn = board.diagram([diagram], encoding, bits=bits, title=name)
-                count = f"{diagram.node_count} nodes in memory"
-                note = count if drawn.panes else f"{count}: too many to be drawn."
-                frame = {"title": name, "note": note}
-                yield {
-                    "name": f"{name} as a diagram ({how})",
-                    "panes": drawn.panes,
-                    "frames": [frame],
-                }
+    def _diagrams(self) -> SymbolicEngine | None:
+        """Add search, construction, and the diagrams of states and matrix. Where there is no CUDD,
+        the page has the sets and says what the rest needs.
+
+        Returns:
+            The engine of prob0 and prob1, or None if there is none.
+        """
+        symbolic = None
+        title = "This model has no diagrams."
+        try:
+            space, symbolic = diagrams_of(self.model)
+            encoding = space.symbolic.encoding
+            search = list(frontiers(space.symbolic, frames=1000))
+            self.shows.append(search_show(search, self.board))
+            built = list(construction(space, self.model.options))
+            self.shows.append(construction_show(built, self.board))
+            self.shows.extend(self._pictures("Reachable states", space.states, encoding))
+            title = "The matrix is not drawn."
+            matrix = symbolic.diagrams if symbolic else transitions(space, self.model.options)
+            roots = list(matrix.roots)
+            for i, root in enumerate(roots):
+                name = f"Matrix, choice class {i + 1}" if len(roots) > 1 else "Matrix"
+                self.shows.extend(self._pictures(name, root, encoding))
+        except (UnsupportedError, MemoryLimitError) as error:
+            frame = {"title": title, "note": str(error)}
+            self.shows.append(self._on_states("Diagrams", "", frame))
+        return symbolic
+
+    def _pictures(self, name: str, diagram: Bdd | Mtbdd, encoding: Encoding) -> Iterator[Show]:
+        """A diagram with a node per variable, and with a node per bit."""
+        for bits, how in ((False, "variables"), (True, "bits")):
+            drawn = self.board.diagram([diagram], encoding, bits=bits, title=name)
+            count = f"{diagram.node_count} nodes in memory"
+            note = count if drawn.panes else f"{count}: too many to be drawn."
+            frame = {"title": name, "note": note}
+            yield {
+                "name": f"{name} as a diagram ({how})",
+                "panes": drawn.panes,
+                "frames": [frame],
+            }
 
     def _stages(
         self, instance: PropertyInstance, symbolic: SymbolicEngine | None

@@ -16,6 +16,7 @@ from symcheck.view.choice_graph import GivenModel
 
 __all__ = [
     "bound_of",
+    "diagrams_of",
     "encoded",
     "graph_engine",
     "state_space",
@@ -66,6 +67,16 @@ def graph_engine(source: GivenModel | SymbolicEngine) -> SymbolicEngine:
     space = state_space(source)
     check_model(space, source.options)
     return MtbddEngine(set_diagrams_of(space), space)
+
+
+def diagrams_of(source: GivenModel) -> tuple[StateSpace, SymbolicEngine | None]:
+    """The reachable states, and an engine for questions about the graph: an MDP without CUDD has
+    none.
+    """
+    if source.bound.type is ModelType.MDP and not available():
+        return state_space(source), None
+    engine = graph_engine(source)
+    return engine.space, engine
 
 
 def symbolic_engine(source: GivenModel | SymbolicEngine) -> SymbolicEngine:

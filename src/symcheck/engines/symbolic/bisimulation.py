@@ -88,7 +88,7 @@ class LumpedDiagrams:
         state is.
         """
         manager, (position, low, high, root) = self.diagrams.manager, self._table
-        bottom = manager.core.size()
+        bottom = manager.size
         level = np.append(levels_of(manager, self.diagrams.rows), bottom).astype(np.int32)[position]
         leaves = np.zeros(self.blocks + 1)
         leaves[self._order] = values
@@ -137,7 +137,7 @@ class LumpedDiagrams:
     def at_members(self, function: Mtbdd) -> Floats:
         """The value of a function of the row bits at the first state of each block."""
         manager = self.diagrams.manager
-        bits = np.zeros((self.blocks, manager.core.size()), np.uint8)
+        bits = np.zeros((self.blocks, manager.size), np.uint8)
         bits[:, [manager.index_of(name) for name in self.diagrams.rows]] = self.members
         return np.asarray(function.evaluate(bits), np.float64)
 
