@@ -9,6 +9,7 @@ from itertools import chain, cycle, repeat
 from pathlib import Path
 from random import Random
 from typing import Any
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -372,6 +373,25 @@ def test_states_of_lost_workers_are_explored_again(
     workers.killed = iter(())
     assert workers.deaths
     assert_same(model, distributed, 'Pmin=? [ F "heads" ]')
+
+
+def test_parts_that_begin_anew_leave_their_memory_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One part has ended its exploration when the other one is lost, before it ends its own."""
+    model, whole = symcheck.loads(COIN), cluster(2)
+    calls = count_calls(whole)
+    explore_on_cluster(model, whole)
+    living: dict[int, list[ref[Part]]] = {0: [], 1: []}
+
+    def create(bound: BoundModel, number: int, *more: Any) -> Part:
+        assert not [part for part in living[number] if part() is not None]
+        part = Part(bound, number, *more[:2])
+        living[number].append(ref(part))
+        return part
+
+    monkeypatch.setattr(parts, "create_part", create)
+    losing = InProcessCluster(["w0", "w1"], chain(repeat(False, len(calls) - 1), [True]), deaths=1)
+    assert_same(model, explore_on_cluster(model, losing), 'Pmin=? [ F "heads" ]')
+    assert len(living[0]) == 2
 
 
 def test_workers_that_are_lost_before_they_have_a_part(monkeypatch: pytest.MonkeyPatch) -> None:

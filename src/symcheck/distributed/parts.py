@@ -216,7 +216,11 @@ class Parts:
             self._place(number, worker)
 
     def _place(self, number: int, worker: str) -> None:
-        """Create a part on a worker."""
+        """Create a part on a worker, in place of the one that there may be.
+
+        Dask creates nothing on a worker that has filled most of its memory.
+        """
+        self._placed[number] = _Placed(worker, None)
         try:
             self._placed[number] = _Placed(worker, self._results([self._create(number, worker)])[0])
         except PartLost as error:
