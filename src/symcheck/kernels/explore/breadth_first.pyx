@@ -47,7 +47,8 @@ def malloc_trim():
         trim_heap()
 
 
-cdef uint64_t BLOCKS = (1 << 63) - 1
+cdef uint64_t BLOCKS = 0x7FFFFFFFFFFFFFFF
+cdef long long NO_LIMIT = 0x1000000000000000
 
 
 cdef inline int owner_of(const uint64_t* row, const uint64_t* mask, int words, uint64_t seed,
@@ -168,7 +169,7 @@ cdef class Explorer:
             self.level_end = self.states.count
 
     def run(self, long long budget, double seconds, pool: Executor | None = None,
-            int threads=1, long long entries=1 << 60) -> Outcome:
+            int threads=1, long long entries=NO_LIMIT) -> Outcome:
         """Explore until nothing is left, `budget` states are known, `seconds` have passed, or this
         call has written `entries` entries of rows.
 
@@ -194,7 +195,7 @@ cdef class Explorer:
         self.blocks, self.free_blocks = deque(), []
 
     cdef int _run(self, long long budget, double deadline, long long many,
-                  long long entries=1 << 60) noexcept nogil:
+                  long long entries) noexcept nogil:
         """Explore in this thread, also until `many` states are left, or rows have `entries`."""
         cdef long long last_check = self.explored
         cdef int outcome
@@ -300,7 +301,7 @@ cdef class Explorer:
         while True:
             if not self.blocks:
                 with nogil:
-                    outcome = self._run(budget, deadline, MANY_STATES_LEFT)
+                    outcome = self._run(budget, deadline, MANY_STATES_LEFT, NO_LIMIT)
                 if outcome != MANY_STATES:
                     return outcome
             self._fill_blocks(pool, 2 * threads)
