@@ -52,6 +52,15 @@ def test_a_pure_birth_process_reaches_its_end_as_a_poisson_process_does(n: int) 
     assert run.upper - run.lower <= 1e-6 * run.upper
 
 
+def test_a_rare_value_at_a_time_has_a_small_relative_error() -> None:
+    rates, exit_rates = line(200, 1.0)
+    run = forward_value(rates, exit_rates, np.eye(200)[150], 50.0, False, 0, Accuracy(), None)
+    assert run is not None
+    truth = arrivals_within(150, 50) - arrivals_within(151, 50)  # 2.4e-30
+    assert Fraction(run.lower) <= truth <= Fraction(run.upper)
+    assert run.upper - run.lower <= 1e-6 * run.upper
+
+
 @pytest.mark.parametrize("source", [False, True])
 def test_values_agree_with_the_series_over_all_states(source: bool) -> None:
     rates, exit_rates = line(3000, 5.0, 3.0)

@@ -116,6 +116,12 @@ def test_poisson_weights(rate: float) -> None:
     assert weights.missing <= 1e-290
 
 
+def test_nothing_is_left_after_the_last_weight() -> None:
+    for weights in (poisson(100.0).masses(), poisson(100.0).tails()):
+        assert weights.tail_sum(len(weights)) == 0.0
+        assert weights.tail_sum(len(weights) + 7) == 0.0
+
+
 def exact_weight(rate: float, k: int) -> float:
     """P(N = k) for large k, by Stirling's series in 60 digits (the next term is below 1e-40)."""
     with localcontext() as context:

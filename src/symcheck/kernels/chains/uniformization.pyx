@@ -132,8 +132,8 @@ def active_steps(const int64_t[::1] indptr, const int32_t[::1] indices, const do
                 if made + indptr[s + 1] - indptr[s] + 1 > capacity:
                     made = -1
                     break
-                stay = 1.0 - exit_rates[s] / q
-                if stay > 4e-16:  # less is rounding, which the bounds of the caller include
+                stay = (q - exit_rates[s]) / q  # with a relative error only
+                if stay > 0.0:
                     if arrivals[s] == 0:
                         others[made] = s
                         made += 1

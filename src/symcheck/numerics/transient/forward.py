@@ -80,9 +80,9 @@ def forward_value(
             if ahead > tuning.FORWARD_WORK:
                 return None
             spoilt = run.is_spoilt(settings)
-        if not run.loss:  # rounding alone is too much
-            return None
         goal = settings.epsilon * (run.lower if settings.relative else 1.0)
+        if run.loss <= 0.01 * goal:  # rounding alone is too much
+            return None
         factor = 0.01 * goal / run.loss
         run.restart(run.threshold * min(factor or 1.0, tuning.FORWARD_REFINEMENT))
     return None
@@ -153,11 +153,8 @@ class _Run(ForwardValue):
             self.rates.longest + 2
         ) * self.window.rate
         error = roundings * tuning.UNIT_ROUNDOFF + self.window.error + 1e-10
-        # 1 - exit rate / q has an absolute error, which matters if rewards fall with time.
-        absolute = 8 * tuning.UNIT_ROUNDOFF * self.steps * self.greatest * (not self.source)
-        self.lower = max(self.total * (1.0 - error) - absolute, 0.0)
-        missing = (self.loss + self.rest) * (1.0 + 1e-9)
-        self.upper = self.total * (1.0 + error) + absolute + missing
+        self.lower = max(self.total * (1.0 - error), 0.0)
+        self.upper = self.total * (1.0 + error) + (self.loss + self.rest) * (1.0 + 1e-9)
         return int(visited)
 
     @property

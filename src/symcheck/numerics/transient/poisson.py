@@ -83,7 +83,7 @@ class WeightSequence:
     def tail_sum(self, begin: int) -> float:
         """The sum of the weights from k = begin on."""
         flat = self.constant * max(0, self.left - begin)
-        return flat + float(self._tail_sums[max(0, begin - self.left)])
+        return flat + float(self._tail_sums[max(0, begin - self.left) :][:1].sum())
 
     def powers(self, begin: int, ratio: float) -> float:
         """The sum over k >= begin of weight_k * ratio^(k - begin), relative error about 1e-10."""
