@@ -342,6 +342,19 @@ def test_owners_follow_blocks_of_values_that_change_by_small_steps() -> None:
     assert 400 < np.count_nonzero(owners) < 600
 
 
+def test_owners_do_not_follow_a_clock() -> None:
+    """Of all states that are found at a time, each part owns some."""
+    text = """dtmc module timer t : [0..999]; [tick] t<999 -> (t'=t+1);
+        [tick] t=999 -> (t'=0); endmodule
+        module walk x : [0..99] init 50;
+        [tick] true -> 0.5 : (x'=min(99, x+1)) + 0.5 : (x'=max(0, x-1)); endmodule"""
+    model = symcheck.loads(text).bound
+    partition = choose_partition(model, 2)
+    layout = StateLayout.of(model.variables)
+    at_one_time = layout.pack([np.full(100, 300), np.arange(100)])
+    assert 30 < np.count_nonzero(partition.owners(at_one_time)) < 70
+
+
 def test_faults_among_the_first_states_are_left_to_the_exploration() -> None:
     text = """dtmc module a x:[0..199]; [] x<199 -> 0.5 : (x'=x+1) + 0.5 : true; endmodule
         module b y:[0..199]; [] true -> (y'=y+1); endmodule"""

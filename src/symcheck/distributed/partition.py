@@ -66,7 +66,7 @@ def choose_partition(model: BoundModel, parts: int) -> Partition:
     candidates = chain(
         [everything],
         _hashes(layout, parts, states, sources, targets),
-        _blocks(layout, parts),
+        _blocks(layout, parts, sources, targets),
     )
     return min(candidates, key=lambda partition: _cost(partition, states, sources, targets))
 
@@ -89,13 +89,23 @@ def _hashes(
                 yield Partition(parts, tuple(mask.tolist()), seed)
 
 
-def _blocks(layout: StateLayout, parts: int) -> Iterator[Partition]:
-    """Blocks of 1, 2, 4, … values of each variable, which the parts own in turns."""
-    for (_, word, shift, bits), greatest in zip(layout.fields, layout.ranges, strict=True):
+def _blocks(layout: StateLayout, parts: int, sources: Rows, targets: Rows) -> Iterator[Partition]:
+    """Blocks of 1, 2, 4, … values of each variable that rises and falls, which the parts own in
+    turns.
+
+    A search reaches the blocks of a variable that only rises one after the other, and all parts but
+    one would wait.
+    """
+    for variable, word, shift, bits in layout.fields.tolist():
+        before, after = layout.column(sources, variable), layout.column(targets, variable)
+        rises, falls = int((after > before).sum()), int((after < before).sum())
+        values = int(layout.ranges[variable]) + 1
+        if min(rises, falls) < tuning.LEAST_TURNS * max(rises, falls, 1):
+            continue
         for low_bits in range(bits):
-            if (int(greatest) + 1) >> low_bits >= tuning.BLOCKS_PER_PART * parts:
+            if values >> low_bits >= tuning.BLOCKS_PER_PART * parts:
                 mask = [0] * layout.words
-                mask[word] = ((1 << int(bits)) - (1 << low_bits)) << int(shift)
+                mask[word] = ((1 << bits) - (1 << low_bits)) << shift
                 yield Partition(parts, tuple(mask), _BLOCKS)
 
 

@@ -32,13 +32,16 @@ BLOCKS_PER_PART = 2
 later have one owner.
 """
 
+LEAST_TURNS = 0.25
+"""A variable with blocks of values falls at least so often for each time it rises, or reversely."""
+
 COST_OF_CROSSING = 3.0
 """A transition to another part costs as much as so many within a part."""
 
 SWEEPS_PER_ROUND = 32
 """Most sweeps of a part between two exchanges; they visit active states only."""
 
-SUBSTITUTION_SHARE = 0.5 / 1024
+SUBSTITUTION_SHARE = 0.5 / 128
 """Share of the requested width by which bounds may move apart at each component on a path: a path
 through more components that are solved by iteration is seldom.
 """
