@@ -1,19 +1,20 @@
 """A model on local Dask clusters of one worker and of two, and on the explicit engine of a process.
 
-python benchmarks/partitioned.py [MODEL PROPERTY [CONSTANTS]]
+python benchmarks/partitioned.py [MODEL PROPERTY [CONSTANTS]] [--turns N]
 
 Times are wall times of the exploration and of one property; processor time and memory are those of
 each worker, and of the process of the client and the scheduler. The explicit engine runs with one
-thread, and with as many as it takes by default. At last come the wall times of exploration and
-check, compared.
+thread, and with as many as it takes by default. They run in turns. At last come the medians of the
+wall times of exploration and check, compared.
 """
 
 from __future__ import annotations
 
+import argparse
 import logging
-import sys
 from pathlib import Path
 from resource import RUSAGE_SELF, getrusage
+from statistics import median
 from time import perf_counter, process_time
 
 from distributed import Client, LocalCluster
@@ -80,17 +81,30 @@ def measured_alone(model: symcheck.Model, formula: str, threads: int | None) -> 
 
 
 def main() -> None:
-    """Print a line for each number of workers, two for a single process, and the comparison."""
+    """Print two lines for clusters and two for a single process per turn, and the comparison."""
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    given = sys.argv[1:] or [str(CROWDS), PROPERTY, "TotalRuns=6,CrowdSize=20"]
-    file, formula, constants = (*given, None)[:3]
-    model = symcheck.load(str(file), constants, engine="explicit")
-    one, two = (measured(model, str(formula), workers) for workers in (1, 2))
-    alone, threaded = (measured_alone(model, str(formula), threads) for threads in (1, None))
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("model", nargs="?", default=str(CROWDS))
+    parser.add_argument("formula", nargs="?", default=PROPERTY)
+    parser.add_argument("constants", nargs="?")
+    parser.add_argument("--turns", type=int, default=1)
+    given = parser.parse_args()
+    crowds = given.model == str(CROWDS) and given.constants is None
+    constants = "TotalRuns=6,CrowdSize=20" if crowds else given.constants
+    model = symcheck.load(given.model, constants, engine="explicit")
+    turns = [
+        (
+            *(measured(model, given.formula, workers) for workers in (1, 2)),
+            *(measured_alone(model, given.formula, threads) for threads in (1, None)),
+        )
+        for _ in range(given.turns)
+    ]
+    one, two, alone, threaded = map(median, zip(*turns, strict=True))
     print(
-        f"exploration and check: one worker takes {one / alone:.2f} times as long as one process "
-        f"with one thread, and {one / threaded:.2f} times as long as with the default; two workers "
-        f"are {one / two:.2f} times as fast as one"
+        f"exploration and check: {one:.1f} s on one worker, {two:.1f} s on two, {alone:.1f} s in "
+        f"one process with one thread, {threaded:.1f} s with the default. One worker takes "
+        f"{one / alone:.2f} and {one / threaded:.2f} times as long as one process; two workers are "
+        f"{one / two:.2f} times as fast as one"
     )
 
 

@@ -10,7 +10,7 @@ FIRST_ROUND_ENTRIES = 1 << 14
 nothing to do before the first states reach them.
 """
 
-SAMPLE_STATES = 100_000
+SAMPLE_STATES = 300_000
 """First states of the model, among which variables are chosen that name the owner of a state."""
 
 COMPARED_STATES = 20_000
