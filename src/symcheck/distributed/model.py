@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -118,28 +117,16 @@ def _explored(parts: Parts) -> tuple[list[Counts], int]:
     while True:
         try:
             if not all(parts.call(Part.is_explored)):
-                rounds += _explore_in_rounds(parts)
+                answers, rounds = parts.call(Part.explore, []), rounds + 1
+                while any(left or any(map(len, messages)) for left, messages in answers):
+                    answers = parts.exchange(Part.explore, [messages for _, messages in answers])
+                    rounds += 1
             counts = parts.call(Part.finish)
             if parts.folder is not None:
                 parts.folder.complete_exploration()
             return counts, rounds
         except PartLost as error:
             parts.recover(error)
-
-
-def _explore_in_rounds(parts: Parts) -> int:
-    """Let the parts explore until no states are left; the number of rounds.
-
-    Each part has two rounds at a time, so that it expands states while the messages of the round
-    before travel. What it finds does not depend on how long they take.
-    """
-    rounds = 0
-    begun = deque(parts.begin(Part.explore, []) for _ in range(min(2, len(parts))))
-    while begun:
-        answers, rounds = parts.results(begun.popleft()), rounds + 1
-        if any(left or any(map(len, messages)) for left, messages in answers):
-            begun.append(parts.begin(Part.explore, [messages for _, messages in answers]))
-    return rounds
 
 
 @dataclass(frozen=True, eq=False, repr=False)

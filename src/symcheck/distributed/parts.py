@@ -118,7 +118,7 @@ class Parts:
         created = [self._create(i, worker) for i, worker in enumerate(workers)]
         for creation in created:
             try:
-                actor = self.results([creation])[0]
+                actor = self._results([creation])[0]
             except PartLost:
                 actor = None
             self._placed.append(_Placed(creation.worker, actor))
@@ -146,29 +146,25 @@ class Parts:
 
     def call(self, method: Callable[..., R], *arguments: object) -> list[R]:
         """The results of a method of `Part`, with the same arguments, on each part."""
-        return self.results(self._calls(method, [arguments] * len(self)))
+        return self._call(method, [arguments] * len(self))
 
     def exchange(
         self, method: Callable[..., R], outgoing: Sequence[Sequence[M]], *arguments: object
     ) -> list[R]:
         """Give each part what the others have for it: the results of a method of `Part`."""
-        return self.results(self.begin(method, outgoing, *arguments))
-
-    def begin(
-        self, method: Callable[..., R], outgoing: Sequence[Sequence[M]], *arguments: object
-    ) -> list[Any]:
-        """Begin an exchange, whose calls a part makes after those that were begun before."""
         given = [([m[i] for m in outgoing], *arguments) for i in range(len(self))]
-        return self._calls(method, given)
+        return self._call(method, given)
 
-    def _calls(self, method: Callable[..., R], arguments: Sequence[Sequence[object]]) -> list[Any]:
-        return [
-            _method(part.actor, method.__name__)(*given)
-            for part, given in zip(self._placed, arguments, strict=True)
-        ]
+    def _call(self, method: Callable[..., R], arguments: Sequence[Sequence[object]]) -> list[R]:
+        return self._results(
+            [
+                _method(part.actor, method.__name__)(*given)
+                for part, given in zip(self._placed, arguments, strict=True)
+            ]
+        )
 
     @staticmethod
-    def results(calls: Sequence[Any]) -> list[Any]:
+    def _results(calls: Sequence[Any]) -> list[Any]:
         """The results of calls, once all of them have ended."""
         results, lost, errors = [], [], []
         for i, call in enumerate(calls):
@@ -226,7 +222,7 @@ class Parts:
         """
         self._placed[number] = _Placed(worker, None)
         try:
-            self._placed[number] = _Placed(worker, self.results([self._create(number, worker)])[0])
+            self._placed[number] = _Placed(worker, self._results([self._create(number, worker)])[0])
         except PartLost as error:
             raise PartLost([number], error) from error
 
