@@ -111,7 +111,7 @@ def test_faults_are_told(said: Said, workers: InProcessCluster, tmp_path: Path) 
     status, out = said(str(model), "-pf", "P=? [ F x=2 ]", "-const", "N=2:3")
     assert status == 1
     assert out.count("Error:") == 2
-    workers.killed = chain(repeat(False, 12), [True])
+    workers.killed = chain(repeat(False, 20), [True])
     status, out = said(*DIE, "-pf", "P=? [ F d=6 ]")
     assert status not in (0, 2)
     assert "a worker of the cluster is lost" in out

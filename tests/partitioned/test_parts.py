@@ -522,3 +522,30 @@ def test_checkpoints_belong_to_a_model_and_a_number_of_workers(tmp_path: Path) -
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="no checkpoints in"):
         explore_on_cluster(symcheck.loads(COIN), cluster(2), checkpoints=tmp_path / "file")
+
+
+def test_rounds_wait_for_their_turn() -> None:
+    model = symcheck.load(MODELS / "die" / "die.pm").bound
+    part = Part(model, 0, choose_partition(model, 1))
+    assert part.explore([], 0, 0) == []  # no exchange has begun
+    part.begin_exchange(3)
+    assert part.explore([], 3, 1) == []
+    assert part.explore([], 2, 0) == []  # an earlier exchange
+    first, second = part.explore([], 3, 0)
+    assert [left for left, _ in (first, second)] == [False, False]
+    assert part.finish().states == 13
+
+
+def test_a_part_that_began_anew_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the exchange so far, its ghosts would have other numbers than those of the others."""
+    known = iter([True, True, False])  # by the three parts
+    begin = Part.begin_exchange
+
+    def begin_exchange(part: Part, generation: int) -> None:
+        if next(known, True):
+            begin(part, generation)
+
+    monkeypatch.setattr(Part, "begin_exchange", begin_exchange)
+    monkeypatch.setattr(tuning, "RESTART_SECONDS", 0.1)
+    model = symcheck.load(MODELS / "die" / "die.pm")
+    assert_same(model, explore_on_cluster(model, cluster(3)), "P=? [ F d=6 ]")

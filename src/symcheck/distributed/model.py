@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import Protocol
+from typing import Any, Protocol
 
 from symcheck.check.result import Certified, Exact, Result
 from symcheck.check.state_formulas import threshold_of
@@ -17,6 +18,7 @@ from symcheck.distributed.part import Counts, Part
 from symcheck.distributed.partition import choose_partition
 from symcheck.distributed.parts import Cluster, PartLost, Parts
 from symcheck.errors import ModelFault, NumericalError, UnsupportedError, UsageError
+from symcheck.explicit.states import Rows
 from symcheck.options import Options
 from symcheck.semantics import state_faults
 from symcheck.semantics.binding.bind import bind_properties
@@ -117,16 +119,37 @@ def _explored(parts: Parts) -> tuple[list[Counts], int]:
     while True:
         try:
             if not all(parts.call(Part.is_explored)):
-                answers, rounds = parts.call(Part.explore, []), rounds + 1
-                while any(left or any(map(len, messages)) for left, messages in answers):
-                    answers = parts.exchange(Part.explore, [messages for _, messages in answers])
-                    rounds += 1
+                rounds += _explore_in_rounds(parts)
             counts = parts.call(Part.finish)
             if parts.folder is not None:
                 parts.folder.complete_exploration()
             return counts, rounds
         except PartLost as error:
             parts.recover(error)
+
+
+def _explore_in_rounds(parts: Parts) -> int:
+    """Let the parts explore until no states are left; the number of rounds.
+
+    Two rounds are begun at a time, so that parts expand states while the messages of the round
+    before travel. What they find does not depend on how long these take.
+    """
+    generation, rounds = parts.losses, 0
+    parts.call(Part.begin_exchange, generation)
+    begun: deque[list[Any]] = deque()
+    for number in range(min(2, len(parts))):
+        begun.append(parts.begin(Part.explore, [], generation, number))
+    answered: list[deque[tuple[bool, list[Rows]]]] = [deque() for _ in range(len(parts))]
+    while begun:
+        for known, new in zip(answered, parts.results(begun.popleft()), strict=True):
+            known.extend(new)
+        if lost := [i for i, known in enumerate(answered) if not known]:
+            raise PartLost(lost, OSError("they began anew"))
+        answers, rounds = [known.popleft() for known in answered], rounds + 1
+        if any(left or any(map(len, messages)) for left, messages in answers):
+            outgoing = [messages for _, messages in answers]
+            begun.append(parts.begin(Part.explore, outgoing, generation, rounds + len(begun)))
+    return rounds
 
 
 @dataclass(frozen=True, eq=False, repr=False)

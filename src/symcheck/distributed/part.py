@@ -78,6 +78,8 @@ class Part:
         self._files = files
         self._layout = StateLayout.of(model.variables)
         self._exploration: PartExploration | None = None
+        self._generation, self._round = -1, 0  # of the exchange; no exchange has begun
+        self._early: dict[int, Sequence[Rows]] = {}
         rows = None if files is None else files.load_rows()
         if rows is not None:
             self._start(rows)
@@ -93,15 +95,41 @@ class Part:
         """Whether the rows are complete."""
         return self._exploration is None
 
-    def resend(self) -> None:
-        """Begin the exchange of the exploration anew."""
+    def begin_exchange(self, generation: int) -> None:
+        """Begin the exchange of the exploration anew: all ghosts are sent again.
+
+        generation: rounds with another number are those of an earlier exchange.
+        """
         assert self._exploration is not None
         self._exploration.resend()
+        self._generation, self._round = generation, 0
+        self._early.clear()
 
-    def explore(self, incoming: Sequence[Rows]) -> tuple[bool, list[Rows]]:
-        """Number ghosts of the other parts, and expand states; whether some are left, and the new
-        ghosts of each part.
+    def explore(
+        self, incoming: Sequence[Rows], generation: int, number: int
+    ) -> list[tuple[bool, list[Rows]]]:
+        """Number ghosts of the other parts, and expand states.
+
+        Args:
+            incoming: the ghosts.
+            generation: see `begin_exchange`.
+            number: of the round. A round that arrives before its turn waits for it: ghosts have
+                numbers in the order of the rounds.
+
+        Returns:
+            For each round whose turn it is: whether states are left, and the new ghosts of each
+            part.
         """
+        if generation != self._generation:
+            return []
+        self._early[number] = incoming
+        answers = []
+        while self._round in self._early:
+            answers.append(self._expand(self._early.pop(self._round)))
+            self._round += 1
+        return answers
+
+    def _expand(self, incoming: Sequence[Rows]) -> tuple[bool, list[Rows]]:
         assert self._exploration is not None
         busy, outgoing, own = self._exploration.explore(incoming)
         if self._files is not None:

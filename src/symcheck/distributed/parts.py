@@ -114,11 +114,11 @@ class Parts:
         self._model, self._cluster, self._partition = model, cluster, partition
         self.folder, self._check_sums = folder, check_sums
         self._placed: list[_Placed] = []
-        self._losses = 0
+        self.losses = 0
         created = [self._create(i, worker) for i, worker in enumerate(workers)]
         for creation in created:
             try:
-                actor = self._results([creation])[0]
+                actor = self.results([creation])[0]
             except PartLost:
                 actor = None
             self._placed.append(_Placed(creation.worker, actor))
@@ -146,25 +146,32 @@ class Parts:
 
     def call(self, method: Callable[..., R], *arguments: object) -> list[R]:
         """The results of a method of `Part`, with the same arguments, on each part."""
-        return self._call(method, [arguments] * len(self))
+        return self.results(self._calls(method, [arguments] * len(self)))
 
     def exchange(
         self, method: Callable[..., R], outgoing: Sequence[Sequence[M]], *arguments: object
     ) -> list[R]:
         """Give each part what the others have for it: the results of a method of `Part`."""
-        given = [([m[i] for m in outgoing], *arguments) for i in range(len(self))]
-        return self._call(method, given)
+        return self.results(self.begin(method, outgoing, *arguments))
 
-    def _call(self, method: Callable[..., R], arguments: Sequence[Sequence[object]]) -> list[R]:
-        return self._results(
-            [
-                _method(part.actor, method.__name__)(*given)
-                for part, given in zip(self._placed, arguments, strict=True)
-            ]
-        )
+    def begin(
+        self, method: Callable[..., R], outgoing: Sequence[Sequence[M]], *arguments: object
+    ) -> list[Any]:
+        """Begin an exchange, of which `results` has the results.
+
+        A part may make its calls in another order than that in which exchanges begin.
+        """
+        given = [([m[i] for m in outgoing], *arguments) for i in range(len(self))]
+        return self._calls(method, given)
+
+    def _calls(self, method: Callable[..., R], arguments: Sequence[Sequence[object]]) -> list[Any]:
+        return [
+            _method(part.actor, method.__name__)(*given)
+            for part, given in zip(self._placed, arguments, strict=True)
+        ]
 
     @staticmethod
-    def _results(calls: Sequence[Any]) -> list[Any]:
+    def results(calls: Sequence[Any]) -> list[Any]:
         """The results of calls, once all of them have ended."""
         results, lost, errors = [], [], []
         for i, call in enumerate(calls):
@@ -186,15 +193,15 @@ class Parts:
     def recover(self, error: PartLost) -> None:
         """Create lost parts anew, from their checkpoints if there are some.
 
-        Parts that are still explored exchange all ghosts again. If only some are explored, they
-        begin anew, since they cannot send their ghosts any more.
+        Parts that are still explored must exchange all ghosts again. If only some are explored,
+        they begin anew, since they cannot send their ghosts any more.
 
         Raises:
             ResourceError: there is no worker, or too many were lost.
         """
         while True:
-            self._losses += 1
-            if self._losses > tuning.MAX_LOSSES:
+            self.losses += 1
+            if self.losses > tuning.MAX_LOSSES:
                 raise error
             try:
                 self._replace(error)
@@ -202,8 +209,6 @@ class Parts:
                 if any(explored) and not all(explored):
                     for number in range(len(self)):
                         self._place(number, self._placed[number].worker)
-                elif not any(explored):
-                    self.call(Part.resend)
                 return
             except PartLost as another:
                 error = another
@@ -222,7 +227,7 @@ class Parts:
         """
         self._placed[number] = _Placed(worker, None)
         try:
-            self._placed[number] = _Placed(worker, self._results([self._create(number, worker)])[0])
+            self._placed[number] = _Placed(worker, self.results([self._create(number, worker)])[0])
         except PartLost as error:
             raise PartLost([number], error) from error
 
