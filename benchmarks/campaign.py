@@ -18,7 +18,6 @@ import multiprocessing
 import os
 import re
 import resource
-import signal
 import sys
 import tempfile
 import time
@@ -29,7 +28,6 @@ from math import inf, isinf, isnan
 from multiprocessing.connection import Connection
 from pathlib import Path
 from random import Random
-from types import FrameType
 
 import exponentials
 
@@ -49,6 +47,7 @@ from symcheck.errors import (
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from generate import Generated, random_copies, random_question, wild_model
 from symcheck.syntax.declarations import PropertiesFile
+from symcheck.time_limit import within
 
 ENGINES = ("explicit", "sparse", "hybrid", "mtbdd")
 VARIANTS: tuple[dict[str, object], ...] = (
@@ -86,24 +85,18 @@ def random_case(seed: str) -> tuple[str, list[str]]:
 
 def outcome(model: symcheck.Model, formula: PropertiesFile, seconds: float) -> Outcome:
     """The result of a property, or the error that it ends with."""
-    signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
-        return next(model.check_all(formula))[1]
+        return within(seconds, lambda: next(model.check_all(formula))[1])
     except Exception as error:  # of any kind: all are compared
         return error
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
 
 
 def by_exponentials(exact: symcheck.Model, formula: str, seconds: float) -> Outcome:
     """The result of a time-bounded property of a small CTMC, without an engine, or an error."""
-    signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
-        value = exponentials.value(exact, formula)
+        value = within(seconds, lambda: exponentials.value(exact, formula))
     except SymcheckError as error:  # of a part of the property, or no time
         return error
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
     return UnsupportedError("no exponentials") if value is None else Result(value, Exact())
 
 
@@ -423,10 +416,6 @@ def main() -> int:
     )
     asked = parser.parse_args()
 
-    def stop(_number: int, _frame: FrameType | None) -> None:
-        raise TimeLimitError("a check took too long")
-
-    signal.signal(signal.SIGALRM, stop)
     storm, folder = Storm(), asked.log.with_suffix("")
     if asked.only:
         line = run(asked.only, storm if asked.storm else None, folder)

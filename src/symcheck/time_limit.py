@@ -19,11 +19,16 @@ T = TypeVar("T")
 
 PATIENCE = 0.1  # seconds until an interrupt without effect is repeated
 
-_LOCKING = {"threading", "importlib", "_frozen_importlib", "_weakrefset", "logging", "coverage"}
+_LOCKING = {"threading", "_weakrefset", "logging", "coverage"}
 """Modules in whose functions an interrupt may leave a lock held."""
 
+_IMPORTING = {"importlib", "_frozen_importlib", "_frozen_importlib_external"}
+"""Modules that import others: compiled ones, such as numpy's, cannot be imported again after an
+interrupt."""
+
 _MOST_DELAYS = 10
-"""How often an interrupt is put off because of these modules; a thread may also wait in one."""
+"""How often an interrupt is put off because of these modules; a thread may also wait in one, or
+compute within an import."""
 
 
 class _Deadline(threading.local):
@@ -106,11 +111,25 @@ def _end(timer: _Timer) -> None:
 
 
 def _is_unsafe_to_stop(frame: FrameType | None) -> bool:
-    """Whether an interrupt in a function could leave a lock held, or a timer running."""
-    if frame is None:
-        return False
-    name = frame.f_globals.get("__name__", "")
-    return name == __name__ or name.split(".")[0] in _LOCKING
+    """Whether an interrupt in a function could leave a lock held, a timer running, or a module
+    imported in part.
+    """
+    if frame is not None and (_module(frame) in _LOCKING or _is_here(frame)):
+        return True
+    while frame is not None:
+        if _module(frame) in _IMPORTING:
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _module(frame: FrameType) -> str:
+    """The package whose code a frame executes."""
+    return str(frame.f_globals.get("__name__", "")).split(".")[0]
+
+
+def _is_here(frame: FrameType) -> bool:
+    return frame.f_globals.get("__name__") == __name__
 
 
 def _alarm_is_free() -> bool:
@@ -241,7 +260,7 @@ class ThreadTimer:
         for _ in range(_MOST_DELAYS):
             if not _is_unsafe_to_stop(sys._current_frames().get(self._target)):
                 return
-            if self._is_over_within(PATIENCE / 10):
+            if self._is_over_within(PATIENCE):
                 return
 
     def end(self) -> None:

@@ -7,6 +7,8 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
 from time import perf_counter, sleep
 
 import pytest
@@ -121,6 +123,27 @@ def test_other_errors_pass() -> None:
         within(100, interrupted)
     with pytest.raises(ZeroDivisionError):
         within(100, lambda: 1 / 0)
+
+
+@pytest.mark.parametrize("run", [here, in_thread])
+def test_a_module_is_imported_completely(
+    run: Callable[[Callable[[], object]], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """numpy, for example, cannot be imported again where an interrupt has stopped its import."""
+    name = f"slow_{run.__name__}"
+    (tmp_path / f"{name}.py").write_text(
+        "import time\nend = time.monotonic() + 0.4\nwhile time.monotonic() < end: pass\ndone = True"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def compute() -> None:
+        import_module(name)
+        while True:
+            pass
+
+    with pytest.raises(TimeLimitError):
+        run(lambda: within(0.1, compute))
+    assert sys.modules[name].done
 
 
 def test_the_outer_limit_holds() -> None:

@@ -37,6 +37,9 @@ def cluster() -> Iterator[LocalCluster]:
         ) as started,
     ):
         yield started
+        # Dask cannot close while it starts workers again.
+        with Client(started) as connected:
+            connected.wait_for_workers(2, timeout=60)
 
 
 @pytest.fixture(scope="module")
