@@ -106,10 +106,14 @@ def _family(file: Path) -> Iterator[Task]:
         for asked in symcheck.parse_properties_file(properties).properties:
             yield Task(
                 *(file.parent.name, data["type"], file.parent / instance["model"], properties),
-                ",".join(f"{n}={v}" for n, v in instance["constants"].items()),
+                ",".join(f"{n}={_written(v)}" for n, v in instance["constants"].items()),
                 *(str(asked.name), states),
                 _known(instance["results"].get(asked.name)),
             )
+
+
+def _written(value: bool | float | str) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _known(result: Any) -> float | bool | None:
@@ -171,7 +175,7 @@ def run(task: Task, tool: str, limit: float, megabytes: int) -> Measurement:
     return Measurement(
         *(task.name, task.family, task.formula, task.kind, tool, ended),
         verdict(value, task.reference) if ended == "done" else "none",
-        value if ended == "done" else text.strip()[-200:],
+        value if ended == "done" else text.strip()[-200:] if ended == "failed" else None,
         int(states) if states and states.isdigit() else task.states,
         *(round(wall, 3), round(processor, 3), peak, limit),
         f"{datetime.now(UTC):%Y-%m-%d}",

@@ -99,7 +99,7 @@ if constants:
 kind = getattr(stormpy.Engine, engine)
 model = stormpy.build_model(program, formulas, engine=kind)
 print("States:", model.nr_states, flush=True)
-result = stormpy.model_checking(model, formulas[0], engine=kind)
+result = stormpy.model_checking(model, formulas[0], only_initial_states=True, engine=kind)
 greatest = str(formulas[0]).startswith("filter(max") or "maximum" in str(formulas[0])
 if engine == "SPARSE":
     get = result.__getitem__ if result.is_qualitative() else result.get_value
