@@ -114,7 +114,9 @@ def _is_unsafe_to_stop(frame: FrameType | None) -> bool:
     """Whether an interrupt in a function could leave a lock held, a timer running, or a module
     imported in part.
     """
-    if frame is not None and (_module(frame) in _LOCKING or _is_here(frame)):
+    if frame is None:
+        return False
+    if frame.f_globals.get("__name__") == __name__ or _module(frame) in _LOCKING:
         return True
     while frame is not None:
         if _module(frame) in _IMPORTING:
@@ -126,10 +128,6 @@ def _is_unsafe_to_stop(frame: FrameType | None) -> bool:
 def _module(frame: FrameType) -> str:
     """The package whose code a frame executes."""
     return str(frame.f_globals.get("__name__", "")).split(".")[0]
-
-
-def _is_here(frame: FrameType) -> bool:
-    return frame.f_globals.get("__name__") == __name__
 
 
 def _alarm_is_free() -> bool:

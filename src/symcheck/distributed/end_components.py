@@ -32,11 +32,9 @@ from symcheck.kernels.arrays import Masks
 from symcheck.kernels.graph.mdp_graph import maximal_end_components
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, starts_of
+from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 
 __all__ = ["CollapsedComponents", "StayingRows", "end_components"]
-
-_UNDERFLOW_MARGIN = 1e-307
-"""The absolute error of a product that underflows is less (see `symcheck.kernels.rounding`)."""
 
 
 class StayingRows(NamedTuple):
@@ -132,8 +130,8 @@ class CollapsedComponents:
             found[self._present] = best.reduceat(values, self._starts)
         error = 2 * (self._rows.longest + 8) * np.finfo(np.float64).eps
         if upwards:
-            return found * (1 + error) + np.where(found > 0, _UNDERFLOW_MARGIN, 0.0)
-        return np.maximum(found * (1 - error) - _UNDERFLOW_MARGIN, 0.0)
+            return found * (1 + error) + np.where(found > 0, UNDERFLOW_MARGIN, 0.0)
+        return np.maximum(found * (1 - error) - UNDERFLOW_MARGIN, 0.0)
 
     def raise_lower(self, x: Floats, values: Floats) -> Int32s:
         """Raise lower bounds to values of components; the states whose bounds have risen."""

@@ -28,7 +28,6 @@ __all__ = ["PartExploration", "PartRows"]
 
 _FOREVER = 1e9
 _NO_BUDGET = 1 << 62
-_NO_ENTRIES = 1 << 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +110,7 @@ class PartExploration:
             self._exports[part].append(self._add(rows))
         e = self._explorer
         alone = self._partition.parts == 1
-        entries = _NO_ENTRIES if alone else min(self._round_entries, tuning.ROUND_ENTRIES)
+        entries = _NO_BUDGET if alone else min(self._round_entries, tuning.ROUND_ENTRIES)
         self._round_entries *= 2
         outcome = e.run(_NO_BUDGET, _FOREVER, entries=entries)
         if outcome == Outcome.FAULT:

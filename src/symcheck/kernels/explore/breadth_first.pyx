@@ -178,8 +178,8 @@ cdef class Explorer:
                 numbers and the rows do not depend on them. They are used while many states are
                 left, and not with a share. Their entries are not limited.
         Returns:
-            The outcome: COMPLETE, PAUSED (time), BUDGET (also of entries), FAULT, NO_MEMORY or TOO_MANY (2**31
-                states).
+            The outcome: COMPLETE, PAUSED (time), BUDGET (also of entries), FAULT, NO_MEMORY or
+                TOO_MANY (2**31 states).
         """
         cdef int outcome
         cdef double deadline = monotonic_seconds() + seconds
