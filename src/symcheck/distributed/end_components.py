@@ -1,18 +1,21 @@
 """End components of a distributed model, as single states with the choices that leave them.
 
-Within an end component, some strategy goes from each state to each other one almost surely, and
-earns nothing if rewards count. So all of its states have the same value, which is the greatest
+For rewards, an end component has choices without a reward only. Within an end component, some
+strategy goes from each state to each other one almost surely. So all of its states have the same
+value, which is the greatest
 probability, or the least reward among the strategies that reach the target almost surely. This is
 the best value of a choice that leaves the component. If d is the probability that a choice stays in
 the component, its value is (reward + sum over the other successors of p x) / (1 - d).
 
-In the quotient, each component is a state with these choices. There, a strategy that stays among
-the unknown states for ever with positive probability does so in an end component of the quotient,
-which earns something again and again: otherwise, the components in it would not be maximal. So for
-probabilities there is no such strategy, the equations have one solution, and sweeps from above
-converge to it. For rewards, such a strategy has an infinite reward. If no step raises a finite
-vector, the rewards of the strategy of its best choices are at most the vector. So this strategy
-reaches the target almost surely, and the vector is an upper bound of the least reward.
+In the quotient, each component is a state with these choices. Choices that only lead back to their
+state are left out (by the sweeps, too). The unknown states are those that precomputation does not
+decide. For probabilities, no end component of them is left in the quotient: otherwise, the
+components in it would not be maximal. So no strategy stays among them for ever, the equations have
+one solution, and sweeps from above converge to it. For rewards, each one that is left has a choice
+with a positive reward, so that a strategy that stays in it for ever has an infinite reward. If x is
+finite and F(x) <= x for the Bellman operator F of the quotient, the strategy that is greedy for x
+has an expected reward of at most x. So it reaches the target almost surely, and x is an upper bound
+of the least reward.
 
 Sources: L. de Alfaro: Computing minimum and maximum reachability times in probabilistic systems
 (CONCUR 1999), for least rewards; S. Haddad, B. Monmege: Interval iteration algorithm for MDPs and
@@ -144,6 +147,9 @@ class CollapsedComponents:
         """Lower candidates for upper bounds to values of components, as
         `symcheck.kernels.solve.part_sweeps.PartSweeps.lower_upper` does; the states whose
         candidates have fallen.
+
+        violated: uint8[states], 0 once a step does not raise the candidate of a state. Candidates
+            are bounds when all of them are 0.
         """
         new = values[self._component]
         proved = new <= x[self._states]
