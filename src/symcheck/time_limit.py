@@ -90,9 +90,10 @@ def within(seconds: float | None, compute: Callable[[], T]) -> T:
             return compute()
         finally:
             _end(timer)
-    except BaseException:
+    except BaseException as error:
         _end(timer)
-        if timer.expired:
+        # What computes may have noticed the end of the time before the timer.
+        if timer.expired or isinstance(error, TimeLimitError):
             message = f"the time limit of {seconds:g} s was reached"
             raise TimeLimitError(f"{message}\n  hint: time_limit gives more") from None
         raise

@@ -23,6 +23,7 @@ from symcheck.errors import (
     OutputError,
     ResourceError,
     SymcheckError,
+    TimeLimitError,
     UsageError,
     out_of_memory,
 )
@@ -197,6 +198,8 @@ class _Session:
     def _status(self, error: BaseException) -> int:
         """Report what has ended a run before its end, after the finished results are written."""
         self._reserve.clear()
+        if isinstance(error, TimeLimitError):
+            self.signals.tell_time()
         if self.signals.signal is not None:  # whatever the interrupted code has made of it
             return self._stopped(self.signals.error, self.signals.status)
         if memory_ended(error):

@@ -110,10 +110,11 @@ class StopSignals:
         if ALARM in self._previous:
             set_alarm(max(seconds, 1e-6))
             return
-        self._timer = ThreadTimer(max(seconds, 0.0), self._tell_time)
+        self._timer = ThreadTimer(max(seconds, 0.0), self.tell_time)
         self._timer.start()
 
-    def _tell_time(self) -> None:
+    def tell_time(self) -> None:
+        """The time limit was reached, which what computes may notice before the signal comes."""
         self.signal = self.signal or ALARM
 
     def acknowledge(self) -> None:
