@@ -63,6 +63,32 @@ def test_a_model_that_diagrams_compress_is_built_by_them(monkeypatch):
     assert (engine.states, choice.engine) == (10_000, "sparse")
 
 
+def test_a_large_regular_model_is_recognised_by_the_first_diagrams(monkeypatch):
+    small = {"SMALL_MODEL_STATES": 100, "SPARSE_MODEL_STATES": 100}
+    engine, choice = chosen(COUNTER, monkeypatch, SELECTION_TURNS=(), **small)
+    assert isinstance(engine, SparseEngine)
+    assert "nodes hold 10,000 states" in choice.reason
+
+
+def test_a_model_in_which_the_first_diagrams_find_few_states_is_searched(monkeypatch):
+    limits = []
+    explore = selection._explore_sparse_model
+
+    def explore_later(exploration, limit):
+        limits.append(limit)
+        return len(limits) > 1 and explore(exploration, limit)
+
+    engine, choice = chosen(
+        COUNTER,
+        monkeypatch,
+        SMALL_MODEL_STATES=100,
+        SELECTION_TURNS=(),
+        _explore_sparse_model=explore_later,
+    )
+    assert (engine.name, choice.reason) == ("explicit", "the model has only 10,000 states")
+    assert limits == [tuning.FIRST_EXPLORATION_TRANSITIONS, tuning.SPARSE_MODEL_TRANSITIONS]
+
+
 def test_an_mdp_that_diagrams_compress_is_written_out(monkeypatch):
     engine, choice = chosen(
         CHOICES, monkeypatch, SMALL_MODEL_STATES=1, SPARSE_MODEL_STATES=1, MAX_NODES_PER_STATE=100.0
@@ -298,4 +324,4 @@ def test_few_states_with_many_transitions_are_not_searched_at_length(complete):
 
     search = Search()
     search.complete = complete
-    assert selection._explore_sparse_model(search) is complete
+    assert selection._explore_sparse_model(search, tuning.SPARSE_MODEL_TRANSITIONS) is complete

@@ -1,7 +1,8 @@
 """The automatic choice of an engine, by the size of the model and of its diagrams.
 
-1. A short explicit exploration, a longer one if there are few transitions. A model that it explores
-   completely is small, and diagrams would not pay.
+1. A short explicit exploration. A model that it explores completely is small, and diagrams would
+   not pay. Diagrams with a very small budget then count the states of a very regular model. Unless
+   they find many, the exploration goes on, longer if there are few transitions.
 2. Diagrams, with a budget of look-ups in their cache. If they compress the states, the model is
    explored with them. The matrix of an MDP is then written as compressed rows if these fit well
    into memory, because prob0 and prob1 of an MDP are nested fixpoints, which are slow on diagrams.
@@ -138,24 +139,32 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
             if symmetries:
                 exploration = Exploration(model, options, symmetries=symmetries)
                 exploration.run(_states_up_to_symmetry(symmetries), observer)
-        if exploration.complete or _explore_sparse_model(exploration):
-            return _explicit_engine(
-                exploration,
-                observer,
-                f"the model has only {exploration.progress.states:,} states"
-                + (" up to symmetry" if exploration.orbits is not None else ""),
-            )
+        if exploration.complete or _explore_sparse_model(
+            exploration, tuning.FIRST_EXPLORATION_TRANSITIONS
+        ):
+            return _small_model(exploration, observer)
+    from symcheck.dd.cudd_import import available
+
     if _is_unbounded(model):
         exploration.run(None, observer)
         return _explicit_engine(exploration, observer, "there are integers without bounds")
-    from symcheck.dd.cudd_import import available
-
     if not available():
         exploration.run(None, observer)
         return _explicit_engine(exploration, observer, "decision diagrams are not installed")
     options = _with_variable_order(model, options, observer)
+    rounds_many_bits = _rounds_many_bits(model)
+    if exploration.orbits is None and not rounds_many_bits:
+        first = _try_diagrams(model, options, tuning.FIRST_LOOKUPS)
+        if not isinstance(first, _DiagramFailure) and _is_large(first.count, exploration):
+            del exploration
+            return _symbolic_engine(first, options, observer, _compression(first))
+        del first
+    malloc_trim()
+    with _diagrams_need_less(model):
+        if _explore_sparse_model(exploration, tuning.SPARSE_MODEL_TRANSITIONS):
+            return _small_model(exploration, observer)
     for turn, (lookups, states) in enumerate(tuning.SELECTION_TURNS):
-        if turn == 0 and _rounds_many_bits(model):
+        if turn == 0 and rounds_many_bits:
             failure = _DiagramFailure(_TOO_MANY_READS)
         else:
             match _try_diagrams(model, options, lookups):
@@ -163,12 +172,7 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
                     pass
                 case space:
                     del exploration  # frees the memory of its states
-                    return _symbolic_engine(
-                        space,
-                        options,
-                        observer,
-                        f"{space.states.node_count:,} nodes hold {space.count:,} states",
-                    )
+                    return _symbolic_engine(space, options, observer, _compression(space))
         malloc_trim()  # returns the memory of the diagrams
         if failure.found_states > tuning.SELECTION_TURNS[-1][1]:
             states = failure.found_states
@@ -263,17 +267,40 @@ class _TooManyTransitionsError(Exception):
     """The model has too many transitions for the first explicit exploration."""
 
 
-def _explore_sparse_model(exploration: Exploration) -> bool:
-    """Explore up to SPARSE_MODEL_STATES; whether the exploration is complete."""
+def _explore_sparse_model(exploration: Exploration, most_transitions: int) -> bool:
+    """Explore up to SPARSE_MODEL_STATES states or a number of transitions; whether the exploration
+    is complete.
+    """
 
     def stop_if_dense(_: object) -> None:
-        if exploration.progress.transitions > tuning.SPARSE_MODEL_TRANSITIONS:
+        if exploration.progress.transitions > most_transitions:
             raise _TooManyTransitionsError
 
     try:
         return exploration.run(tuning.SPARSE_MODEL_STATES, stop_if_dense)
     except _TooManyTransitionsError:
         return exploration.complete
+
+
+def _is_large(states: int, exploration: Exploration) -> bool:
+    """Whether a model with so many states is too large for `_explore_sparse_model`."""
+    progress = exploration.progress
+    transitions = states * progress.transitions / max(progress.explored, 1)
+    return states > tuning.SPARSE_MODEL_STATES or transitions > tuning.SPARSE_MODEL_TRANSITIONS
+
+
+def _small_model(exploration: Exploration, observer: Observer | None) -> Engine:
+    reason = f"the model has only {exploration.progress.states:,} states"
+    return _explicit_engine(
+        exploration,
+        observer,
+        reason + (" up to symmetry" if exploration.orbits is not None else ""),
+    )
+
+
+def _compression(space: StateSpace) -> str:
+    """The reason for an engine with diagrams."""
+    return f"{space.states.node_count:,} nodes hold {space.count:,} states"
 
 
 def _valuation_count(model: BoundModel) -> int:

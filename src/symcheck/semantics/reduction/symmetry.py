@@ -28,6 +28,7 @@ from symcheck.semantics.model import (
     BoundModel,
     BoundReward,
     BoundUpdate,
+    Event,
     Observations,
     Variable,
 )
@@ -175,10 +176,17 @@ class _Verifier:
         self.observed = observed
         self.forms = _NormalForms(model.variables)
         commands = {id(c): c for e in model.events for p in e.participants for c in p}
-        self.commands = list(commands.values())
-        self.keys = {id(c): self._command(c, {}, ()) for c in self.commands}
+        self.keys = {i: self._command(c, {}, ()) for i, c in commands.items()}
         self.known_keys = set(self.keys.values())
-        self.events = Counter(self._events(self.keys, {}))
+        self.touching: dict[int, list[BoundCommand]] = {}  # by variable
+        for command in commands.values():
+            for variable in self._touched(command):
+                self.touching.setdefault(variable, []).append(command)
+        self.events = [self._event(e, self.keys, {}) for e in model.events]
+        self.events_of: dict[int, list[int]] = {}  # by id of a command
+        for number, event in enumerate(model.events):
+            for i in {id(c) for p in event.participants for c in p}:
+                self.events_of.setdefault(i, []).append(number)
         self.rewards = [Counter(self._rewards(r.items, {}, {})) for r in model.rewards]
 
     def accepts(self, permutation: Mapping[int, int]) -> bool:
@@ -196,18 +204,31 @@ class _Verifier:
             model.variables[v].name: Name(model.variables[w].name) for v, w in variables.items()
         }
         order = [variables.get(v, v) for v in range(len(model.variables))]
+        moved = {id(c): c for v in variables for c in self.touching.get(v, ())}
         keys = dict(self.keys)
-        for command in self.commands:
-            if self._is_moved(command, variables):
-                key = self._command(command, renaming, order)
-                if key not in self.known_keys:
-                    return False
-                keys[id(command)] = key
+        for i, command in moved.items():
+            keys[i] = self._command(command, renaming, order)
+            if keys[i] not in self.known_keys:
+                return False
         return (
-            Counter(self._events(keys, actions)) == self.events
+            self._keeps_events(moved, keys, actions)
             and self._keeps_rewards(renaming, actions)
             and all(self._keeps(e, renaming) for e in self._conditions())
         )
+
+    def _keeps_events(
+        self, moved: Iterable[int], keys: Mapping[int, Hashable], actions: Mapping[str, str]
+    ) -> bool:
+        """Whether the events with moved commands or actions are the same ones in another order."""
+        numbers = {n for i in moved for n in self.events_of[i]}
+        numbers.update(n for n, e in enumerate(self.model.events) if e.action in actions)
+        left = Counter(self.events[n] for n in numbers)
+        for n in numbers:
+            key = self._event(self.model.events[n], keys, actions)
+            if not left[key]:
+                return False
+            left[key] -= 1
+        return True
 
     def _conditions(self) -> Iterable[Expression]:
         if self.model.initial is not None:
@@ -227,11 +248,11 @@ class _Verifier:
                         return None
         return renaming if set(renaming) == set(renaming.values()) else None
 
-    def _is_moved(self, command: BoundCommand, variables: Mapping[int, int]) -> bool:
-        moved = {self.model.variables[v].name for v in variables}
-        return any(i in variables for u in command.updates for i, _ in u.assignments) or any(
-            not moved.isdisjoint(self.forms.support(e)) for e in _expressions(command)
-        )
+    def _touched(self, command: BoundCommand) -> set[int]:
+        """The variables that a command reads or assigns."""
+        assigned = {i for u in command.updates for i, _ in u.assignments}
+        read = {name for e in _expressions(command) for name in self.forms.support(e)}
+        return assigned | {v for v, w in enumerate(self.model.variables) if w.name in read}
 
     def _command(
         self, command: BoundCommand, renaming: Mapping[str, Expression], order: Sequence[int]
@@ -245,19 +266,18 @@ class _Verifier:
         updates = Counter(map(update, command.updates))
         return self.forms.of(command.guard, renaming), frozenset(updates.items())
 
-    def _events(
-        self, keys: Mapping[int, Hashable], actions: Mapping[str, str]
-    ) -> Iterable[Hashable]:
-        """A key of each event, in which the order of participants and commands does not matter."""
-        for event in self.model.events:
-            participants = Counter(
-                frozenset(Counter(keys[id(c)] for c in p).items()) for p in event.participants
-            )
-            action = event.action
-            yield (
-                action if action is None else actions.get(action, action),
-                frozenset(participants.items()),
-            )
+    def _event(
+        self, event: Event, keys: Mapping[int, Hashable], actions: Mapping[str, str]
+    ) -> Hashable:
+        """A key in which the order of participants and commands does not matter."""
+        participants = Counter(
+            frozenset(Counter(keys[id(c)] for c in p).items()) for p in event.participants
+        )
+        action = event.action
+        return (
+            action if action is None else actions.get(action, action),
+            frozenset(participants.items()),
+        )
 
     def _rewards(
         self,
