@@ -151,29 +151,26 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
     if not available():
         exploration.run(None, observer)
         return _explicit_engine(exploration, observer, "decision diagrams are not installed")
-    options = _with_variable_order(model, options, observer)
-    rounds_many_bits = _rounds_many_bits(model)
-    if exploration.orbits is None and not rounds_many_bits:
-        first = _try_diagrams(model, options, tuning.FIRST_LOOKUPS)
-        if not isinstance(first, _DiagramFailure) and _is_large(first.count, exploration):
-            del exploration
-            return _symbolic_engine(first, options, observer, _compression(first))
-        del first
-    malloc_trim()
+    space = _large_regular_model(model, options, exploration)
+    if space is not None:
+        del exploration  # frees the memory of its states
+        return _symbolic_engine(space, options, observer, _compression(space))
+    malloc_trim()  # returns the memory of the diagrams
     with _diagrams_need_less(model):
         if _explore_sparse_model(exploration, tuning.SPARSE_MODEL_TRANSITIONS):
             return _small_model(exploration, observer)
+    options = _with_variable_order(model, options, observer)
     for turn, (lookups, states) in enumerate(tuning.SELECTION_TURNS):
-        if turn == 0 and rounds_many_bits:
+        if turn == 0 and _rounds_many_bits(model):
             failure = _DiagramFailure(_TOO_MANY_READS)
         else:
             match _try_diagrams(model, options, lookups):
                 case _DiagramFailure() as failure:
                     pass
                 case space:
-                    del exploration  # frees the memory of its states
+                    del exploration
                     return _symbolic_engine(space, options, observer, _compression(space))
-        malloc_trim()  # returns the memory of the diagrams
+        malloc_trim()
         if failure.found_states > tuning.SELECTION_TURNS[-1][1]:
             states = failure.found_states
             break
@@ -280,6 +277,21 @@ def _explore_sparse_model(exploration: Exploration, most_transitions: int) -> bo
         return exploration.run(tuning.SPARSE_MODEL_STATES, stop_if_dense)
     except _TooManyTransitionsError:
         return exploration.complete
+
+
+def _large_regular_model(
+    model: BoundModel, options: Options, exploration: Exploration
+) -> StateSpace | None:
+    """The states of a large model, if diagrams find them with a very small budget.
+
+    Not of orbits, whose number is unknown, nor in an order that has to be searched for.
+    """
+    if options.order is not None or exploration.orbits is not None or _rounds_many_bits(model):
+        return None
+    space = _try_diagrams(model, options, tuning.FIRST_LOOKUPS)
+    if isinstance(space, _DiagramFailure) or not _is_large(space.count, exploration):
+        return None
+    return space
 
 
 def _is_large(states: int, exploration: Exploration) -> bool:
