@@ -14,7 +14,7 @@ import numpy as np
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
 from symcheck.kernels.graph.queue cimport enqueue_members
-from symcheck.kernels.graph.tarjan cimport Tarjan, tarjan_enter, tarjan_leave
+from symcheck.kernels.graph.tarjan cimport CLOSED, Tarjan, tarjan_enter, tarjan_leave
 
 
 def components(const int64_t[::1] state_ptr, const int32_t[::1] indices,
@@ -30,7 +30,6 @@ def components(const int64_t[::1] state_ptr, const int32_t[::1] indices,
         start: int64[components+1], where each component begins in `order`.
     """
     cdef int64_t n = state_ptr.shape[0] - 1
-    cdef const uint8_t[::1] inside = np.ones(n, dtype=np.uint8) if within is None else within
     cdef int32_t[::1] component = np.full(n, -1, dtype=np.int32)
     cdef int32_t[::1] order = np.empty(n, dtype=np.int32)
     cdef int64_t[::1] start = np.empty(n + 1, dtype=np.int64)
@@ -38,7 +37,8 @@ def components(const int64_t[::1] state_ptr, const int32_t[::1] indices,
     cdef int32_t[::1] stack = np.empty(n, dtype=np.int32)
     cdef int32_t[::1] path = np.empty(n, dtype=np.int32)
     cdef int64_t[::1] next_entry = np.empty(n, dtype=np.int64)
-    cdef int32_t[::1] index = np.zeros(n, dtype=np.int32)
+    cdef int32_t[::1] index = (np.zeros(n, dtype=np.int32) if within is None else
+                               np.where(within, np.int32(0), np.int32(CLOSED)))
     cdef int32_t v, w, least
     cdef int64_t root, k, end
     cdef Tarjan search = Tarjan(&index[0], &lowlink[0], &component[0], &path[0], &stack[0],
@@ -47,7 +47,7 @@ def components(const int64_t[::1] state_ptr, const int32_t[::1] indices,
     with nogil:
         start[0] = 0
         for root in range(n):
-            if index[root] or not inside[root]:
+            if index[root]:
                 continue
             tarjan_enter(&search, <int32_t>root)
             next_entry[0] = state_ptr[root]
@@ -59,9 +59,8 @@ def components(const int64_t[::1] state_ptr, const int32_t[::1] indices,
                 while k < end:
                     w = indices[k]
                     if index[w] == 0:
-                        if inside[w]:
-                            break
-                    elif component[w] < 0 and index[w] < least:
+                        break
+                    if index[w] < least:
                         least = index[w]
                     k += 1
                 lowlink[v] = least

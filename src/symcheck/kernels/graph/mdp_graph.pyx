@@ -222,7 +222,7 @@ cdef void enabled_components(Tarjan* search, int32_t[::1] states, const int64_t[
                         if search.index[w] == 0:
                             entered = True
                             break
-                        elif search.component[w] < 0 and search.index[w] < least:
+                        elif search.index[w] < least:
                             least = search.index[w]
                     if entered:
                         break

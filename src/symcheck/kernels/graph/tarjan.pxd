@@ -1,15 +1,18 @@
 # cython: language_level=3
 """Tarjan's algorithm for strongly connected components (1972), without recursion.
 
-The caller enumerates the successors. It calls `tarjan_enter(search, root)` at depth -1. While the
-depth is not negative, it visits the successors of `path[depth]`: it lowers the state's `lowlink` by
-the `index` of those without a component, enters the first one without an index, and calls
-`tarjan_leave` when no successor is left.
+The caller sets each index to 0, and CLOSED for states that are left out, and enumerates the
+successors. It calls `tarjan_enter(search, root)` at depth -1. While the depth is not negative, it
+visits the successors of `path[depth]`: it lowers the state's `lowlink` to the least `index` of
+them, enters the first one with the index 0, and calls `tarjan_leave` when no successor is left.
 """
 from libc.stdint cimport int32_t, int64_t
 
+cdef enum:
+    CLOSED = 2147483647  # the index of states with a component: it is never the least one
+
 cdef struct Tarjan:
-    int32_t* index       # order in which states were visited, from 1; 0: not yet
+    int32_t* index       # order in which states were visited, from 1; 0: not yet; CLOSED: see above
     int32_t* lowlink         # least such number known to be reachable from the state
     int32_t* component   # component of each state; -1: none yet
     int32_t* path        # states from the root to the current state
@@ -43,6 +46,7 @@ cdef inline void tarjan_leave(Tarjan* s) noexcept nogil:
         for k in range(first, s.stack_size):
             w = s.stack[k]
             s.component[w] = s.count
+            s.index[w] = CLOSED
             s.order[s.assigned] = w
             s.assigned += 1
         s.stack_size = first
