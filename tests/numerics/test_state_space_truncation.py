@@ -34,7 +34,11 @@ def test_the_resolvent_is_bounded(transposed: bool, loops: float) -> None:
     shift, time = 2.0, 2.0 / REST
     full, matrix, leave, right = slow(50, 5, loops)
     truth = np.exp(shift) * np.linalg.solve(full.T if transposed else full, right)
-    found = state_space_truncation._resolvent(matrix, leave, time, right, shift, transposed)
+    resolvent = state_space_truncation._Resolvent.of(
+        matrix, leave, time, right, shift, transposed=transposed
+    )
+    assert np.all(resolvent.estimate() <= truth)
+    found = resolvent.upper()
     assert found is not None
     assert np.all(found >= truth)
     assert np.all(found <= 3.0 * truth)
@@ -51,14 +55,30 @@ def test_each_order_of_the_states_goes_on_from_the_last(monkeypatch: pytest.Monk
         ((400, 400, 400, 400), True),
     ):
         monkeypatch.setattr(tuning, "TRUNCATION_SWEEPS", sweeps)
-        found = state_space_truncation._resolvent(matrix, leave, time, right, shift, False)
+        found = state_space_truncation._Resolvent.of(
+            matrix, leave, time, right, shift, transposed=False
+        ).upper()
         assert (found is not None) is enough
         assert found is None or np.all(found >= truth)
 
 
-def test_no_kept_state_earns_nothing() -> None:
+def test_nothing_is_solved_where_nearly_all_states_matter(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, matrix, leave, right = slow(50, 5)
+    solved = []
+    monkeypatch.setattr(state_space_truncation._Resolvent, "upper", lambda _: solved.append(1))
+    for epsilon, matters in ((1e-9, True), (1e9, False)):
+        solved.clear()
+        found = state_space_truncation.truncate(
+            matrix, leave, 2.0 / REST, right, np.array([1]), epsilon, 2.0
+        )
+        assert found is None
+        assert bool(solved) is not matters
+
+
+def test_no_kept_state_earns_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """0 to 1 to 2, where 2 earns, and 0 to 3, which returns through 4, …, 11. Each of these is rarer than
     3, so that there are rates at which 3 would be kept alone."""
+    monkeypatch.setattr(tuning, "TRUNCATION_HOPELESS", 1.0)
     kept = set()
     for rare in np.geomspace(1e-12, 1e-2, 100):
         rates = np.zeros((12, 12))

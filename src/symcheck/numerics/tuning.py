@@ -99,6 +99,9 @@ TRUNCATION_SHIFTS = (20.0, 5.0)
 """Laplace shifts a of the two rounds of truncation: the first is quick, the second keeps less."""
 TRUNCATION_MAX_KEPT = 0.5
 """A truncation that keeps a larger share of the states is not used."""
+TRUNCATION_FIRST_SWEEPS, TRUNCATION_HOPELESS = 30, 0.9
+"""Sweeps after which a lower bound on the share of the states that matter is known, and the share
+from which on the rest of the sweeps (hundreds) is not worth while: polling."""
 
 # Forward uniformisation (transient/forward.py).
 FORWARD_ENTRIES = 2e9
