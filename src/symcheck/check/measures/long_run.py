@@ -13,7 +13,7 @@ from symcheck.check.context import Context
 from symcheck.check.measures.reachability import boundary_values
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
-from symcheck.engines.base import Number, StateSet, System, Values
+from symcheck.engines.base import ROUNDING, Number, StateSet, System, Values
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
@@ -54,17 +54,20 @@ def _average(context: Context, reward_of: RewardOf) -> Values:
         engine.none,
         *(full(engine.states, 0, exact=engine.exact) for _ in range(2)),
     )
-    rounded = False
-    for states, members, lower, upper, summed in _components(context, reward_of):
+    summed = False
+    for states, members, lower, upper, of_sums in _components(context, reward_of):
         recurrent = recurrent | states
-        rounded = rounded or summed
+        summed = summed or of_sums
         low[members], high[members] = lower, upper
     system = engine.system(recurrent)
     inside = engine.to_bools(recurrent)
     point = np.array_equal(low, high)
     # An average that is no whole number is a sum or quotient in floating point.
-    rounded = rounded or bool(np.any(low % 1 > 0))
-    exact = point and rounded and not engine.exact
+    rounded = (low == high) & (summed | (low % 1 > 0)) & (not engine.exact)
+    if not point:
+        margin = np.where(rounded, ROUNDING * np.abs(low), 0)
+        low, high = low - margin, high + margin
+    exact = point and bool(np.any(rounded))
     averages = system.lift(low[inside], None if point else high[inside], exact=exact)
     return boundary_values(context, ~recurrent, averages)
 

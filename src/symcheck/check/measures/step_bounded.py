@@ -179,8 +179,8 @@ def _lift(
     """Values that include the rounding error of the given number of steps."""
     exact = context.engine.exact
     rounding = 0.0 if exact else steps * 2 * (system.operator.longest + 2) * UNIT_ROUNDOFF
-    if rounding <= ROUNDING:
-        return system.lift(low, None if high is low else high, rest, exact=high is low)
+    if high is low and rounding <= ROUNDING:
+        return system.lift(low, None, rest, exact=True)
     return system.lift(low - rounding * np.abs(low), high + rounding * np.abs(high), rest)
 
 
