@@ -43,9 +43,10 @@ def _complement(context: Context, values: Values) -> Values:
     if not result.rounded(context.engine.all):
         return result
     certain, close = result.compare("<=", ROUNDING / max(context.options.epsilon, ROUNDING))
+    zero, _ = result.compare("<=", 0)  # where graph analysis knows that p is 1
     # Adding an interval includes the rounding error in the bounds; this one adds nothing else.
     return result.choose(
-        ~(certain | close),
+        zero | ~(certain | close),
         one.map("-", values.map("+", context.engine.constant(0, _SMALLEST_POSITIVE))),
     )
 
