@@ -36,6 +36,7 @@ from whole_runs import RESULTS, STORM, last, measure
 
 import symcheck
 from symcheck.errors import SymcheckError
+from symcheck.semantics.expressions.literals import format_value
 
 TOOLS = (
     *("symcheck", "Storm sparse", "Storm hybrid", "Storm dd"),
@@ -106,14 +107,10 @@ def _family(file: Path) -> Iterator[Task]:
         for asked in symcheck.parse_properties_file(properties).properties:
             yield Task(
                 *(file.parent.name, data["type"], file.parent / instance["model"], properties),
-                ",".join(f"{n}={_written(v)}" for n, v in instance["constants"].items()),
+                ",".join(f"{n}={format_value(v)}" for n, v in instance["constants"].items()),
                 *(str(asked.name), states),
                 _known(instance["results"].get(asked.name)),
             )
-
-
-def _written(value: bool | float | str) -> str:
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _known(result: Any) -> float | bool | None:
