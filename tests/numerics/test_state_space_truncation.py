@@ -35,9 +35,9 @@ def test_the_resolvent_is_bounded(transposed: bool, loops: float) -> None:
     full, matrix, leave, right = slow(50, 5, loops)
     truth = np.exp(shift) * np.linalg.solve(full.T if transposed else full, right)
     resolvent = state_space_truncation._Resolvent.of(
-        matrix, leave, time, right, shift, transposed=transposed
+        matrix, leave, time, shift, right, transposed=transposed
     )
-    assert np.all(resolvent.estimate() <= truth)
+    assert np.all(resolvent.estimate <= truth)
     found = resolvent.upper()
     assert found is not None
     assert np.all(found >= truth)
@@ -55,9 +55,7 @@ def test_each_order_of_the_states_goes_on_from_the_last(monkeypatch: pytest.Monk
         ((400, 400, 400, 400), True),
     ):
         monkeypatch.setattr(tuning, "TRUNCATION_SWEEPS", sweeps)
-        found = state_space_truncation._Resolvent.of(
-            matrix, leave, time, right, shift, transposed=False
-        ).upper()
+        found = state_space_truncation._Resolvent.of(matrix, leave, time, shift, right).upper()
         assert (found is not None) is enough
         assert found is None or np.all(found >= truth)
 

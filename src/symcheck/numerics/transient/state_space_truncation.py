@@ -1,6 +1,8 @@
 """State-space truncation for transient values at a few states, with a proved bound on the error.
 
-Both bounds come from the resolvent, since 1 <= exp(a - a s/T) for s <= T with a Laplace shift a.
+A value is an expected reward within the time T, or the probability of entering a target within it;
+Q is the generator of the chain. Both bounds come from the resolvent, since 1 <= exp(a - a s/T) for
+s <= T with a Laplace shift a/T.
 The value of a state at any time up to T is at most V = e^a (a/T - Q)^-1 reward_rate. The expected
 time spent in a state up to T is at most N = e^a start (a/T - Q)^-1. Removing a set D of states
 loses at most the sum of N(s) rate(s, d) V(d) over the transitions into D. Both are linear systems
@@ -13,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -27,14 +30,15 @@ from symcheck.parallel.threads import helpers, thread_count
 
 __all__ = ["Truncation", "truncate"]
 
-T = TypeVar("T")
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, eq=False)
 class Truncation:
-    """The states kept, and the error at each state of interest.
+    """The states kept, and the error at the states of interest.
 
-    kept: int64, ascending. loss: the value lost by removing all other states, at most.
+    kept: int64, ascending. loss: the sum of the values that these lose, at most, if all other
+    states are removed.
     values: bounds on the value of each kept state at any time; Q V <= (a/T) V holds.
     """
 
@@ -59,35 +63,40 @@ def truncate(
         time: the horizon T.
         reward_rate: rates of entering the target or of earning rewards, float64[n], non-negative.
         interest: the states whose values are wanted.
-        epsilon: the error, relative to the least value of interest.
+        epsilon: the loss that is aimed at, relative to the least value of interest, which is
+            guessed; the loss of the result is proved.
         laplace_shift: a; 1 keeps the fewest states, larger shifts are solved faster.
 
     Returns:
-        None if the bounds are not found, or if nearly all states matter.
+        None if the bounds are not found, or if a few sweeps show that nearly all states matter.
     """
     start: Floats = np.zeros(rates.states)
     start[interest] = 1.0
-    occupied = _Resolvent.of(rates, exit_rates, time, start, laplace_shift, transposed=True)
-    valued = _Resolvent.of(rates, exit_rates, time, reward_rate, laplace_shift, transposed=False)
-    estimates = _on_two_threads(occupied.estimate, valued.estimate)
-    # The least value is at most about that of the greatest reward, for all the time.
+    resolvent = partial(_Resolvent.of, rates, exit_rates, time, laplace_shift)
+    occupied, valued = _on_two_threads(
+        partial(resolvent, start, transposed=True), partial(resolvent, reward_rate)
+    )
+    owner = rates.row_of_entry
+    # V <= e^a (T/a) max reward_rate; `upper` may be twice V. States whose lower bounds lose more
+    # than the greatest possible target are kept in any case.
     most = 2.0 * math.exp(laplace_shift) * time / laplace_shift * float(reward_rate.max())
-    needed = _importance(rates, *estimates)[1] > epsilon * _target(most, laplace_shift)
-    if np.count_nonzero(needed) > tuning.TRUNCATION_HOPELESS * rates.states:
+    estimate = _importance(rates, occupied.estimate[owner] * rates.data, valued.estimate)
+    matters = estimate > epsilon * _guessed_value(most, laplace_shift)
+    if np.count_nonzero(matters) > tuning.TRUNCATION_HOPELESS * rates.states:
         return None
     occupation, value = _on_two_threads(occupied.upper, valued.upper)
     if value is None or occupation is None:
         return None
-    # A lower bound on the least value: the reward within T/a is part of that within T.
-    target = _target(float(value[interest].min()), laplace_shift)
-    flow, importance = _importance(rates, occupation, value)
+    target = _guessed_value(float(value[interest].min()), laplace_shift)
+    flow = occupation[owner] * rates.data
+    importance = _importance(rates, flow, value)
     order = np.argsort(importance)
     lost = np.cumsum(importance[order])
     cut = order[: int(np.searchsorted(lost, epsilon * target))]
     keep = np.ones(rates.states, dtype=np.bool_)
     keep[cut] = False
     keep[interest] = True
-    crossing = keep[rates.row_of_entry] & ~keep[rates.indices]
+    crossing = keep[owner] & ~keep[rates.indices]
     loss = float(np.sum(flow[crossing] * value[rates.indices[crossing]])) * (1.0 + 1e-9)
     # States that reach no reward any more have the value 0, and no positive weights exist for them.
     keep &= graph.backward_reachable(rates, keep & (reward_rate > 0.0), keep)
@@ -95,8 +104,8 @@ def truncate(
     return Truncation(np.flatnonzero(keep).astype(np.int64), loss, value[keep])
 
 
-def _on_two_threads(one: Callable[[], T], other: Callable[[], T]) -> tuple[T, T]:
-    """What two functions return, whose sweeps release the lock of the interpreter."""
+def _on_two_threads(one: Callable[[], Found], other: Callable[[], Found]) -> tuple[Found, Found]:
+    """What two functions return, whose compiled loops release the lock of the interpreter."""
     if thread_count() == 1:
         return one(), other()
     first = helpers().submit(one)
@@ -104,29 +113,39 @@ def _on_two_threads(one: Callable[[], T], other: Callable[[], T]) -> tuple[T, T]
     return first.result(), second
 
 
-def _target(least: float, laplace_shift: float) -> float:
-    """The loss that is relative to a least value, by a bound on the latter."""
-    return least * math.exp(-laplace_shift) / (4.0 * laplace_shift)
+def _guessed_value(bound: float, laplace_shift: float) -> float:
+    """About the value of a state, by its bound V: without the factor e^a, what is earned within
+    T/a, and with a margin of 4.
+    """
+    return bound * math.exp(-laplace_shift) / (4.0 * laplace_shift)
 
 
-def _importance(rates: SparseMatrix, occupation: Floats, value: Floats) -> tuple[Floats, Floats]:
-    """The flow along each transition, and the value that flows into each state."""
-    flow = occupation[rates.row_of_entry] * rates.data
+def _importance(rates: SparseMatrix, flow: Floats, value: Floats) -> Floats:
+    """The value that is lost at most if a state is removed: float64[n].
+
+    Args:
+        rates: the transitions.
+        flow: float64[entries], how often each transition is taken.
+        value: float64[n].
+    """
     inflow = np.bincount(rates.indices, weights=flow, minlength=rates.states)
     with np.errstate(under="ignore", over="ignore"):
-        return flow, inflow * value
+        return np.asarray(inflow * value)
 
 
 @dataclass(eq=False)
 class _Resolvent:
-    """e^a (a/time - Q)^-1 right, or its transpose.
+    """Bounds on e^a (a/time - Q)^-1 right, or on its transpose.
 
-    orders: the orders of the sweeps. lower: what they have reached, without the factor e^a.
+    nearest: the states in the order of their distance from those where `right` is positive.
+    lower: lower bounds, without the factor e^a.
     """
 
-    system: ComponentSolver
-    orders: list[Int32s]
+    rates: SparseMatrix
+    transposed: bool
     laplace_shift: float
+    system: ComponentSolver
+    nearest: Int32s
     lower: Floats
 
     @staticmethod
@@ -134,12 +153,12 @@ class _Resolvent:
         rates: SparseMatrix,
         exit_rates: Floats,
         time: float,
-        right: Floats,
         laplace_shift: float,
+        right: Floats,
         *,
-        transposed: bool,
+        transposed: bool = False,
     ) -> _Resolvent:
-        """Before the first sweep."""
+        """The lower bounds after a few sweeps."""
         arrays = rates.arrays
         loops = ssor_eisenstat.diagonal(*arrays)
         leaving = np.maximum(exit_rates - loops - 4.0 * tuning.UNIT_ROUNDOFF * exit_rates, 0.0)
@@ -153,23 +172,27 @@ class _Resolvent:
         system = ComponentSolver(
             *arrays[:2], data, None, right * scale, right * scale, np.ones(rates.states), 0
         )
-        # Values spread furthest in the order of distance, but may settle sooner in that of
-        # components.
         reached, parent = components.breadth_first(back[0], back[1], (right > 0.0).view(np.uint8))
         nearest = np.append(reached, np.flatnonzero(parent == -2).astype(np.int32))
-        del back
-        orders = [nearest] if transposed else [graph.sccs(rates).order, nearest] * 2
-        return _Resolvent(system, orders, laplace_shift, np.zeros(rates.states))
+        zeros = np.zeros(rates.states)
+        result = _Resolvent(rates, transposed, laplace_shift, system, nearest, zeros)
+        result._sweep(nearest, tuning.TRUNCATION_FIRST_SWEEPS)
+        return result
 
+    @property
     def estimate(self) -> Floats:
-        """Lower bounds after a few sweeps."""
-        self._sweep(self.orders[-1], tuning.TRUNCATION_FIRST_SWEEPS)
+        """The lower bounds."""
         return self.lower * math.exp(self.laplace_shift)
 
     def upper(self) -> Floats | None:
         """Upper bounds within about a factor of 2; None if the sweeps do not find them."""
-        sweeps = tuning.TRUNCATION_SWEEPS[-len(self.orders) :]
-        for order, budget in zip(self.orders, sweeps, strict=True):
+        # Values spread furthest in the order of distance, but may settle sooner in that of
+        # components.
+        orders = [self.nearest]
+        if not self.transposed:
+            orders = [graph.sccs(self.rates).order, self.nearest] * 2
+        sweeps = tuning.TRUNCATION_SWEEPS[-len(orders) :]
+        for order, budget in zip(orders, sweeps, strict=True):
             found = self._sweep(order, budget)
             if found is not None:
                 return found * math.exp(self.laplace_shift) * (1.0 + 1e-9)
