@@ -198,6 +198,30 @@ def test_a_free_cycle_with_a_reward_is_infinite_once_it_is_affordable(engine):
         check_text(model, 'R{"r"}min=? [ C{"c"}<=2 ]')
 
 
+RARELY_LEFT = """
+mdp
+module m
+  x : [0..1]; z : [0..1];
+  [go] x=0 -> 1e-17 : (x'=1) + 1-1e-17 : (z'=1-z);
+  [pay] x=0 -> (z'=1);
+  [stop] x=0 -> (x'=1);
+  [] x=1 -> true;
+endmodule
+rewards "r" true : 1; endrewards
+rewards "c" [pay] true : 2; x=1 : 1; endrewards
+"""
+"""In doubles, `go` never leads to x=1, and no upper bound is found for the reward without cost."""
+
+
+def test_a_reward_without_an_upper_bound_is_not_called_infinite():
+    result = symcheck.loads(RARELY_LEFT).check('R{"r"}max=? [ C{"c"}<=3 ]')
+    assert isfinite(result.value)
+    assert result.accuracy.upper == inf
+    assert "further than asked for" in result.warnings[0]
+    exact = symcheck.loads(RARELY_LEFT, exact=True).check('R{"r"}max=? [ C{"c"}<=3 ]').value
+    assert result.accuracy.lower <= exact
+
+
 def test_a_ctmc_pays_for_transitions():
     race = """
     ctmc

@@ -135,7 +135,8 @@ class _FreeSteps:
         self.states = np.arange(n + 1) < n
         self._known: Bools | None = None
         self._part: tuple[SparseMatrix, Numbers] | None = None
-        if problem.direction is Direction.MIN:
+        self._is_least = problem.direction is Direction.MIN
+        if self._is_least:
             self._require_finite()
 
     def _members(self, rows: Bools) -> Bools:
@@ -147,7 +148,7 @@ class _FreeSteps:
     @cached_property
     def nothing(self) -> Bools:
         """States of value 0 at every level, beside the sink."""
-        if self.problem.direction is Direction.MIN:  # a strategy may stay where nothing is earned
+        if self._is_least:  # a strategy may stay where nothing is earned
             rows = self.free & ~self.earning
             return graph.maximal_end_components(self.source, self.states, rows).of >= 0
         paying = self._members((self.earning | ~self.free) & self.states[self.owner])
@@ -176,20 +177,26 @@ class _FreeSteps:
     ) -> tuple[Numbers, Numbers]:
         """Bounds on the values of a level, given those of the rows with a cost."""
         n, exact = self.problem.matrix.states, self.closed.exact
-        direction = self.problem.direction
-        infinite = np.zeros(n + 1, np.bool_)
-        if direction is not Direction.MIN:
-            rows = np.append(is_infinite(upper), False)
-            if rows.any() or self.forever.any():
-                target = self.forever | self._members(rows)
-                infinite = graph.backward_reachable(self.source, target)
+        infinite = self._reaching(constant, None if self._is_least else self.forever)
+        unbounded = self._reaching(upper)  # infinite, or no upper bound is proved
         unknown = self.states & ~(self.nothing | infinite)
         low = full(n + 1, 0, exact=exact)
         low[infinite] = np.inf
         high = low.copy()
         if unknown.any():
-            low[unknown], high[unknown] = self._solved(unknown, constant, upper, settings)
+            finite = np.where(is_infinite(upper), constant, upper)
+            low[unknown], high[unknown] = self._solved(unknown, constant, finite, settings)
+        high[unbounded] = np.inf
         return low[:n], high[:n]
+
+    def _reaching(self, rows: Numbers, states: Bools | None = None) -> Bools:
+        """The states from which a row with an infinite number, or one of some states, is reached
+        without cost.
+        """
+        target = self._members(np.append(is_infinite(rows), False))
+        if states is not None:
+            target |= states
+        return graph.backward_reachable(self.source, target) if target.any() else target
 
     def _solved(
         self, unknown: Bools, constant: Numbers, upper: Numbers, settings: Settings
