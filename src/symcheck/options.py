@@ -370,8 +370,9 @@ class Options:
         "rotation of a ring of them, only one is explored. It applies to explicit exploration (the "
         "engine explicit, or the default one from 50,000 states on) and to values at initial "
         "states: not to exports, strategies, counterexamples and lists of states, nor to "
-        "properties that tell the modules apart. None: on the command line where it applies, in "
-        "Python nowhere.",
+        "properties that tell the modules apart. The default engine also leaves out variables on "
+        "which the properties do not depend, if diagrams can count the states. None: on the "
+        "command line where it applies, in Python nowhere.",
         _switch("symmetry", "explore one of the states that equal modules may exchange", True),
         _switch("nosymmetry", "explore every state", False),
     )

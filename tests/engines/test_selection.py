@@ -67,7 +67,7 @@ def test_a_large_regular_model_is_recognised_by_the_first_diagrams(monkeypatch):
     small = {"SMALL_MODEL_STATES": 100, "SPARSE_MODEL_STATES": 100}
     engine, choice = chosen(COUNTER, monkeypatch, SELECTION_TURNS=(), **small)
     assert isinstance(engine, SparseEngine)
-    assert "nodes hold 10,000 states" in choice.reason
+    assert "nodes holds 10,000 states" in choice.reason
 
 
 def test_a_model_in_which_the_first_diagrams_find_few_states_is_searched(monkeypatch):

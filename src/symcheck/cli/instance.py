@@ -174,7 +174,7 @@ def _why_no_symmetry(model: Model) -> str | None:
     from symcheck.semantics.reduction.symmetry import observed_symmetries
 
     explored = model.engine.capability(RepresentsOrbits)
-    if explored is not None and explored.represented is not None:
+    if explored is not None and explored.represented and explored.represented.symmetries:
         return None
     if model.bound.observed is None:
         return "the properties are not checked for values at initial states alone"

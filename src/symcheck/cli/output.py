@@ -109,7 +109,10 @@ class Output:
         if engine.model.type.value == "mdp":
             self.line(f"Choices:     {engine.choices if whole is None else whole.choices}")
         if whole is not None:
-            self.line(f"Symmetry:    {'; '.join(map(str, whole.symmetries))}")
+            if whole.outside_cone:
+                self.line(f"Left out:    {', '.join(whole.outside_cone)}")
+            if whole.symmetries:
+                self.line(f"Symmetry:    {'; '.join(map(str, whole.symmetries))}")
             self.line(
                 f"  {engine.states} states and {engine.transitions} transitions represent them"
             )

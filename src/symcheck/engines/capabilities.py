@@ -65,7 +65,9 @@ class HasExploredModel(Protocol):
 
 
 class RepresentsOrbits(Protocol):
-    """States may stand for others that symmetries make of them."""
+    """States may stand for others: those that symmetries make of them, or that differ in variables
+    on which the properties do not depend.
+    """
 
     represented: Represented | None
     """The counts of the whole model; None if every state is explored."""

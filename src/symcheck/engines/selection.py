@@ -16,6 +16,10 @@
    found fewer states with the largest budget than the exploration had.
 
 A wrong guess therefore costs a bounded share of the run, and the explored states are kept.
+
+Where the properties do not depend on some variables of a large model, the diagrams only count its
+states. The properties are checked on the model restricted to the cone of influence, if it has no
+more states than the first exploration.
 """
 
 from __future__ import annotations
@@ -151,10 +155,11 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
     if not available():
         exploration.run(None, observer)
         return _explicit_engine(exploration, observer, "decision diagrams are not installed")
-    space = _large_regular_model(model, options, exploration)
+    restricted = _restrict(model, options, exploration)
+    space = _large_regular_model(model, options, exploration, any_size=restricted is not None)
     if space is not None:
         del exploration  # frees the memory of its states
-        return _symbolic_engine(space, options, observer, _compression(space))
+        return _engine_of(space, restricted, options, observer, _compression(space))
     malloc_trim()  # returns the memory of the diagrams
     with _diagrams_need_less(model):
         if _explore_sparse_model(exploration, tuning.SPARSE_MODEL_TRANSITIONS):
@@ -169,7 +174,7 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
                     pass
                 case space:
                     del exploration
-                    return _symbolic_engine(space, options, observer, _compression(space))
+                    return _engine_of(space, restricted, options, observer, _compression(space))
         malloc_trim()
         if failure.found_states > tuning.SELECTION_TURNS[-1][1]:
             states = failure.found_states
@@ -184,12 +189,9 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
                 if exploration.run(states, observer):
                     return _explicit_engine(exploration, observer, failure.reason)
     del exploration
-    return _symbolic_engine(
-        _explore_symbolically(model, options, None),
-        options,
-        observer,
-        f"there are more than {states:,} states",
-    )
+    space = _explore_symbolically(model, options, None)
+    reason = f"there are more than {states:,} states"
+    return _engine_of(space, restricted, options, observer, reason)
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,18 +282,19 @@ def _explore_sparse_model(exploration: Exploration, most_transitions: int) -> bo
 
 
 def _large_regular_model(
-    model: BoundModel, options: Options, exploration: Exploration
+    model: BoundModel, options: Options, exploration: Exploration, *, any_size: bool
 ) -> StateSpace | None:
-    """The states of a large model, if diagrams find them with a very small budget.
+    """The states of a large model (or of one of any size), if diagrams find them with a very small
+    budget.
 
     Not of orbits, whose number is unknown, nor in an order that has to be searched for.
     """
     if options.order is not None or exploration.orbits is not None or _rounds_many_bits(model):
         return None
     space = _try_diagrams(model, options, tuning.FIRST_LOOKUPS)
-    if isinstance(space, _DiagramFailure) or not _is_large(space.count, exploration):
+    if isinstance(space, _DiagramFailure):
         return None
-    return space
+    return space if any_size or _is_large(space.count, exploration) else None
 
 
 def _is_large(states: int, exploration: Exploration) -> bool:
@@ -299,6 +302,68 @@ def _is_large(states: int, exploration: Exploration) -> bool:
     progress = exploration.progress
     transitions = states * progress.transitions / max(progress.explored, 1)
     return states > tuning.SPARSE_MODEL_STATES or transitions > tuning.SPARSE_MODEL_TRANSITIONS
+
+
+@dataclass(frozen=True, slots=True)
+class _Restricted:
+    """The states of a model restricted to a cone of influence, and the variables outside."""
+
+    exploration: Exploration
+    outside: tuple[str, ...]
+
+
+def _restrict(model: BoundModel, options: Options, exploration: Exploration) -> _Restricted | None:
+    """Restrict a model to the cone of influence of what is asked.
+
+    None if there is no variable outside, or if the restricted model has more states than were
+    explored so far of the whole model.
+    """
+    from symcheck.explicit.build import Exploration
+    from symcheck.semantics.reduction.cone_of_influence import outside_cone, restricted_to_cone
+    from symcheck.semantics.reduction.symmetry import observed_symmetries
+
+    observed = None if model.observed is None else model.observed(model)
+    outside = frozenset() if observed is None else outside_cone(model, observed)
+    if not outside:
+        return None
+    smaller = restricted_to_cone(model, outside)
+    restricted = Exploration(smaller, options, symmetries=observed_symmetries(smaller))
+    if not restricted.run(exploration.progress.explored):
+        return None
+    return _Restricted(restricted, tuple(model.variables[i].name for i in sorted(outside)))
+
+
+def _restricted_engine(
+    restricted: _Restricted, space: StateSpace, options: Options, observer: Observer | None
+) -> Engine:
+    """The engine of a restricted model, with the counts of the whole model.
+
+    Args:
+        space: the states of the whole model.
+    """
+    from symcheck.engines.explicit.engine import ExplicitEngine
+    from symcheck.engines.symbolic.forms import SparseEngine
+    from symcheck.explicit.orbits import Represented
+    from symcheck.symbolic.matrix.transitions import transitions
+
+    if observer is not None:
+        observer(space)
+    whole = SparseEngine.of(transitions(space, options, observer))
+    explored, outside = restricted.exploration.finish(), ", ".join(restricted.outside)
+    orbits = explored.represented
+    represented = Represented(
+        states=whole.states,
+        initial=whole.initial.count,
+        deadlocks=whole.deadlocks.count,
+        choices=whole.choices,
+        transitions=whole.transitions,
+        symmetries=() if orbits is None else orbits.symmetries,
+        initial_orbits=(whole.initial.count,),
+        outside_cone=restricted.outside,
+    )
+    reason = f"{_compression(space)}, and the properties do not depend on {outside}"
+    _report_choice(observer, "explicit", reason)
+    return erased(ExplicitEngine(explored, represented=represented))
 
 
 def _small_model(exploration: Exploration, observer: Observer | None) -> Engine:
@@ -312,7 +377,7 @@ def _small_model(exploration: Exploration, observer: Observer | None) -> Engine:
 
 def _compression(space: StateSpace) -> str:
     """The reason for an engine with diagrams."""
-    return f"{space.states.node_count:,} nodes hold {space.count:,} states"
+    return f"a BDD of {space.states.node_count:,} nodes holds {space.count:,} states"
 
 
 def _valuation_count(model: BoundModel) -> int:
@@ -374,6 +439,19 @@ def _explore_symbolically(model: BoundModel, options: Options, lookups: int | No
         raise _SearchInterrupted(str(error), found_states) from error
     manager.limit_lookups(None)
     return space
+
+
+def _engine_of(
+    space: StateSpace,
+    restricted: _Restricted | None,
+    options: Options,
+    observer: Observer | None,
+    reason: str,
+) -> Engine:
+    """The engine of a model whose states are a diagram, or of its restriction."""
+    if restricted is not None:
+        return _restricted_engine(restricted, space, options, observer)
+    return _symbolic_engine(space, options, observer, reason)
 
 
 def _symbolic_engine(

@@ -31,6 +31,7 @@ class Represented:
     """The numbers of what representatives stand for, in the whole model.
 
     initial_orbits: the number of states that each initial representative stands for, in order.
+    outside_cone: the variables that keep their initial values in all representatives.
     """
 
     states: int
@@ -40,6 +41,7 @@ class Represented:
     transitions: int
     symmetries: tuple[Symmetry, ...]
     initial_orbits: tuple[int, ...]
+    outside_cone: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -147,8 +147,9 @@ class BoundModel:
             another bound model of the same text in the same way.
         builder: of a model without a text, the function that builds its engine from options.
         observed: if not None, only values at the initial states are asked for; then one state may
-            represent all that a symmetry makes of it. The function gives what the properties read
-            of a model, None if that is more than such values.
+            represent all that a symmetry makes of it, or that agree on the variables that matter.
+            The function gives what the properties read of a model, None if that is more than such
+            values.
     """
 
     program: Program

@@ -1,4 +1,4 @@
-"""Limits of the search for symmetries, each with its reason."""
+"""Limits of the search for symmetries and cones of influence, each with its reason."""
 
 from __future__ import annotations
 
@@ -11,3 +11,9 @@ MAX_SYMMETRY_COMPONENTS = 20
 
 MAX_SYMMETRY_VALUATIONS = 1 << 16
 """Valuations on which two expressions are compared whose normal forms differ."""
+
+MAX_CONE_PARTICIPANTS = 10_000
+"""Participants of events up to which a cone of influence is computed, in half a second."""
+
+MAX_CONE_VALUATIONS = 1 << 16
+"""Valuations on which it is decided whether some command of a module is always enabled."""
