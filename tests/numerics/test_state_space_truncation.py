@@ -30,7 +30,11 @@ def slow(n: int, seed: int, loops: float = 0.0) -> tuple[Floats, SparseMatrix, F
 
 @pytest.mark.parametrize("loops", [0.0, 1.0, 1000.0])
 @pytest.mark.parametrize("transposed", [False, True])
-def test_the_resolvent_is_bounded(transposed: bool, loops: float) -> None:
+@pytest.mark.parametrize("unused", ["_by_sweeps", "_by_bicgstab"])
+def test_the_resolvent_is_bounded(
+    transposed: bool, loops: float, unused: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(state_space_truncation._Resolvent, unused, lambda _: None)
     shift, time = 2.0, 2.0 / REST
     full, matrix, leave, right = slow(50, 5, loops)
     truth = np.exp(shift) * np.linalg.solve(full.T if transposed else full, right)
@@ -46,6 +50,7 @@ def test_the_resolvent_is_bounded(transposed: bool, loops: float) -> None:
 
 def test_each_order_of_the_states_goes_on_from_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
     """No order converges within its sweeps, but all of them together do."""
+    monkeypatch.setattr(tuning, "TRUNCATION_SOLUTIONS", 0)
     shift, time = 2.0, 2.0 / REST
     full, matrix, leave, right = slow(50, 5)
     truth = np.exp(shift) * np.linalg.solve(full, right)
@@ -58,6 +63,16 @@ def test_each_order_of_the_states_goes_on_from_the_last(monkeypatch: pytest.Monk
         found = state_space_truncation._Resolvent.of(matrix, leave, time, shift, right).upper()
         assert (found is not None) is enough
         assert found is None or np.all(found >= truth)
+
+
+def test_a_solution_that_is_no_bound_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, matrix, leave, right = slow(50, 5)
+    resolvent = state_space_truncation._Resolvent.of(matrix, leave, 2.0 / REST, 2.0, right)
+    found = resolvent._by_bicgstab()
+    assert found is not None
+    below = found * 0.9
+    monkeypatch.setattr(state_space_truncation, "relative_solution", lambda *_, **__: below)
+    assert resolvent._by_bicgstab() is None
 
 
 def test_nothing_is_solved_where_nearly_all_states_matter(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -119,8 +119,14 @@ FORWARD_REFINEMENT = 1e-20
 # State-space truncation (transient/state_space_truncation.py).
 TRUNCATION_SWEEPS = (600, 1_000, 2_000, 20_000)
 """Gauss-Seidel sweeps for the resolvent, in turn in the order of components and in that of distance
-from the source; each goes on from the last. Tandem needs up to 900 of the second alone, cluster
-N=256 1,100 of the first."""
+from the source; each goes on from the last. Tandem, for which BiCGStab diverges, needs up to 900 of
+the second alone."""
+TRUNCATION_SLACK, TRUNCATION_RESIDUAL = 0.02, 0.006
+"""What is added to the right of the equations that BiCGStab solves, and the residual to reach, both
+relative to the Laplace shift."""
+TRUNCATION_SOLUTIONS, TRUNCATION_EARLY_STEPS = 3, 30
+"""How often a solution becomes the guess of the next; and the steps of BiCGStab in which a tenth of
+the residual has to remain: cluster N=256 takes 30 in all, and 1,100 sweeps."""
 
 # Rational Krylov subspaces (transient/rational_krylov.py).
 KRYLOV_STEPS, KRYLOV_ENTRIES = 2e3, 5e9

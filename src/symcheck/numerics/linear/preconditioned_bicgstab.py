@@ -173,7 +173,13 @@ def scaled(rates: SparseMatrix, weights: Floats) -> SparseMatrix:
 
 
 def relative_solution(
-    matrix: SparseMatrix, scale: Floats, right: Floats, guess: Floats, goal: float
+    matrix: SparseMatrix,
+    scale: Floats,
+    right: Floats,
+    guess: Floats,
+    goal: float,
+    *,
+    early: int = tuning.EARLY_BICGSTAB_STEPS,
 ) -> Floats | None:
     """A positive approximation of (I - diag(scale) R)^-1 diag(scale) right, or None.
 
@@ -183,6 +189,7 @@ def relative_solution(
         right: float64[n], non-negative.
         guess: the solution to within some orders of magnitude, positive.
         goal: the residual to reach, relative to the guess.
+        early: the steps after which at most a tenth of the residual may remain.
     """
     split, first = SplitMatrix.of(scaled(matrix, guess), scale), 0.0
     for x, rest in split.solve(right * scale / guess):
@@ -190,8 +197,6 @@ def relative_solution(
         if rest <= goal:
             solution = split.solve_upper(x) * guess
             return solution if bool(np.all(solution > 0.0)) else None
-        if split.steps > tuning.BICGSTAB_STEPS or (
-            split.steps == tuning.EARLY_BICGSTAB_STEPS and rest > 0.1 * first
-        ):
+        if split.steps > tuning.BICGSTAB_STEPS or (split.steps == early and rest > 0.1 * first):
             break
     return None

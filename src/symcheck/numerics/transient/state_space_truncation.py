@@ -26,11 +26,14 @@ from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.component_bounds import ComponentSolver
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import graph, tuning
+from symcheck.numerics.linear.preconditioned_bicgstab import relative_solution
 from symcheck.parallel.threads import helpers, thread_count
 
 __all__ = ["Truncation", "truncate"]
 
 Found = TypeVar("Found")
+_ROUNDING = 1e-12
+"""More than the relative rounding of a row and its product."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,8 +138,9 @@ def _importance(rates: SparseMatrix, flow: Floats, value: Floats) -> Floats:
 
 @dataclass(eq=False)
 class _Resolvent:
-    """Bounds on e^a (a/time - Q)^-1 right, or on its transpose.
+    """Bounds on e^a (a/time - Q)^-1 right, or on its transpose: the solution of x = A x + b.
 
+    matrix, constant: A and b, without the factor e^a. slack: a/time in the same scale.
     nearest: the states in the order of their distance from those where `right` is positive.
     lower: lower bounds, without the factor e^a.
     """
@@ -144,6 +148,9 @@ class _Resolvent:
     rates: SparseMatrix
     transposed: bool
     laplace_shift: float
+    matrix: SparseMatrix
+    constant: Floats
+    slack: Floats
     system: ComponentSolver
     nearest: Int32s
     lower: Floats
@@ -169,13 +176,21 @@ class _Resolvent:
         owner = np.repeat(np.arange(rates.states), np.diff(arrays[0]))
         # Without self-loops, the equations are used whatever their rows sum to.
         data = np.where(arrays[1] == owner, 0.0, arrays[2] * scale[owner])
-        system = ComponentSolver(
-            *arrays[:2], data, None, right * scale, right * scale, np.ones(rates.states), 0
-        )
+        matrix, constant = SparseMatrix(*arrays[:2], data, rates.states), right * scale
+        system = ComponentSolver(*matrix.arrays, None, constant, constant, np.ones(rates.states), 0)
         reached, parent = components.breadth_first(back[0], back[1], (right > 0.0).view(np.uint8))
         nearest = np.append(reached, np.flatnonzero(parent == -2).astype(np.int32))
-        zeros = np.zeros(rates.states)
-        result = _Resolvent(rates, transposed, laplace_shift, system, nearest, zeros)
+        result = _Resolvent(
+            rates,
+            transposed,
+            laplace_shift,
+            matrix,
+            constant,
+            laplace_shift / time * scale,
+            system,
+            nearest,
+            np.zeros(rates.states),
+        )
         result._sweep(nearest, tuning.TRUNCATION_FIRST_SWEEPS)
         return result
 
@@ -185,18 +200,51 @@ class _Resolvent:
         return self.lower * math.exp(self.laplace_shift)
 
     def upper(self) -> Floats | None:
-        """Upper bounds within about a factor of 2; None if the sweeps do not find them."""
+        """Upper bounds within about a factor of 2; None if they are not found."""
+        found = self._by_bicgstab()
+        if found is None:
+            found = self._by_sweeps()
+        return None if found is None else found * math.exp(self.laplace_shift) * (1.0 + 1e-9)
+
+    def _by_bicgstab(self) -> Floats | None:
+        """Upper bounds that one product proves, if the lower bounds are near enough to start from.
+
+        The equations get a little more on the right, so that the residual may have either sign.
+        """
+        guess, ones = np.maximum(self.lower, np.finfo(np.float64).tiny), np.ones(len(self.lower))
+        goal = tuning.TRUNCATION_RESIDUAL * float(self.slack.min())
+        for _ in range(tuning.TRUNCATION_SOLUTIONS):
+            more = tuning.TRUNCATION_SLACK * self.slack * guess
+            with np.errstate(over="ignore", invalid="ignore"):
+                solution = relative_solution(
+                    self.matrix,
+                    ones,
+                    self.constant + more,
+                    guess,
+                    goal,
+                    early=tuning.TRUNCATION_EARLY_STEPS,
+                )
+                if solution is None:
+                    return None
+                product = self.matrix.multiply(solution) + self.constant
+            if bool(np.all(product <= solution * (1.0 - _ROUNDING))):
+                return solution
+            guess = solution
+        return None
+
+    def _by_sweeps(self) -> Floats | None:
+        """Upper bounds by optimistic value iteration."""
         # Values spread furthest in the order of distance, but may settle sooner in that of
         # components.
         orders = [self.nearest]
         if not self.transposed:
             orders = [graph.sccs(self.rates).order, self.nearest] * 2
         sweeps = tuning.TRUNCATION_SWEEPS[-len(orders) :]
+        found = None
         for order, budget in zip(orders, sweeps, strict=True):
-            found = self._sweep(order, budget)
-            if found is not None:
-                return found * math.exp(self.laplace_shift) * (1.0 + 1e-9)
-        return None
+            if found is None:
+                found = self._sweep(order, budget)
+        return found
 
     def _sweep(self, order: Int32s, budget: int) -> Floats | None:
         """Raise the lower bounds; the upper ones, if they are found."""
