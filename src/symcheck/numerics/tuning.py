@@ -99,9 +99,10 @@ TRUNCATION_SHIFTS = (20.0, 5.0)
 """Laplace shifts a of the two rounds of truncation: the first is quick, the second keeps less."""
 TRUNCATION_MAX_KEPT = 0.5
 """A truncation that keeps a larger share of the states is not used."""
-TRUNCATION_FIRST_SWEEPS, TRUNCATION_HOPELESS = 30, 0.9
-"""Sweeps after which a lower bound on the share of the states that matter is known, and the share
-from which on the rest of the sweeps (hundreds) is not worth while: polling."""
+TRUNCATION_FIRST_SWEEPS, TRUNCATION_HOPELESS = 100, 0.9
+"""Sweeps after which BiCGStab has a guess to start from, and a lower bound on the share of the
+states that matter is known; and the share from which on no more is done: polling. After 30 sweeps,
+BiCGStab diverges on cluster N=256."""
 
 # Forward uniformisation (transient/forward.py).
 FORWARD_ENTRIES = 2e9
@@ -124,9 +125,10 @@ the second alone."""
 TRUNCATION_SLACK, TRUNCATION_RESIDUAL = 0.02, 0.006
 """What is added to the right of the equations that BiCGStab solves, and the residual to reach, both
 relative to the Laplace shift."""
-TRUNCATION_SOLUTIONS, TRUNCATION_EARLY_STEPS = 3, 30
-"""How often a solution becomes the guess of the next; and the steps of BiCGStab in which a tenth of
-the residual has to remain: cluster N=256 takes 30 in all, and 1,100 sweeps."""
+TRUNCATION_SOLUTIONS, TRUNCATION_EARLY_STEPS, TRUNCATION_DIVERGED = 3, 60, 10.0
+"""How often a solution becomes the guess of the next; the steps of BiCGStab after which at most a
+tenth of the residual may remain; and the residual, relative to the guess, with which it gives up.
+On cluster, 20 to 60 steps replace 1,100 sweeps; on tandem it has given up after 10."""
 
 # Rational Krylov subspaces (transient/rational_krylov.py).
 KRYLOV_STEPS, KRYLOV_ENTRIES = 2e3, 5e9

@@ -180,6 +180,7 @@ def relative_solution(
     goal: float,
     *,
     early: int = tuning.EARLY_BICGSTAB_STEPS,
+    largest: float = math.inf,
 ) -> Floats | None:
     """A positive approximation of (I - diag(scale) R)^-1 diag(scale) right, or None.
 
@@ -190,6 +191,7 @@ def relative_solution(
         guess: the solution to within some orders of magnitude, positive.
         goal: the residual to reach, relative to the guess.
         early: the steps after which at most a tenth of the residual may remain.
+        largest: the residual, relative to the guess, above which the method gives up.
     """
     split, first = SplitMatrix.of(scaled(matrix, guess), scale), 0.0
     for x, rest in split.solve(right * scale / guess):
@@ -197,6 +199,10 @@ def relative_solution(
         if rest <= goal:
             solution = split.solve_upper(x) * guess
             return solution if bool(np.all(solution > 0.0)) else None
-        if split.steps > tuning.BICGSTAB_STEPS or (split.steps == early and rest > 0.1 * first):
+        if (
+            split.steps > tuning.BICGSTAB_STEPS
+            or rest > largest
+            or (split.steps == early and rest > 0.1 * first)
+        ):
             break
     return None

@@ -223,6 +223,7 @@ class _Resolvent:
                     guess,
                     goal,
                     early=tuning.TRUNCATION_EARLY_STEPS,
+                    largest=tuning.TRUNCATION_DIVERGED,
                 )
                 if solution is None:
                     return None
