@@ -155,7 +155,8 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
     if not available():
         exploration.run(None, observer)
         return _explicit_engine(exploration, observer, "decision diagrams are not installed")
-    restricted = _restrict(model, options, exploration)
+    with _diagrams_need_less(model):
+        restricted = _restrict(model, options, exploration)
     space = _large_regular_model(model, options, exploration, any_size=restricted is not None)
     if space is not None:
         del exploration  # frees the memory of its states

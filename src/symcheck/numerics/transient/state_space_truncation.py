@@ -32,8 +32,6 @@ from symcheck.parallel.threads import helpers, thread_count
 __all__ = ["Truncation", "truncate"]
 
 Found = TypeVar("Found")
-_ROUNDING = 1e-12
-"""More than the relative rounding of a row and its product."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,6 +211,7 @@ class _Resolvent:
         """
         guess, ones = np.maximum(self.lower, np.finfo(np.float64).tiny), np.ones(len(self.lower))
         goal = tuning.TRUNCATION_RESIDUAL * float(self.slack.min())
+        rounding = 4.0 * (self.matrix.longest + 8) * tuning.UNIT_ROUNDOFF  # of a row, outwards
         for _ in range(tuning.TRUNCATION_SOLUTIONS):
             more = tuning.TRUNCATION_SLACK * self.slack * guess
             with np.errstate(over="ignore", invalid="ignore"):
@@ -228,7 +227,7 @@ class _Resolvent:
                 if solution is None:
                     return None
                 product = self.matrix.multiply(solution) + self.constant
-            if bool(np.all(product <= solution * (1.0 - _ROUNDING))):
+            if bool(np.all(product <= solution * (1.0 - rounding))):
                 return solution
             guess = solution
         return None
