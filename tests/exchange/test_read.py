@@ -121,6 +121,11 @@ FAULTS = [
     ({"tra": "3 4\n0 1 0.5\n0 2 -0.5\n1 1 1\n2 2 1\n"}, "m.tra:3:5", "not negative"),
     ({"tra": "3 4\n0 1 0.5\n0 3 0.5\n1 1 1\n2 2 1\n"}, "m.tra:3:3", "state 3 does not exist"),
     ({"tra": "3 4\n0 1 0.5\n0 a 0.5\n1 1 1\n2 2 1\n"}, "m.tra:3:3", "'a' is not an integer"),
+    (
+        {"tra": f"3 4\n0 1 1/2\n0 {2**63} 0.5\n1 1 1\n2 2 1\n"},
+        "m.tra:3:3",
+        f"'{2**63}' has more than 64 bits",
+    ),
     ({"tra": "3 4\n0 1 0.5\n0 1 0.5\n1 1 1\n2 2 1\n"}, "m.tra:3:1", "already"),
     ({"tra": "3 4\n0 1 0.5\n0 2\n1 1 1\n2 2 1\n"}, "m.tra:3:1", "source, target"),
     (

@@ -16,6 +16,7 @@ import numpy as np
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault, UsageError
 from symcheck.matrices.rows import Floats, Int64s
+from symcheck.semantics.expressions.evaluate import is_int64
 from symcheck.whole_file import read_whole
 
 __all__ = ["Columns", "columns_of", "number_table", "read_columns", "read_file", "read_source"]
@@ -137,8 +138,11 @@ class Columns:
         column = [row[word] for row in self.rows[1:]]
         try:
             return np.array(list(map(int, column)), np.int64)
-        except (ValueError, OverflowError):
+        except ValueError:
             self._first(column, _is_integer, word, "'{}' is not an integer")
+            raise
+        except OverflowError:
+            self._first(column, _has_64_bits, word, "'{}' has more than 64 bits")
             raise
 
     def reals(self, word: int) -> Floats:
@@ -173,6 +177,10 @@ class Columns:
 
 def _is_integer(text: str) -> bool:
     return re.fullmatch(r"-?\d+", text) is not None
+
+
+def _has_64_bits(text: str) -> bool:
+    return is_int64(int(text))
 
 
 def _is_real(text: str) -> bool:
