@@ -57,9 +57,10 @@ def test_it_is_not_left_out_where_it_is_asked_for(run):
     assert "Left out" not in run("-pf", 'Pmin=? [ F "end" & t<9999 ]')
 
 
-def test_a_strategy_reads_all_variables(run, tmp_path):
-    file = tmp_path / "strategy.txt"
-    assert "Left out" not in run("-pf", 'Rmin=? [ F "end" ]', "-exportlabels", str(file))
+@pytest.mark.parametrize("switch", ["-exportlabels", "-exportstrat"])
+def test_it_is_not_left_out_where_states_are_written(run, tmp_path, switch):
+    file = tmp_path / "states.txt"
+    assert "Left out" not in run("-pf", 'Rmin=? [ F "end" ]', switch, str(file))
 
 
 def test_symmetry_that_has_no_effect_is_explained(run):

@@ -160,7 +160,7 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
     space = _large_regular_model(model, options, exploration, any_size=restricted is not None)
     if space is not None:
         del exploration  # frees the memory of its states
-        return _engine_of(space, restricted, options, observer, _compression(space))
+        return _symbolic_engine(space, options, observer, _compression(space), restricted)
     malloc_trim()  # returns the memory of the diagrams
     with _diagrams_need_less(model):
         if _explore_sparse_model(exploration, tuning.SPARSE_MODEL_TRANSITIONS):
@@ -175,7 +175,9 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
                     pass
                 case space:
                     del exploration
-                    return _engine_of(space, restricted, options, observer, _compression(space))
+                    return _symbolic_engine(
+                        space, options, observer, _compression(space), restricted
+                    )
         malloc_trim()
         if failure.found_states > tuning.SELECTION_TURNS[-1][1]:
             states = failure.found_states
@@ -192,7 +194,7 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
     del exploration
     space = _explore_symbolically(model, options, None)
     reason = f"there are more than {states:,} states"
-    return _engine_of(space, restricted, options, observer, reason)
+    return _symbolic_engine(space, options, observer, reason, restricted)
 
 
 @dataclass(frozen=True, slots=True)
@@ -323,8 +325,8 @@ def _restrict(model: BoundModel, options: Options, exploration: Exploration) -> 
     from symcheck.semantics.reduction.cone_of_influence import outside_cone, restricted_to_cone
     from symcheck.semantics.reduction.symmetry import observed_symmetries
 
-    observed = None if model.observed is None else model.observed(model)
-    outside = frozenset() if observed is None else outside_cone(model, observed)
+    observations = model.observations
+    outside = frozenset() if observations is None else outside_cone(model, observations)
     if not outside:
         return None
     smaller = restricted_to_cone(model, outside)
@@ -335,21 +337,12 @@ def _restrict(model: BoundModel, options: Options, exploration: Exploration) -> 
 
 
 def _restricted_engine(
-    restricted: _Restricted, space: StateSpace, options: Options, observer: Observer | None
+    restricted: _Restricted, whole: Engine, observer: Observer | None, reason: str
 ) -> Engine:
-    """The engine of a restricted model, with the counts of the whole model.
-
-    Args:
-        space: the states of the whole model.
-    """
+    """The engine of a restricted model, with the counts of the whole one."""
     from symcheck.engines.explicit.engine import ExplicitEngine
-    from symcheck.engines.symbolic.forms import SparseEngine
     from symcheck.explicit.orbits import Represented
-    from symcheck.symbolic.matrix.transitions import transitions
 
-    if observer is not None:
-        observer(space)
-    whole = SparseEngine.of(transitions(space, options, observer))
     explored, outside = restricted.exploration.finish(), ", ".join(restricted.outside)
     orbits = explored.represented
     represented = Represented(
@@ -362,7 +355,7 @@ def _restricted_engine(
         initial_orbits=(whole.initial.count,),
         outside_cone=restricted.outside,
     )
-    reason = f"{_compression(space)}, and the properties do not depend on {outside}"
+    reason = f"{reason}, and the properties do not depend on {outside}"
     _report_choice(observer, "explicit", reason)
     return erased(ExplicitEngine(explored, represented=represented))
 
@@ -442,22 +435,14 @@ def _explore_symbolically(model: BoundModel, options: Options, lookups: int | No
     return space
 
 
-def _engine_of(
+def _symbolic_engine(
     space: StateSpace,
-    restricted: _Restricted | None,
     options: Options,
     observer: Observer | None,
     reason: str,
+    restricted: _Restricted | None = None,
 ) -> Engine:
     """The engine of a model whose states are a diagram, or of its restriction."""
-    if restricted is not None:
-        return _restricted_engine(restricted, space, options, observer)
-    return _symbolic_engine(space, options, observer, reason)
-
-
-def _symbolic_engine(
-    space: StateSpace, options: Options, observer: Observer | None, reason: str
-) -> Engine:
     from symcheck.engines.symbolic.forms import HybridEngine, SparseEngine
     from symcheck.engines.symbolic.materialized import materialize
     from symcheck.symbolic.matrix.transitions import transitions
@@ -466,6 +451,8 @@ def _symbolic_engine(
         observer(space)
     built: Transitions = transitions(space, options, observer)
     engine = SparseEngine.of(built)
+    if restricted is not None:
+        return _restricted_engine(restricted, erased(engine), observer, reason)
     size = engine.transitions * tuning.MATRIX_ENTRY_BYTES
     if (
         space.symbolic.model.type is ModelType.MDP

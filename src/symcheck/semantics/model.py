@@ -181,6 +181,11 @@ class BoundModel:
         )
 
     @property
+    def observations(self) -> Observations | None:
+        """What the properties read; None if more than values at the initial states may be asked."""
+        return None if self.observed is None else self.observed(self)
+
+    @property
     def actions(self) -> tuple[str, ...]:
         """The action names, in order of first appearance."""
         return tuple(dict.fromkeys(e.action for e in self.events if e.action is not None))

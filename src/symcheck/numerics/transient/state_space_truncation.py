@@ -143,7 +143,6 @@ class _Resolvent:
     lower: lower bounds, without the factor e^a.
     """
 
-    rates: SparseMatrix
     transposed: bool
     laplace_shift: float
     matrix: SparseMatrix
@@ -179,7 +178,6 @@ class _Resolvent:
         reached, parent = components.breadth_first(back[0], back[1], (right > 0.0).view(np.uint8))
         nearest = np.append(reached, np.flatnonzero(parent == -2).astype(np.int32))
         result = _Resolvent(
-            rates,
             transposed,
             laplace_shift,
             matrix,
@@ -238,13 +236,13 @@ class _Resolvent:
         # components.
         orders = [self.nearest]
         if not self.transposed:
-            orders = [graph.sccs(self.rates).order, self.nearest] * 2
+            orders = [graph.sccs(self.matrix).order, self.nearest] * 2
         sweeps = tuning.TRUNCATION_SWEEPS[-len(orders) :]
-        found = None
         for order, budget in zip(orders, sweeps, strict=True):
-            if found is None:
-                found = self._sweep(order, budget)
-        return found
+            found = self._sweep(order, budget)
+            if found is not None:
+                return found
+        return None
 
     def _sweep(self, order: Int32s, budget: int) -> Floats | None:
         """Raise the lower bounds; the upper ones, if they are found."""

@@ -74,8 +74,8 @@ class Symmetry:
 
 def observed_symmetries(model: BoundModel) -> tuple[Symmetry, ...]:
     """The symmetries that what is asked of a model does not see; none if all may be asked."""
-    observed = None if model.observed is None else model.observed(model)
-    return () if observed is None else find_symmetries(model, observed)
+    observations = model.observations
+    return () if observations is None else find_symmetries(model, observations)
 
 
 def find_symmetries(model: BoundModel, observed: Observations) -> tuple[Symmetry, ...]:
