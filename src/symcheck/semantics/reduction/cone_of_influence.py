@@ -1,13 +1,16 @@
 """The cone of influence: the variables on which what properties read may depend.
 
 A variable is in the cone if the properties or their rewards read it, or if it decides how some
-event changes a variable of the cone, or whether that event is possible. A timer that takes part in
-every step `time` and only counts them is outside the cone, unless a property reads it. States that
-agree on the variables of the cone are strongly bisimilar; so the variables outside may keep their
-initial values.
+event changes a variable of the cone, with which probability or rate, or whether the event is
+possible. A timer is outside the cone if it never blocks the action `time`, and if no guard of
+another module, property or reward reads it. States that agree on the variables of the cone are
+strongly bisimilar for what the properties read, apart from choices that occur twice; so the
+variables outside may keep their initial values. Faults of the assignments to them are not found on
+the restricted model: whoever uses it explores the whole model too.
 
 Source: E. Clarke, O. Grumberg, D. Peled: Model Checking (1999), 13.1. Variables have next-state
-functions there; here, a module may block an action, so it has to be shown that it never does.
+functions there. Here, a module may block an action: unless it is shown that it never does, the
+variables of its guards are in the cone.
 """
 
 from __future__ import annotations
@@ -44,7 +47,7 @@ _INITIAL_STATES = '"init"'
 def outside_cone(model: BoundModel, observed: Observations) -> frozenset[int]:
     """The variables (indices) on which nothing that is observed depends.
 
-    None of a model with `init … endinit`, or of one with too many commands.
+    None of a model with `init … endinit`, or of one whose events have too many participants.
     """
     participants = [p for e in model.events for p in e.participants]
     read = {name for e in observed.expressions for name in names(e)}
@@ -83,7 +86,7 @@ def restricted_to_cone(model: BoundModel, outside: frozenset[int]) -> BoundModel
 
 
 def _derived(model: BoundModel, outside: frozenset[int], other: BoundModel) -> BoundModel:
-    """Another bound model of the same text, transformed in the same way as `model`."""
+    """The same model bound in rational arithmetic, transformed in the same way as `model`."""
     whole = other if model.derivation is None else model.derivation(other)
     return restricted_to_cone(whole, outside)
 
@@ -120,10 +123,10 @@ def _read(participant: Participant, cone: set[int], model: BoundModel) -> set[in
 
 
 def _never_blocks(participant: Participant, model: BoundModel) -> bool:
-    """Whether a participant has no influence on the probability of its events.
+    """Whether a participant never changes whether, and with which weight, its events are possible.
 
-    In each state, one of its commands is enabled, with numbers of the sum 1 as probabilities
-    (rates). In a chain, no second one is: its rate would be added.
+    At least one of its commands is enabled in each valuation, and its probabilities (rates) are
+    numbers with the sum 1. In a chain exactly one is: a second one would change the weight.
     """
     return all(map(_has_weight_one, participant)) and _are_enabled(
         [c.guard for c in participant], model.variables, once=model.type is not ModelType.MDP
