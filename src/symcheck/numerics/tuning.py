@@ -130,6 +130,17 @@ TRUNCATION_SOLUTIONS, TRUNCATION_EARLY_STEPS, TRUNCATION_DIVERGED = 3, 60, 10.0
 tenth of the residual may remain; and the residual, relative to the guess, with which it gives up.
 On cluster, 20 to 60 steps replace 1,100 sweeps; on tandem it has given up after 10."""
 
+# Supermartingales for tiny values (transient/supermartingale.py).
+SUPERMARTINGALE_SHIFT = 20.0
+"""Laplace shift a. A larger one makes the drift stronger, and the bound e^a times as large."""
+SUPERMARTINGALE_PASSES = 20
+"""Passes for the costs at most: in the order of distance, the first finds nearly all of them."""
+SUPERMARTINGALE_FREE = 0.03
+"""The part of the cost from the states of interest that is free, next to the reward."""
+SUPERMARTINGALE_EXPONENTS = (1.0, 1.4, 1.2, 0.8, 1.6, 0.6, 1.8, 0.4)
+"""Exponents that are tried in turn. Where a chain moves along a line with equal probabilities
+below 1/2 of each step towards the reward, 1 is always enough."""
+
 # Rational Krylov subspaces (transient/rational_krylov.py).
 KRYLOV_STEPS, KRYLOV_ENTRIES = 2e3, 5e9
 """Steps of uniformisation, and entries it would visit, from which on rational Krylov subspaces are
@@ -193,6 +204,25 @@ EIGENVALUE_SHIFT = 0.2
 """The eigenvalue 0 is moved to this part of the diagonal, among the others."""
 OCCUPATION_SWEEPS = 2
 """Sweeps that approximate the stationary distribution for that shift."""
+
+# Chains that drift towards a few states (long_run/drift.py).
+DRIFT_STATES = 200_000
+"""States from which on a core is looked for."""
+CORE_JUMPS, CORE_VISITED = (500_000, 200_000), 5_000
+"""Jumps of a random path to the core, and then within it; and how many states it may visit there.
+In tandem c=1023 it visits 50, in polling and kanban more than it may."""
+CORE_FREQUENT, CORE_SHARE = 0.01, 0.1
+"""States with this part of the most visits have no cost, and the greatest share of the states that
+the core may have."""
+CORE_WITHOUT_DRIFT, CORE_WEIGHT = 10.0, 40.0
+"""The greatest logarithm of w where the chain does not drift, and how much further it rises within
+the core: e^40 outweighs solutions of 1e12 with a relative accuracy of 1e-6. The core of tandem
+c=1023 has 7,208 of 2 million states."""
+DRIFT_EXPONENTS = (0.3, 0.15, 0.6)
+"""Exponents that are tried in turn: on tandem, those up to 0.3 will do."""
+DRIFT_PASSES, DRIFT_RAISES, DRIFT_MARGIN = 2, 2, 1e-5
+"""Passes that lower costs, and then raise some; and the drift at which those aim, as a share of the
+rate of leaving."""
 
 # Mean payoff (long_run/mean_payoff.py).
 VALUE_ITERATIONS_BEFORE_POLICIES = 2_000

@@ -32,10 +32,8 @@ from symcheck.numerics.transient.forward import forward_value
 from symcheck.numerics.transient.poisson import poisson
 from symcheck.numerics.transient.rational_krylov import importance, krylov_values, largest_growth
 from symcheck.numerics.transient.state_space_truncation import truncate
-from symcheck.numerics.transient.uniformized_chain import (
-    UniformizedChain,
-    uniformize,
-)
+from symcheck.numerics.transient.supermartingale import bound_negligible_values
+from symcheck.numerics.transient.uniformized_chain import UniformizedChain, uniformize
 
 __all__ = ["Transient", "transient_distribution", "transient_values"]
 
@@ -143,7 +141,8 @@ class _Horizon:
             if len(interest) == 1 and entries > tuning.FORWARD_ENTRIES:
                 result = self.by_forward_steps(rates, int(interest[0]), start, source)
             if result is None and source and entries > tuning.TRUNCATION_ENTRIES:
-                result = self.on_truncated_space(rates, interest, start)
+                result = self.if_negligible(rates, interest, start)
+                result = result or self.on_truncated_space(rates, interest, start)
             result = result or self.by_rational_krylov(rates, interest, start, source)
             if result is not None:
                 return result
@@ -173,6 +172,22 @@ class _Horizon:
             f"{len(start)} states active"
         )
         return Transient(lower, upper, run.steps, note)
+
+    def if_negligible(
+        self, rates: SparseMatrix, interest: Int64s, reward_rate: Floats
+    ) -> Transient | None:
+        """Values from 0 to a proved bound, if that is close enough; others get trivial bounds."""
+        enough = tuning.UNDERFLOW_BOUND
+        if not self.settings.relative:
+            enough = max(enough, self.settings.epsilon)
+        bound = bound_negligible_values(
+            rates, self.exit_rates, self.time, reward_rate, interest, enough
+        )
+        if bound is None:
+            return None
+        upper = np.full(rates.states, self.time * float(reward_rate.max()) * (1.0 + 1e-9))
+        upper[interest] = bound
+        return Transient(np.zeros(rates.states), upper, 0, "an exponential supermartingale")
 
     def by_rational_krylov(
         self,

@@ -1,0 +1,140 @@
+"""Bounds by supermartingales are above the exact solution, and tiny where that is tiny."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from symcheck.kernels.chains import supermartingale as kernel
+from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.numerics import tuning
+from symcheck.numerics.linear.rational import solve_chain
+from symcheck.numerics.settings import Accuracy
+from symcheck.numerics.transient.supermartingale import bound_negligible_values
+from symcheck.numerics.transient.uniformization import transient_values
+
+TIME = 10.0
+
+
+def sparse(rates: Floats) -> SparseMatrix:
+    """The entries that are not 0."""
+    indptr = np.concatenate(([0], np.cumsum((rates > 0).sum(1)))).astype(np.int64)
+    return SparseMatrix(indptr, np.nonzero(rates)[1].astype(np.int32), rates[rates > 0], len(rates))
+
+
+def queue(capacity: int, up: float, down: float) -> tuple[SparseMatrix, Floats, Floats]:
+    """A birth-death process with states below its capacity; its exit rates, and the rate of
+    reaching the capacity.
+    """
+    rates = np.diag(np.full(capacity - 1, up), 1) + np.diag(np.full(capacity - 1, down), -1)
+    entering = np.zeros(capacity)
+    entering[-1] = up
+    return sparse(rates), rates.sum(1) + entering, entering
+
+
+def exact(
+    rates: SparseMatrix, exit_rates: Floats, reward: Floats, killing: float
+) -> list[Fraction]:
+    """The solution of (killing - Q) v = reward in rational arithmetic."""
+    owner = np.repeat(np.arange(rates.states), rates.lengths)
+    leaving = [Fraction(float(x)) + Fraction(killing) for x in exit_rates]
+    data = np.array(
+        [Fraction(float(x)) / leaving[i] for i, x in zip(owner, rates.data, strict=True)]
+    )
+    jumps = SparseMatrix(rates.indptr, rates.indices, data, rates.columns)
+    right = np.array([Fraction(float(r)) / x for r, x in zip(reward, leaving, strict=True)])
+    return list(solve_chain(jumps, right))
+
+
+@pytest.mark.parametrize(("up", "down"), [(1.0, 4.0), (1.0, 1.5), (0.2, 3.0), (3.0, 7.0)])
+@pytest.mark.parametrize("capacity", [1, 2, 20, 60])
+def test_the_bound_of_a_queue_is_above_the_exact_solution(
+    capacity: int, up: float, down: float
+) -> None:
+    rates, leave, entering = queue(capacity, up, down)
+    start = np.zeros(1, np.int64)
+    bound = bound_negligible_values(rates, leave, TIME, entering, start, math.inf)
+    assert bound is not None
+    shift = tuning.SUPERMARTINGALE_SHIFT
+    truth = exact(rates, leave, entering, shift / TIME)[0]
+    assert Fraction(bound) >= truth * Fraction(math.exp(shift) * (1 - 1e-12))
+
+
+@given(
+    st.integers(1, 8).flatmap(
+        lambda n: st.tuples(
+            st.lists(
+                st.lists(st.sampled_from([0.0, 0.0, 1e-6, 0.1, 1.0, 50.0]), min_size=n, max_size=n),
+                min_size=n,
+                max_size=n,
+            ),
+            st.lists(st.sampled_from([0.0, 0.0, 1e-3, 1.0, 7.0]), min_size=n, max_size=n),
+            st.lists(st.sampled_from([0.0, 0.01, 2.0]), min_size=n, max_size=n),
+        )
+    ),
+    st.sampled_from(tuning.SUPERMARTINGALE_EXPONENTS),
+)
+@settings(max_examples=150, deadline=None)
+def test_the_constant_makes_a_supermartingale(
+    drawn: tuple[list[list[float]], list[float], list[float]], exponent: float
+) -> None:
+    """u >= (killing - Q)^-1 reward, in rationals, for any chain and any costs."""
+    table, reward, leak = (np.array(x, dtype=np.float64) for x in drawn)
+    rates, killing = sparse(table), 0.5
+    leave = table.sum(1) + leak
+    chain = (*rates.arrays, leave + killing, reward)
+    cost, order = np.full(len(reward), np.inf), np.arange(len(reward), dtype=np.int32)
+    while kernel.relax(*chain, order, cost):
+        pass
+    constant = kernel.missing_constant(*chain, killing, cost, exponent)
+    if not math.isfinite(constant):
+        return
+    truth = exact(rates, leave, reward, killing)
+    for u, v in zip(np.exp(-exponent * cost) + constant, truth, strict=True):
+        assert Fraction(float(u) * (1 + 1e-9)) >= v
+
+
+def test_costs_are_those_of_the_cheapest_paths() -> None:
+    rates, leave, entering = queue(3, 1.0, 4.0)
+    chain = (*rates.arrays, leave, entering)
+    cost = np.full(3, np.inf)
+    assert kernel.relax(*chain, np.arange(3, dtype=np.int32)[::-1].copy(), cost)
+    # Upwards from 2 and 1 with probability 1/5, from 0 with certainty.
+    assert cost == pytest.approx(np.log([2.5 * 2.5, 2.5 * 2.5, 2.5]))
+    assert not kernel.relax(*chain, np.arange(3, dtype=np.int32), cost)
+
+
+@pytest.mark.parametrize("relative", [True, False])
+def test_a_value_below_the_doubles_has_a_bound(
+    relative: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The queue fills up with a probability of about 4^-700."""
+    monkeypatch.setattr(tuning, "TRUNCATION_ENTRIES", 0.0)
+    monkeypatch.setattr(tuning, "FORWARD_ENTRIES", math.inf)
+    rates, leave, entering = queue(700, 1.0, 4.0)
+    accuracy = Accuracy(epsilon=1e-6, relative=relative)
+    result = transient_values(
+        rates, leave, TIME, accuracy, reward_rate=entering, interest=np.zeros(1, np.int64)
+    )
+    assert "supermartingale" in result.explanation
+    assert result.lower[0] == 0.0
+    assert result.upper[0] <= (1e-299 if relative else 1e-6)
+    assert result.upper[-1] >= 1.0
+
+
+def test_no_bound_is_invented_where_the_chain_drifts_to_the_reward() -> None:
+    rates, leave, entering = queue(700, 4.0, 1.0)
+    assert bound_negligible_values(rates, leave, TIME, entering, np.zeros(1, np.int64), 0.1) is None
+
+
+def test_a_reward_that_is_never_earned_is_0() -> None:
+    table = np.array([[0.0, 2.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    reward = np.array([0.0, 0.0, 1.0])
+    start = np.zeros(1, np.int64)
+    found = bound_negligible_values(sparse(table), table.sum(1), TIME, reward, start, 1e-300)
+    assert found == 0.0
