@@ -85,9 +85,10 @@ def _components(
         parts = graph.bsccs(engine.system(engine.all).matrix)
         members = np.zeros(engine.states, bool)
         members[[int(p[0]) for p in parts if len(p) == 1]] = True
-        absorbing = engine.from_bools(members)
-        rewards, rounded = reward_of(engine.system(absorbing))
-        yield absorbing, members, rewards, rewards, rounded
+        if members.any():  # the engine keeps its last system: that of all states, if none absorbs
+            absorbing = engine.from_bools(members)
+            rewards, rounded = reward_of(engine.system(absorbing))
+            yield absorbing, members, rewards, rewards, rounded
         larger = [_indices(p, engine.states) for p in parts if len(p) > 1]
         sets = (engine.from_bools(m) for m in larger)
     else:

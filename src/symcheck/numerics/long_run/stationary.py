@@ -26,7 +26,8 @@ from symcheck.numerics import tuning
 from symcheck.numerics.linear import rational
 from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix
 from symcheck.numerics.linear.problem import Observer, Progress
-from symcheck.numerics.settings import Settings
+from symcheck.numerics.long_run.drift import average_by_drift
+from symcheck.numerics.settings import Accuracy, Settings
 
 __all__ = ["Average", "Stationary", "long_run_average", "stationary_distribution"]
 
@@ -141,7 +142,11 @@ def long_run_average(
     if known is not None:
         return _weighted(known, rewards)
     leave = gauss_seidel.exit_rates(*rates.arrays)
-    solution = _poisson_equation(rates, leave, rewards, settings, observer)
+    if n >= tuning.DRIFT_STATES:
+        found = _by_drift(rates, leave, rewards, settings, observer)
+        if found is not None and _close_enough((found.lower, found.upper), settings):
+            return found
+    solution, _ = _poisson_equation(rates, leave, rewards, settings, observer)
     if (
         not _close_enough((solution.lower, solution.upper), settings)
         and n <= tuning.ELIMINATION_STATES
@@ -150,6 +155,36 @@ def long_run_average(
         if known is not None:
             return _weighted(known, rewards)
     return solution
+
+
+def _by_drift(
+    rates: SparseMatrix,
+    leave: Floats,
+    rewards: Floats,
+    settings: Settings,
+    observer: Observer | None,
+) -> Average | None:
+    """Bounds from the states in which the chain is most of the time, if they are few."""
+    half = Accuracy(
+        epsilon=0.5 * settings.epsilon,
+        relative=settings.relative,
+        max_iterations=settings.max_iterations,
+    )
+    made = 0
+
+    def solve(inner: SparseMatrix, inner_rewards: Floats) -> Floats:
+        nonlocal made
+        inner_leave = gauss_seidel.exit_rates(*inner.arrays)
+        average, h = _poisson_equation(inner, inner_leave, inner_rewards, half, observer)
+        made = average.iterations
+        return h
+
+    found = average_by_drift(rates, leave, rewards, solve)
+    if found is None:
+        return None
+    core = f"{rates.states} states: drift towards {found.states} of them"
+    note = f"{core}, preconditioned BiCGStab on the Poisson equation there, {made} steps"
+    return Average(found.lower, found.upper, made, note)
 
 
 def _weighted(known: Stationary, rewards: Floats) -> Average:
@@ -187,8 +222,8 @@ def _poisson_equation(
     rewards: Floats,
     settings: Settings,
     observer: Observer | None,
-) -> Average:
-    """Improve h until the least and the greatest entry of r + Q h are close enough."""
+) -> tuple[Average, Floats]:
+    """Improve h until the least and the greatest entry of r + Q h are close enough; the last h."""
     split = _bordered(rates, leave)
     longest = rates.longest
     largest = float(np.max(np.abs(rewards), initial=0.0))
@@ -201,7 +236,8 @@ def _poisson_equation(
         out += rewards
         return float(out.min()) - rounding_error, float(out.max()) + rounding_error
 
-    best = compute_bounds(np.zeros(rates.states))
+    h = np.zeros(rates.states)
+    best = compute_bounds(h)
     made, improved, least = 0, 0, np.inf
     # The residual when bounds were last computed, and their width divided by it.
     checked, ratio = np.inf, 0.0
@@ -215,7 +251,8 @@ def _poisson_equation(
         if (promising and residual <= tuning.POISSON_RESIDUAL_DROP * checked) or (
             made - improved
         ) % tuning.POISSON_PATIENCE == tuning.POISSON_PATIENCE - 1:
-            low, high = compute_bounds(split.solve_upper(x))
+            h = split.solve_upper(x)
+            low, high = compute_bounds(h)
             checked, ratio = residual, (high - low) / residual if residual > 0.0 else 0.0
             if math.isfinite(high - low):
                 best = max(low, best[0]), min(high, best[1])
@@ -229,11 +266,8 @@ def _poisson_equation(
         ):
             break
     note = f"{rates.states} states: preconditioned BiCGStab on the Poisson equation, {made} steps"
-    return Average(
-        *best,
-        made,
-        note + ("" if _close_enough(best, settings) else ", accuracy not reached"),
-    )
+    enough = "" if _close_enough(best, settings) else ", accuracy not reached"
+    return Average(*best, made, note + enough), h
 
 
 def _close_enough(bounds: tuple[float, float], settings: Settings) -> bool:

@@ -1,0 +1,162 @@
+"""Long-run averages of chains that drift towards a few states, with certified bounds.
+
+The Poisson equation is solved for these states alone, the core. A stable queue spends hardly any
+time in all others, which a Lyapunov function w proves. For *any* vectors h and w and any number g,
+
+    min (e - Q w)  <=  average of r, minus g  <=  max (e + Q w),    residual e = r + Q h - g,
+
+as the means of Q h and Q w under the stationary distribution are 0. Let h be the solution in the
+core and constant outside. Let Q w be so negative outside that the residual does not matter there
+(the Foster-Lyapunov criterion). With costs as in `transient/supermartingale`, but of the cheapest
+path to s from where the chain is most of the time, w(s) = weight exp(c cost(s)) does this where the
+chain drifts back.
+
+Sources: Glynn & Zeevi (2008), 'Bounding stationary expectations of Markov processes';
+Dayar, Hermanns, Spieler & Wolf (2011), 'Bounding the equilibrium distribution of Markov population
+models'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from symcheck.kernels.chains import gauss_seidel, supermartingale
+from symcheck.kernels.graph import components
+from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
+from symcheck.numerics import tuning
+
+__all__ = ["CoreBounds", "average_by_drift"]
+
+PoissonSolver = Callable[[SparseMatrix, Floats], Floats]
+"""An approximate solution h of the Poisson equation for rates and rewards."""
+
+_LEAST_WEIGHT = 1e-280
+"""Products with larger weights do not underflow."""
+
+
+@dataclass(frozen=True)
+class CoreBounds:
+    """Bounds on an average, and the number of states of the core."""
+
+    lower: float
+    upper: float
+    states: int
+
+
+def average_by_drift(
+    rates: SparseMatrix,
+    leaving: Floats,
+    rewards: Floats,
+    solve: PoissonSolver,
+) -> CoreBounds | None:
+    """Bounds on the long-run average of a reward in an irreducible chain.
+
+    Args:
+        rates: the rates.
+        leaving: the sum of each row without its diagonal, float64[n].
+        rewards: the reward of each state, float64[n].
+        solve: solves the Poisson equation for the core, from which the chain returns to its most
+            visited state whenever it leaves.
+
+    Returns:
+        None if the chain does not drift, or if the core would have too many states.
+    """
+    visits = _visits(rates)
+    if np.count_nonzero(visits) > tuning.CORE_VISITED:
+        return None
+    cost = _costs(rates, leaving, visits >= tuning.CORE_FREQUENT * int(visits.max()))
+    drift, largest = np.empty(rates.states), tuning.CORE_SHARE * rates.states
+    for exponent in tuning.DRIFT_EXPONENTS:
+        if np.count_nonzero(exponent * cost <= tuning.CORE_WEIGHT) > largest:
+            continue
+        logarithm = exponent * _raised(rates, leaving, cost, exponent)
+        supermartingale.drift(*rates.arrays, logarithm, 1.0, drift)
+        # States without drift belong to the core, so they must be near.
+        without = float(logarithm[drift >= 0.0].max(initial=0.0))
+        core = logarithm <= without + tuning.CORE_WEIGHT
+        if without <= tuning.CORE_WITHOUT_DRIFT and np.count_nonzero(core) <= largest:
+            h = _solution(rates, rewards, core, int(np.argmax(visits)), solve)
+            return _bounds(rates, rewards, h, core, logarithm, drift)
+    return None
+
+
+def _raised(rates: SparseMatrix, leaving: Floats, cost: Floats, exponent: float) -> Floats:
+    """The costs, but somewhat higher where the chain does not drift far from the core.
+
+    Such states are rare and soon left, as after an unlikely jump that has no consequences.
+    """
+    raised = cost.copy()
+    for _ in range(tuning.DRIFT_RAISES):
+        supermartingale.raise_costs(
+            *rates.arrays,
+            leaving,
+            raised,
+            exponent,
+            tuning.DRIFT_MARGIN,
+            0.5 * tuning.CORE_WITHOUT_DRIFT / exponent,
+        )
+    return raised
+
+
+def _visits(rates: SparseMatrix) -> Int64s:
+    """How often a random path visits each state, once it has found its way from the first."""
+    before, counted = tuning.CORE_JUMPS
+    uniform = np.random.default_rng(0).random(before + counted)
+    sums, visits = rates.row_sums(), np.zeros(rates.states, np.int64)
+    state = supermartingale.walk(*rates.arrays, sums, uniform[:before], 0, visits.copy())
+    supermartingale.walk(*rates.arrays, sums, uniform[before:], state, visits)
+    return visits
+
+
+def _costs(rates: SparseMatrix, leaving: Floats, sources: Bools) -> Floats:
+    """The costs of the cheapest paths to each state, or of others that are hardly dearer."""
+    order, _ = components.breadth_first(rates.indptr, rates.indices, sources.view(np.uint8))
+    cost = np.where(sources, 0.0, np.inf)
+    for _ in range(tuning.DRIFT_PASSES):
+        if not supermartingale.spread(*rates.arrays, leaving, order, cost):
+            break
+    return cost
+
+
+def _solution(
+    rates: SparseMatrix, rewards: Floats, core: Bools, home: int, solve: PoissonSolver
+) -> Floats:
+    """The solution for all states: outside of the core, that of the state `home`."""
+    states = np.flatnonzero(core)
+    place: Int32s = np.full(rates.states, np.searchsorted(states, home), dtype=np.int32)
+    place[states] = np.arange(len(states), dtype=np.int32)
+    inner = rates.choose(states).merge(place, len(states))
+    return np.asarray(solve(inner, rewards[states])[place])
+
+
+def _bounds(
+    rates: SparseMatrix,
+    rewards: Floats,
+    h: Floats,
+    core: Bools,
+    logarithm: Floats,
+    drift: Floats,
+) -> CoreBounds:
+    """The bounds by h and by w, whose logarithm is given except for the weight.
+
+    drift: upper bounds on Q w / w, negative outside of the core.
+    """
+    value = np.empty(rates.states)
+    gauss_seidel.apply_generator(*rates.arrays, h, value)
+    value += rewards
+    terms = gauss_seidel.largest_generator_term(*rates.arrays, h) + float(np.abs(rewards).max())
+    error = (rates.longest + 6) * 2.0 * tuning.UNIT_ROUNDOFF * terms
+    inside = value[core]
+    middle = 0.5 * (float(inside.min()) + float(inside.max()))
+    residual = np.abs(value[~core] - middle) + 2.0 * error
+    weights = residual * np.exp(-logarithm[~core]) / -drift[~core]
+    weight = max(float(weights.max(initial=0.0)) * (1.0 + 1e-9), _LEAST_WEIGHT)
+    change = weight * np.exp(logarithm[core]) * drift[core]  # Q w
+    return CoreBounds(
+        min(float((inside - change).min()), middle) - 2.0 * error,
+        max(float((inside + change).max()), middle) + 2.0 * error,
+        len(inside),
+    )
