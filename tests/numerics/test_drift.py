@@ -160,3 +160,17 @@ def test_a_path_visits_states_as_often_as_it_jumps() -> None:
     assert int(np.argmax(visits)) in (39, 40)
     # The embedded chain is in state 39 with probability 1/2 + 1/8 - 1/4, and in 40 with 3/8.
     assert visits[40] / 10_000 == pytest.approx(0.375, abs=0.03)
+
+
+def test_a_core_that_each_jump_leaves_proves_nothing_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A state with jumps to three others, from which the chain returns."""
+    for name in ("DRIFT_STATES", "ELIMINATION_STATES", "SMALL_CHAIN_STATES"):
+        monkeypatch.setattr(tuning, name, 0)
+    monkeypatch.setattr(tuning, "CORE_SHARE", 1.0)
+    monkeypatch.setattr(tuning, "CORE_WEIGHT", 0.0)
+    monkeypatch.setattr(tuning, "CORE_FREQUENT", 1.0)
+    table = np.zeros((4, 4))
+    table[0, 1:], table[1:, 0] = 1.0, (1.0, 1.5, 2.0)
+    rates, rewards = sparse(table), np.array([0.0, 3.0, 1.0, 7.0])
+    average = stationary.long_run_average(rates, rewards, Accuracy(epsilon=1e-6))
+    assert average.lower <= exact_average(rates, rewards) <= average.upper

@@ -175,6 +175,8 @@ def _by_drift(
     def solve(inner: SparseMatrix, inner_rewards: Floats) -> Floats:
         nonlocal made
         inner_leave = gauss_seidel.exit_rates(*inner.arrays)
+        if not np.all(inner_leave):  # each jump from the most visited state leaves the core
+            return np.zeros(inner.states)
         average, h = _poisson_equation(inner, inner_leave, inner_rewards, half, observer)
         made = average.iterations
         return h
