@@ -9,11 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from symcheck.kernels.chains import gauss_seidel, supermartingale
+from symcheck.kernels.chains import drift as kernel
+from symcheck.kernels.chains import gauss_seidel
 from symcheck.matrices.rows import Bools, Floats, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.long_run import drift, stationary
 from symcheck.numerics.settings import Accuracy
+
+MARGIN = 1e-12
 
 
 def sparse(rates: Floats) -> SparseMatrix:
@@ -98,7 +101,7 @@ def test_any_solution_and_any_lyapunov_function_prove_bounds(
     n = len(rewards)
     table[np.arange(n), (np.arange(n) + 1) % n] += 0.5  # irreducible
     rates, falls = sparse(table), np.empty(n)
-    supermartingale.drift(*rates.arrays, logarithm, 1.0, falls)
+    kernel.drift(*rates.arrays, logarithm, MARGIN, falls)
     core: Bools = falls >= 0.0
     if not least:
         core = core | (rewards > 0.0)
@@ -112,12 +115,12 @@ def test_costs_rise_along_unlikely_jumps_only() -> None:
     leave = gauss_seidel.exit_rates(*rates.arrays)
     cost = np.array([np.inf, np.inf, np.inf, 0.0])
     order = np.array([3, 2, 1, 0], dtype=np.int32)
-    assert not supermartingale.spread(*rates.arrays, leave, order, cost)
+    assert not kernel.spread(*rates.arrays, leave, order, cost)
     # Out of the empty queue with certainty, then with probability 1/5.
     assert cost == pytest.approx(np.log([2.5 * 2.5, 2.5, 1.0, 1.0]))
     # Against the order of distance, states become cheaper after their turns.
     again, passes = np.array([np.inf, np.inf, np.inf, 0.0]), 1
-    while supermartingale.spread(*rates.arrays, leave, order[::-1].copy(), again):
+    while kernel.spread(*rates.arrays, leave, order[::-1].copy(), again):
         passes += 1
     assert passes == 4
     assert np.array_equal(again, cost)
@@ -130,7 +133,7 @@ def test_the_drift_is_an_upper_bound(
 ) -> None:
     table, _, _, logarithm = (np.array(x) for x in drawn)
     rates, found = sparse(table), np.empty(len(table))
-    supermartingale.drift(*rates.arrays, logarithm, 1.0, found)
+    kernel.drift(*rates.arrays, logarithm, MARGIN, found)
     growth = np.exp(logarithm[None, :] - logarithm[:, None]) - 1.0
     truth = (table * growth).sum(1)
     size = (table * (growth + 2.0)).sum(1)
@@ -138,15 +141,41 @@ def test_the_drift_is_an_upper_bound(
     assert np.all(found <= truth + 2e-12 * size)
 
 
+def test_the_drift_of_a_long_row_is_an_upper_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    """200,000 small rates are lost one by one when they are added to a large one."""
+    n = 200_000
+    indptr = np.concatenate(([0, n + 1], np.arange(n + 2, 2 * n + 3))).astype(np.int64)
+    first = np.concatenate(([1], np.arange(2, n + 2)))
+    indices = np.concatenate((first, np.zeros(n + 1))).astype(np.int32)
+    data = np.concatenate(([1.0], np.full(n, 0.6e-16), np.full(n + 1, 1e3)))
+    rates = SparseMatrix(indptr, indices, data, n + 2)
+    drifts: list[Floats] = []
+    prove = drift._bounds
+
+    def watched(*args: object) -> drift.CoreBounds:
+        drifts.append(np.array(args[-1]))
+        return prove(*args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(drift, "_bounds", watched)
+    monkeypatch.setattr(drift, "_raised", lambda *_: np.r_[0.0, np.full(n + 1, 1 / exponent)])
+    monkeypatch.setattr(drift, "_visits", lambda _: np.r_[1, np.zeros(n + 1, np.int64)])
+    monkeypatch.setattr(tuning, "CORE_SHARE", 1.0)
+    exponent = tuning.DRIFT_EXPONENTS[0]
+    leave = gauss_seidel.exit_rates(*rates.arrays)
+    drift.average_by_drift(rates, leave, np.zeros(n + 2), lambda m, _: np.zeros(m.states))
+    truth = (Fraction(1.0) + n * Fraction(0.6e-16)) * (Fraction(np.e) - 1)
+    assert Fraction(float(drifts[0][0])) >= truth * (1 - Fraction(1, 10**15))
+
+
 def test_raised_costs_drift() -> None:
     """Where a rare jump is far dearer than the way back is cheap, the cost before it is raised."""
     table = np.array([[0.0, 0.2, 0.0], [3.0, 0.0, 0.2], [0.0, 3.0, 0.0]])
     rates, leave, found = sparse(table), table.sum(1), np.empty(3)
     cost = np.array([0.0, 1.0, 9.0])
-    supermartingale.drift(*rates.arrays, cost, 1.0, found)
+    kernel.drift(*rates.arrays, cost, MARGIN, found)
     assert found[1] > 0.0
-    assert supermartingale.raise_costs(*rates.arrays, leave, cost, 1.0, 1e-5, 0.5) == 1
-    supermartingale.drift(*rates.arrays, cost, 1.0, found)
+    assert kernel.raise_costs(*rates.arrays, leave, cost, 1.0, 1e-5, 0.5) == 1
+    kernel.drift(*rates.arrays, cost, MARGIN, found)
     assert cost[1] > 1.0
     assert np.all(found[1:] < 0.0)
 
@@ -155,7 +184,7 @@ def test_a_path_visits_states_as_often_as_it_jumps() -> None:
     rates = queue(40, 1.0, 4.0)
     visits = np.zeros(41, np.int64)
     uniform = np.random.default_rng(3).random(10_000)
-    supermartingale.walk(*rates.arrays, rates.row_sums(), uniform, 0, visits)
+    kernel.walk(*rates.arrays, rates.row_sums(), uniform, 0, visits)
     assert visits.sum() == 10_000
     assert int(np.argmax(visits)) in (39, 40)
     # The embedded chain is in state 39 with probability 1/2 + 1/8 - 1/4, and in 40 with 3/8.

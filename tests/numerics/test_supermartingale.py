@@ -91,7 +91,7 @@ def test_the_constant_makes_a_supermartingale(
     cost, order = np.full(len(reward), np.inf), np.arange(len(reward), dtype=np.int32)
     while kernel.relax(*chain, order, cost):
         pass
-    constant = kernel.missing_constant(*chain, killing, cost, exponent)
+    constant = kernel.missing_constant(*chain, killing, cost, exponent, 1e-12)
     if not math.isfinite(constant):
         return
     truth = exact(rates, leave, reward, killing)
@@ -138,3 +138,63 @@ def test_a_reward_that_is_never_earned_is_0() -> None:
     start = np.zeros(1, np.int64)
     found = bound_negligible_values(sparse(table), table.sum(1), TIME, reward, start, 1e-300)
     assert found == 0.0
+
+
+@pytest.mark.parametrize("time", [0.0, math.inf])
+def test_there_is_no_bound_without_a_horizon(time: float) -> None:
+    rates, leave, entering = queue(9, 1.0, 4.0)
+    assert bound_negligible_values(rates, leave, time, entering, np.zeros(1, np.int64), 1.0) is None
+
+
+def test_a_stored_rate_of_0_is_no_jump() -> None:
+    """The edge of rate 0 to the reward is short, but the way along the others is certain."""
+    indptr, indices = np.array([0, 2, 3, 4, 4]), np.array([3, 1, 2, 3], np.int32)
+    rates = SparseMatrix(indptr, indices, np.array([0.0, 1.0, 1.0, 1.0]), 4)
+    leave, reward = np.array([1.0, 1.0, 1.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0])
+    start = np.zeros(1, np.int64)
+    for enough in (1e-300, math.inf):
+        found = bound_negligible_values(rates, leave, TIME, reward, start, enough)
+        assert found is None or Fraction(found) >= exact(rates, leave, reward, 2.0)[0]
+
+
+@pytest.mark.parametrize("reward", [(1e-200, 1e150), (1e-310, 0.0), (1e300, 1e-10)])
+def test_rewards_at_the_ends_of_the_range(reward: tuple[float, float]) -> None:
+    rates, leave = sparse(np.array([[3.0, 0.0], [0.0, 2.0]])), np.array([3.0, 2.0])
+    rewards, start = np.array(reward), np.zeros(1, np.int64)
+    found = bound_negligible_values(rates, leave, TIME, rewards, start, math.inf)
+    truth = exact(rates, leave, rewards, tuning.SUPERMARTINGALE_SHIFT / TIME)[0]
+    assert found is None or Fraction(found) >= truth
+
+
+@given(
+    st.integers(1, 6).flatmap(
+        lambda n: st.tuples(
+            *(
+                st.lists(
+                    st.one_of(st.just(0.0), st.floats(-12.0, 12.0).map(lambda x: 10.0**x)),
+                    min_size=count,
+                    max_size=count,
+                )
+                for count in (n * n, n, n)
+            )
+        )
+    ),
+    st.sampled_from([1e-6, 1.0, 1e6]),
+)
+@settings(max_examples=200, deadline=None)
+def test_bounds_over_24_orders_of_magnitude(
+    drawn: tuple[list[float], list[float], list[float]], time: float
+) -> None:
+    entries, reward, leak = (np.array(x) for x in drawn)
+    n = len(reward)
+    table = entries.reshape(n, n)
+    if not reward.any():
+        return
+    rates, leave = sparse(table), table.sum(1) + leak
+    start = np.zeros(1, np.int64)
+    found = bound_negligible_values(rates, leave, time, reward, start, math.inf)
+    if found is None or not math.isfinite(found):
+        return
+    shift = tuning.SUPERMARTINGALE_SHIFT
+    truth = exact(rates, leave, reward, shift / time)[0]
+    assert Fraction(found) >= truth * Fraction(math.exp(shift) * (1 - 1e-9))

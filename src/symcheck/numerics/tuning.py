@@ -92,7 +92,8 @@ rates above 3e9. A rate of 5e11 would otherwise take gigabytes."""
 LARGEST_POISSON_RATE = 1e14
 """Its window takes a gigabyte. Numbers up to 9e15 are exact in doubles."""
 UNDERFLOW_BOUND = 1e-300
-"""Added to upper bounds: 1e7 steps with 1e3 roundings each lose less than this to underflow."""
+"""Added to upper bounds: 1e7 steps with 1e3 roundings each lose less than this to underflow. Values
+that are proved to be smaller are not computed."""
 TRUNCATION_ENTRIES = 1e10
 """Entries that uniformisation would visit, from which on truncation is tried."""
 TRUNCATION_SHIFTS = (20.0, 5.0)
@@ -129,6 +130,9 @@ TRUNCATION_SOLUTIONS, TRUNCATION_EARLY_STEPS, TRUNCATION_DIVERGED = 3, 60, 10.0
 """How often a solution becomes the guess of the next; the steps of BiCGStab after which at most a
 tenth of the residual may remain; and the residual, relative to the guess, with which it gives up.
 On cluster, 20 to 60 steps replace 1,100 sweeps; on tandem it has given up after 10."""
+
+EXPONENTIAL_ROUNDINGS = 4_000
+"""Unit roundoffs that the exponential of a difference of up to 700 is wrong by, at most."""
 
 # Supermartingales for tiny values (transient/supermartingale.py).
 SUPERMARTINGALE_SHIFT = 20.0

@@ -11,19 +11,21 @@ core and constant outside. Let Q w be so negative outside that the residual does
 path to s from where the chain is most of the time, w(s) = weight exp(c cost(s)) does this where the
 chain drifts back.
 
-Sources: Glynn & Zeevi (2008), 'Bounding stationary expectations of Markov processes';
+After: Glynn & Zeevi (2008), 'Bounding stationary expectations of Markov processes';
 Dayar, Hermanns, Spieler & Wolf (2011), 'Bounding the equilibrium distribution of Markov population
 models'.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from symcheck.kernels.chains import gauss_seidel, supermartingale
+from symcheck.kernels.chains import drift as kernel
+from symcheck.kernels.chains import gauss_seidel
 from symcheck.kernels.graph import components
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import tuning
@@ -34,7 +36,7 @@ PoissonSolver = Callable[[SparseMatrix, Floats], Floats]
 """An approximate solution h of the Poisson equation for rates and rewards."""
 
 _LEAST_WEIGHT = 1e-280
-"""Products with larger weights do not underflow."""
+"""A smaller weight might underflow; this one is harmless."""
 
 
 @dataclass(frozen=True)
@@ -62,24 +64,27 @@ def average_by_drift(
             visited state whenever it leaves.
 
     Returns:
-        None if the chain does not drift, or if the core would have too many states.
+        Bounds by the first exponent that yields a core, however close they are; None if the chain
+        does not drift, or if the core would have too many states.
     """
     visits = _visits(rates)
     if np.count_nonzero(visits) > tuning.CORE_VISITED:
         return None
     cost = _costs(rates, leaving, visits >= tuning.CORE_FREQUENT * int(visits.max()))
     drift, largest = np.empty(rates.states), tuning.CORE_SHARE * rates.states
+    margin = 2.0 * (rates.longest + tuning.EXPONENTIAL_ROUNDINGS) * tuning.UNIT_ROUNDOFF
     for exponent in tuning.DRIFT_EXPONENTS:
         if np.count_nonzero(exponent * cost <= tuning.CORE_WEIGHT) > largest:
             continue
         logarithm = exponent * _raised(rates, leaving, cost, exponent)
-        supermartingale.drift(*rates.arrays, logarithm, 1.0, drift)
+        kernel.drift(*rates.arrays, logarithm, margin, drift)
         # States without drift belong to the core, so they must be near.
         without = float(logarithm[drift >= 0.0].max(initial=0.0))
         core = logarithm <= without + tuning.CORE_WEIGHT
         if without <= tuning.CORE_WITHOUT_DRIFT and np.count_nonzero(core) <= largest:
             h = _solution(rates, rewards, core, int(np.argmax(visits)), solve)
-            return _bounds(rates, rewards, h, core, logarithm, drift)
+            bounds = _bounds(rates, rewards, h, core, logarithm, drift)
+            return bounds if math.isfinite(bounds.upper - bounds.lower) else None
     return None
 
 
@@ -90,7 +95,7 @@ def _raised(rates: SparseMatrix, leaving: Floats, cost: Floats, exponent: float)
     """
     raised = cost.copy()
     for _ in range(tuning.DRIFT_RAISES):
-        supermartingale.raise_costs(
+        kernel.raise_costs(
             *rates.arrays,
             leaving,
             raised,
@@ -106,8 +111,8 @@ def _visits(rates: SparseMatrix) -> Int64s:
     before, counted = tuning.CORE_JUMPS
     uniform = np.random.default_rng(0).random(before + counted)
     sums, visits = rates.row_sums(), np.zeros(rates.states, np.int64)
-    state = supermartingale.walk(*rates.arrays, sums, uniform[:before], 0, visits.copy())
-    supermartingale.walk(*rates.arrays, sums, uniform[before:], state, visits)
+    state = kernel.walk(*rates.arrays, sums, uniform[:before], 0, visits.copy())
+    kernel.walk(*rates.arrays, sums, uniform[before:], state, visits)
     return visits
 
 
@@ -116,7 +121,7 @@ def _costs(rates: SparseMatrix, leaving: Floats, sources: Bools) -> Floats:
     order, _ = components.breadth_first(rates.indptr, rates.indices, sources.view(np.uint8))
     cost = np.where(sources, 0.0, np.inf)
     for _ in range(tuning.DRIFT_PASSES):
-        if not supermartingale.spread(*rates.arrays, leaving, order, cost):
+        if not kernel.spread(*rates.arrays, leaving, order, cost):
             break
     return cost
 
@@ -152,8 +157,12 @@ def _bounds(
     inside = value[core]
     middle = 0.5 * (float(inside.min()) + float(inside.max()))
     residual = np.abs(value[~core] - middle) + 2.0 * error
-    weights = residual * np.exp(-logarithm[~core]) / -drift[~core]
-    weight = max(float(weights.max(initial=0.0)) * (1.0 + 1e-9), _LEAST_WEIGHT)
+    with np.errstate(divide="ignore"):
+        weights = np.log(residual) - logarithm[~core] - np.log(-drift[~core])
+    exponent = min(float(weights.max(initial=-np.inf)), 700.0)
+    if exponent == 700.0:
+        return CoreBounds(-math.inf, math.inf, len(inside))
+    weight = max(math.exp(exponent) * (1.0 + 1e-9), _LEAST_WEIGHT)
     change = weight * np.exp(logarithm[core]) * drift[core]  # Q w
     return CoreBounds(
         min(float((inside - change).min()), middle) - 2.0 * error,

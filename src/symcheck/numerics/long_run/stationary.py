@@ -14,7 +14,7 @@ the error.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -142,11 +142,15 @@ def long_run_average(
     if known is not None:
         return _weighted(known, rewards)
     leave = gauss_seidel.exit_rates(*rates.arrays)
-    if n >= tuning.DRIFT_STATES:
-        found = _by_drift(rates, leave, rewards, settings, observer)
-        if found is not None and _close_enough((found.lower, found.upper), settings):
-            return found
+    core = (
+        _by_drift(rates, leave, rewards, settings, observer) if n >= tuning.DRIFT_STATES else None
+    )
+    if core is not None and _close_enough((core.lower, core.upper), settings):
+        return core
     solution, _ = _poisson_equation(rates, leave, rewards, settings, observer)
+    if core is not None:
+        closer = max(core.lower, solution.lower), min(core.upper, solution.upper)
+        solution = replace(solution, lower=closer[0], upper=closer[1])
     if (
         not _close_enough((solution.lower, solution.upper), settings)
         and n <= tuning.ELIMINATION_STATES
@@ -225,7 +229,7 @@ def _poisson_equation(
     settings: Settings,
     observer: Observer | None,
 ) -> tuple[Average, Floats]:
-    """Improve h until the least and the greatest entry of r + Q h are close enough; the last h."""
+    """Improve h until the least and the greatest entry of r + Q h are close enough; the best h."""
     split = _bordered(rates, leave)
     longest = rates.longest
     largest = float(np.max(np.abs(rewards), initial=0.0))
@@ -238,8 +242,8 @@ def _poisson_equation(
         out += rewards
         return float(out.min()) - rounding_error, float(out.max()) + rounding_error
 
-    h = np.zeros(rates.states)
-    best = compute_bounds(h)
+    best_h, narrowest = np.zeros(rates.states), np.inf
+    best = compute_bounds(best_h)
     made, improved, least = 0, 0, np.inf
     # The residual when bounds were last computed, and their width divided by it.
     checked, ratio = np.inf, 0.0
@@ -258,6 +262,8 @@ def _poisson_equation(
             checked, ratio = residual, (high - low) / residual if residual > 0.0 else 0.0
             if math.isfinite(high - low):
                 best = max(low, best[0]), min(high, best[1])
+            if high - low < narrowest:
+                best_h, narrowest = h, high - low
         if observer is not None:
             observer(Progress("bicgstab", made, best[1] - best[0], rates.states))
         if (
@@ -269,11 +275,11 @@ def _poisson_equation(
             break
     note = f"{rates.states} states: preconditioned BiCGStab on the Poisson equation, {made} steps"
     enough = "" if _close_enough(best, settings) else ", accuracy not reached"
-    return Average(*best, made, note + enough), h
+    return Average(*best, made, note + enough), best_h
 
 
 def _close_enough(bounds: tuple[float, float], settings: Settings) -> bool:
     width = bounds[1] - bounds[0]
-    return width <= settings.epsilon * (
+    return math.isfinite(width) and width <= settings.epsilon * (
         max(abs(bounds[0]), abs(bounds[1]), 1e-300) if settings.relative else 1.0
     )

@@ -1,18 +1,22 @@
 """Upper bounds on transient values that are too small for any other method, by supermartingales.
 
 A value within the time T is at most e^a (a/T - Q)^-1 reward_rate, as in `state_space_truncation`.
-Any u with (a/T - Q) u >= reward_rate is at least that solution. Where a chain drifts away from what
-is rewarded, such a u falls exponentially with the cost of the cheapest path to a reward. A jump of
-probability p costs -log 2p, or nothing if it is likelier than not:
+The inverse is non-negative, so any u with (a/T - Q) u >= reward_rate is at least that solution: u
+of the killed chain is a supermartingale until a reward is earned. Where a chain drifts away from
+what is rewarded, such a u falls exponentially with the cost of the cheapest path to a reward. A
+jump of probability p costs -log 2p, or nothing if it is likelier than not:
 
-    u(s) = (T/a) exp(-c max(cost(s) - free, 0)) + constant.
+    u(s) = max(reward_rate) T/a (exp(-c max(cost(s) - free, 0)) + constant).
 
 For jumps towards the reward with probability p < 1/2, and away from it with 1 - p, c = 1 is enough,
-since p/2p + (1 - p) 2p <= 1. A part of the cost is free, for irregular states next to the reward.
-The killing rate a/T pays for the constant, where the chain stays. One pass over the matrix proves
-the bound. Other methods need a step for each jump, and their numbers underflow.
+since p/2p + (1 - p) 2p <= 1. The part of the cost that is free makes u constant next to the reward,
+where blocked transitions make chains irregular. Where the exponential alone fails, a constant C
+helps, since (a/T - Q) C >= (a/T) C. One pass over the matrix finds the least C, so that nothing
+about the costs needs to be proved. Other methods need a step for each jump, and their numbers
+underflow.
 
-Source: Hajek (1982), 'Hitting-time and occupation-time bounds implied by drift analysis'.
+After: Hajek (1982), 'Hitting-time and occupation-time bounds implied by drift analysis with
+applications'.
 """
 
 from __future__ import annotations
@@ -53,19 +57,27 @@ def bound_negligible_values(
     Returns:
         The bound; None if it is not found.
     """
+    largest = float(reward_rate.max())
+    if not 0.0 < time < math.inf or not 0.0 < largest < math.inf:
+        return None
     killing = tuning.SUPERMARTINGALE_SHIFT / time
-    # Even the constant 1 / killing is large enough, so a smaller u may be cut off there.
-    most = float(reward_rate.max()) * math.exp(tuning.SUPERMARTINGALE_SHIFT) / killing
-    leaving, reward = exit_rates + killing, reward_rate * (killing / float(reward_rate.max()))
+    most = largest * math.exp(tuning.SUPERMARTINGALE_SHIFT) / killing
+    # A reward of at most `killing` permits u = 1.
+    leaving, reward = exit_rates + killing, reward_rate / largest * killing
+    if not (killing > 0.0 and most < math.inf) or np.any((reward == 0.0) & (reward_rate > 0.0)):
+        return None
+    margin = 2.0 * (rates.longest + tuning.EXPONENTIAL_ROUNDINGS) * tuning.UNIT_ROUNDOFF
     chain = (*rates.arrays, leaving, reward)
     back = sparse.transpose(rates.indptr, rates.indices, rates.columns)
-    nearest, _ = components.breadth_first(*back, (reward > 0.0).view(np.uint8))
+    nearest, parent = components.breadth_first(*back, (reward > 0.0).view(np.uint8))
+    if np.all(parent[interest] == -2):
+        return 0.0  # no reward can be earned
     cost = np.full(rates.states, np.inf)
     for _ in range(tuning.SUPERMARTINGALE_PASSES):
         changed = supermartingale.relax(*chain, nearest, cost)
         least = float(cost[interest].min())
         if math.isinf(least):
-            return 0.0  # no reward can be earned
+            return None
         # Costs only become less, and the bound greater.
         if most * math.exp(-max(tuning.SUPERMARTINGALE_EXPONENTS) * least) > enough:
             return None
@@ -76,7 +88,7 @@ def bound_negligible_values(
     for exponent in tuning.SUPERMARTINGALE_EXPONENTS:
         if most * math.exp(-exponent * least) > enough:
             continue  # whatever the constant is
-        constant = supermartingale.missing_constant(*chain, killing, cost, exponent)
+        constant = supermartingale.missing_constant(*chain, killing, cost, exponent, margin)
         bound = most * (math.exp(-exponent * least) + constant + _UNDERFLOW) * (1.0 + 1e-9)
         if bound <= enough:
             return bound

@@ -93,8 +93,8 @@ def transient_values(
         observer: receives the progress.
 
     Returns:
-        Bounds. Values below the smallest double, such as those of states that earn nothing, have an
-        upper bound of 1e-300.
+        Bounds. Values below 1e-300, such as those of states that earn nothing, may have the bounds
+        0 and 2e-300.
 
     Raises:
         NumericalError: an array is negative (positive and negative parts must be given separately).
