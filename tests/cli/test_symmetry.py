@@ -44,7 +44,7 @@ def test_a_large_model_of_copies_is_explored_up_to_symmetry(run):
     assert status == 0
     assert f"States:      {STATES} (1 initial)" in out
     assert "Symmetry:    all permutations of p1, …, p6" in out
-    assert f"  {ORBITS} states" in out
+    assert f"  checked on {ORBITS} states" in out
     _, whole = run("-pf", 'P=? [ F<=50 "all" ]', "-nosymmetry")
     assert "Symmetry" not in whole
     assert f"States:      {STATES} (1 initial)" in whole
@@ -107,4 +107,4 @@ def test_a_small_model_is_explored_as_it_is_unless_the_engine_is_named(tmp_path,
 
 def test_the_explicit_engine_uses_symmetry_if_asked(run):
     _, out = run("-ex", "-symmetry", "-pf", 'P=? [ F<=50 "all" ]')
-    assert f"  {ORBITS} states" in out
+    assert f"  checked on {ORBITS} states" in out

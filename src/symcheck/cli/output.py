@@ -110,12 +110,13 @@ class Output:
             self.line(f"Choices:     {engine.choices if whole is None else whole.choices}")
         if whole is not None:
             if whole.outside_cone:
-                self.line(f"Left out:    {', '.join(whole.outside_cone)}")
+                ignored, one = ", ".join(whole.outside_cone), len(whole.outside_cone) == 1
+                self.line(
+                    f"Ignored:     {ignored} (no property depends on {'it' if one else 'them'})"
+                )
             if whole.symmetries:
                 self.line(f"Symmetry:    {'; '.join(map(str, whole.symmetries))}")
-            self.line(
-                f"  {engine.states} states and {engine.transitions} transitions represent them"
-            )
+            self.line(f"  checked on {engine.states} states and {engine.transitions} transitions")
         self.line(f"Time for model construction: {seconds:.3f} seconds.")
         deadlocks = engine.deadlocks.count if whole is None else whole.deadlocks
         if deadlocks:

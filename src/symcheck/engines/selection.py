@@ -355,7 +355,7 @@ def _restricted_engine(
         initial_orbits=(whole.initial.count,),
         outside_cone=restricted.outside,
     )
-    reason = f"{reason}, and the properties do not depend on {outside}"
+    reason = f"the properties do not depend on {outside}; {reason}"
     _report_choice(observer, "explicit", reason)
     return erased(ExplicitEngine(explored, represented=represented))
 
