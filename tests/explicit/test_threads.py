@@ -41,6 +41,13 @@ MDP = hypercube("mdp", "0.3 : (b{i}'=!b{i}) + 0.7 : true", REWARDS)
 SYMMETRIC = "ctmc module m0 b0:[0..8]; [] b0<8 -> b0+0.5 : (b0'=b0+1); endmodule " + " ".join(
     f"module m{i}=m0[b0=b{i}] endmodule" for i in range(1, 12)
 )
+RING = "dtmc " + " ".join(
+    f"module r{i} x{i}:[0..1]; [s] x{i}=x{(i - 1) % 11} -> {0.3 + i / 50}:(x{i}'=0)"
+    f" + {0.7 - i / 50}:(x{i}'=1); [s] x{i}!=x{(i - 1) % 11} -> (x{i}'=x{(i - 1) % 11}); endmodule"
+    for i in range(11)
+)
+RING += " init true endinit"
+"""Rows of up to 2,048 entries."""
 FAULT = DTMC.replace("dtmc", "dtmc module f x:[0..3]; [] b1&b5&b9&b13 -> (x'=x-1); endmodule", 1)
 FAULT = FAULT.replace(" system ", " system f ||| ")
 
@@ -77,12 +84,44 @@ def explored(text: str, count: int) -> list[bytes]:
     return [np.ascontiguousarray(a).tobytes() for a in arrays]
 
 
-@pytest.mark.parametrize("text", [CTMC, DTMC, MDP], ids=["ctmc", "dtmc", "mdp"])
+@pytest.mark.parametrize("text", [CTMC, DTMC, MDP, RING], ids=["ctmc", "dtmc", "mdp", "ring"])
 def test_states_and_rows_do_not_depend_on_threads(text, counts):
     alone = explored(text, 1)
     assert not counts
     assert explored(text, 2) == alone == explored(text, 3)
     assert set(counts) == {2, 3}
+
+
+def test_few_states_with_many_entries_have_threads(counts, monkeypatch):
+    monkeypatch.setattr(tuning, "THREADED_STATES", 10**9)
+    explored(RING, 2)
+    assert not counts
+    monkeypatch.setattr(tuning, "THREADED_ENTRIES", 10_000)
+    explored(RING, 2)
+    assert set(counts) == {2}
+
+
+def test_long_rows_are_in_order():
+    """Each row is the product of what the processes do on their own."""
+    model = symcheck.explore(symcheck.loads(RING).bound, symcheck.Options())
+    matrix, step = model.matrix, int(model.states.rows[1, 0])
+    states = [row // step for row in model.states.rows[:, 0].tolist()]  # x0 has the highest bit
+    assert states == list(range(2_048))
+    assert matrix.longest == 2_048
+    for s in (0, 1, 700, 1_365, 2_047):
+        bits = [s >> 10 - i & 1 for i in range(11)]
+        products = {0: 1.0}
+        for i in range(11):
+            left, p = bits[i - 1], 0.3 + i / 50
+            moves = {0: p, 1: 0.7 - i / 50} if bits[i] == left else {left: 1.0}
+            products = {
+                t | b << 10 - i: w * q for t, w in products.items() for b, q in moves.items()
+            }
+        row = slice(matrix.indptr[s], matrix.indptr[s + 1])
+        columns = matrix.indices[row].tolist()
+        assert columns == sorted(products)
+        expected = [products[c] for c in columns]
+        assert matrix.data[row] == pytest.approx(expected, rel=1e-14)
 
 
 @pytest.mark.parametrize("budget", [1, 20_000, 30_001])

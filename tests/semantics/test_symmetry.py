@@ -249,6 +249,54 @@ def test_necklaces_stand_for_the_states_of_a_ring() -> None:
     assert orbits(ring, 'R=? [ F "stable" ]') == (128, 20, 128)
 
 
+def ring(size: int, variables: str, command: str, right: bool) -> str:
+    """Modules in a ring, in which `&` stands for the number of a module and `<` for that of its
+    neighbour to the left or to the right.
+    """
+    modules = []
+    for i in range(size):
+        neighbour = (i + 1 if right else i - 1) % size
+        body = f"{variables} [step] {command}".replace("&", str(i)).replace("<", str(neighbour))
+        modules.append(f"module m{i} {body} endmodule")
+    return "dtmc " + " ".join(modules) + " init true endinit"
+
+
+@pytest.mark.parametrize("right", [False, True])
+@pytest.mark.parametrize(
+    ("size", "variables", "command"),
+    [
+        pytest.param(9, "x&:[0..1];", "true -> 0.5:(x&'=x<) + 0.5:(x&'=1-x<);", id="all differ"),
+        pytest.param(5, "x&:[0..2];", "true -> 0.5:(x&'=x<) + 0.5:true;", id="some are equal"),
+        pytest.param(
+            4, "x&:[0..1]; y&:[0..1];", "true -> 0.5:(x&'=y<) + 0.5:(y&'=1-x<);", id="two variables"
+        ),
+        pytest.param(3, "x&:[0..4095];", "true -> 0.9:(x&'=x<) + 0.1:(x&'=0);", id="a long word"),
+    ],
+)
+def test_rotations_of_rings_of_several_layouts(
+    size: int, variables: str, command: str, right: bool
+) -> None:
+    text = ring(size, variables, command, right)
+    if "4095" in text:  # 36 bits, of which few are used
+        text = text.replace("init true", "init " + "&".join(f"x{i}<=3" for i in range(size)))
+    asked = "P=? [ F " + "&".join(f"x{i}=0" for i in range(size)) + " ]"
+    (symmetry,) = found(text, asked)
+    assert symmetry.is_ring
+    states, representatives, represented = orbits(text, asked)
+    assert represented == states
+    assert representatives < 2 * states / size
+
+
+@pytest.mark.parametrize(("size", "rings"), [(20, 1), (21, 1), (63, 1), (64, 0)])
+def test_a_ring_may_have_more_components_than_may_be_exchanged(size: int, rings: int) -> None:
+    """At first, one bit is set."""
+    text = ring(size, "x&:[0..1];", "true -> 0.5:(x&'=x<) + 0.5:(x&'=x<);", right=False)
+    total = "+".join(f"x{i}" for i in range(size))
+    text = text.replace("init true", f"init {total}=1")
+    assert not found(text, "P=? [ F x0=1 ]")
+    assert [s.is_ring for s in found(text, f"P=? [ F {total}>1 ]")] == [True] * rings
+
+
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
 @given(st.integers(0, 2**32), st.sampled_from(["dtmc", "ctmc", "mdp"]))
 def test_random_copies_have_the_same_values_with_and_without_symmetry(seed: int, kind: str) -> None:

@@ -37,7 +37,7 @@ from symcheck.kernels.explore.breadth_first import CsrBuilder, Explorer, Outcome
 from symcheck.machine import available_memory
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.options import Options
-from symcheck.parallel.threads import helpers, on_threads, thread_count, use_threads
+from symcheck.parallel.threads import even_shares, helpers, on_threads, thread_count, use_threads
 from symcheck.semantics import state_faults
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import ModelType
@@ -74,11 +74,11 @@ def row_arrays(
     earning = [any(not item.on_states for item in r.items) for r in model.rewards]
     rewards = [np.empty(rows.closed) if e else np.zeros(rows.closed) for e in earning]
     earned = [r for r, e in zip(rewards, earning, strict=True) if e]
-    count = thread_count() if len(order) > tuning.THREADED_STATES else 1
-    row_shares = [rows.closed * i // count for i in range(count + 1)]
-    shares = [len(order) * i // count for i in range(count + 1)]
+    many = len(order) > tuning.THREADED_STATES or rows.entries > tuning.THREADED_ENTRIES
+    count = thread_count() if many else 1
     rows.place(order, indptr, groups, actions)
-    on_threads(partial(rows.renumber, rank), row_shares)
+    on_threads(partial(rows.renumber, rank), even_shares(rows.starts_of_rows, count))
+    shares = even_shares(indptr if groups is None else indptr[groups], count)
     on_threads(partial(rows.write_columns, order, indptr, groups, indices), shares)
     rows.release_columns()
     on_threads(partial(rows.write_weights, order, indptr, groups, data), shares)
@@ -229,7 +229,11 @@ class Exploration:
     def _step(self, budget: int) -> bool:
         """Search for one slice; whether the search ended, complete or at the budget."""
         started = time.perf_counter()
-        count = thread_count() if len(self._explorer.states) > tuning.THREADED_STATES else 1
+        many = (
+            len(self._explorer.states) > tuning.THREADED_STATES
+            or self._explorer.rows.entries > tuning.THREADED_ENTRIES
+        )
+        count = thread_count() if many else 1
         pool = None if count == 1 else helpers()
         outcome = self._explorer.run(budget, self._slice(), pool, count)
         self._seconds += time.perf_counter() - started

@@ -45,5 +45,6 @@ affects no result.
 MIN_STATES_TO_TRIM = 500_000
 """States from which on freed memory is returned to the system after the search."""
 
-THREADED_STATES = 100_000
-"""States from which on threads help to explore: a search for fewer takes less than 0.1 seconds."""
+THREADED_STATES, THREADED_ENTRIES = 100_000, 2_000_000
+"""States or entries of rows from which on threads help to explore: a search for fewer takes less
+than 0.1 seconds."""

@@ -10,6 +10,8 @@ ctypedef fused Weight:
 cdef enum:
     MAX_DISTINCT_WEIGHTS = 65535     # a code has two bytes
     CODE_TABLE_SIZE = 131072         # of their hash table: it is at most half full
+    DIGITS = 2048                    # of the numbers that long rows are sorted by
+    LONG_ROW = 1024                  # entries from which on that is faster
 
 
 cdef void sort_row(int32_t* indices, Weight* weights, long long n) noexcept nogil:
@@ -29,6 +31,55 @@ cdef void sort_row(int32_t* indices, Weight* weights, long long n) noexcept nogi
                 j -= gap
             indices[j], weights[j] = column, weight
         gap //= 3
+
+
+cdef void sort_long_row(int32_t* indices, Weight* weights, long long n, int32_t* more_indices,
+                         Weight* more_weights) noexcept nogil:
+    """Sort a row by column with a radix sort, with room for a copy of the row."""
+    cdef long long[DIGITS] start
+    cdef long long i, position, total, count
+    cdef int shift = 0, d
+    cdef int32_t greatest = 0
+    for i in range(n):
+        greatest = max(greatest, indices[i])
+    while shift < 31 and (shift == 0 or greatest >> shift):
+        memset(start, 0, DIGITS * sizeof(long long))
+        for i in range(n):
+            start[(indices[i] >> shift) & (DIGITS - 1)] += 1
+        total = 0
+        for d in range(DIGITS):
+            count = start[d]
+            start[d] = total
+            total += count
+        for i in range(n):
+            d = (indices[i] >> shift) & (DIGITS - 1)
+            position = start[d]
+            start[d] += 1
+            more_indices[position], more_weights[position] = indices[i], weights[i]
+        memcpy(indices, more_indices, n * sizeof(int32_t))
+        memcpy(weights, more_weights, n * sizeof(Weight))
+        shift += 11
+
+
+cdef void sort_rows(int32_t* indices, Weight* weights, const int64_t* starts, long long first,
+                    long long end) noexcept nogil:
+    """Sort the rows `first` to `end` - 1 by column."""
+    cdef long long row, n, longest = 0
+    cdef Buffer more_indices = Buffer(NULL, 0, 0), more_weights = Buffer(NULL, 0, 0)
+    for row in range(first, end):
+        longest = max(longest, starts[row + 1] - starts[row])
+    cdef bint room = longest >= LONG_ROW and not (
+        reserve(&more_indices, longest * sizeof(int32_t))
+        or reserve(&more_weights, longest * sizeof(Weight)))
+    for row in range(first, end):
+        n = starts[row + 1] - starts[row]
+        if n >= LONG_ROW and room:
+            sort_long_row(indices + starts[row], weights + starts[row], n,
+                          <int32_t*> more_indices.data, <Weight*> more_weights.data)
+        else:
+            sort_row(indices + starts[row], weights + starts[row], n)
+    release(&more_indices)
+    release(&more_weights)
 
 
 @cython.final
@@ -268,6 +319,12 @@ cdef class CsrBuilder:
     #   indptr: int64[rows+1]; indices: int32[entries]; data: float64[entries].
     #   groups: int64[states+1], or None if each state has one row.
 
+    @property
+    def starts_of_rows(self) -> Int64s:
+        """Where each row begins, and the number of entries: int64[rows+1]."""
+        return (array_of(self.starts.data, self.closed + 1, np.int64) if self.closed
+                else np.zeros(1, np.int64))
+
     def place(self, const int32_t[::1] order, int64_t[::1] indptr, groups: Int64s | None,
               int32_t[::1] actions):
         """Write where each row begins, and its action (int32[rows], -1 for none)."""
@@ -292,20 +349,16 @@ cdef class CsrBuilder:
         """Renumber the columns of the rows `first` to `end` - 1 in place, and sort each row."""
         cdef const int64_t* starts = <const int64_t*> self.starts.data
         cdef int32_t* indices = <int32_t*> self.indices.data
-        cdef long long row, i
+        cdef long long i
         if first == end:
             return
         with nogil:
             for i in range(starts[first], starts[end]):
                 indices[i] = rank[indices[i]]
-            for row in range(first, end):
-                if self.raw_weights:
-                    sort_row(indices + starts[row], <double*> self.weights.data + starts[row],
-                             starts[row + 1] - starts[row])
-                else:
-                    sort_row(indices + starts[row],
-                             <uint16_t*> self.weight_codes.data + starts[row],
-                             starts[row + 1] - starts[row])
+            if self.raw_weights:
+                sort_rows(indices, <double*> self.weights.data, starts, first, end)
+            else:
+                sort_rows(indices, <uint16_t*> self.weight_codes.data, starts, first, end)
 
     def write_columns(self, const int32_t[::1] order, const int64_t[::1] indptr,
                       groups: Int64s | None, int32_t[::1] indices, long long first, long long end):

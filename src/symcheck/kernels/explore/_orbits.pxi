@@ -7,6 +7,18 @@ cdef enum:
     MAX_COMPONENTS = 64
 
 
+def are_adjacent(int width, members: Sequence[Component]) -> bool:
+    """Whether components of one piece follow one another in a word, upwards or downwards, and have
+    at most 32 bits in all.
+    """
+    if width * len(members) > 32 or any(len(pieces) > 1 for pieces in members):
+        return False
+    words = {word for ((word, *_),) in members}
+    shifts = [shift for ((_, shift, *_),) in members]
+    steps = {after - before for before, after in zip(shifts, shifts[1:])}
+    return len(words) == 1 and steps in ({width}, {-width})
+
+
 cdef inline void sort_keys(uint64_t* keys, int n) noexcept nogil:
     """Sort a few numbers that are nearly sorted."""
     cdef int i, j
@@ -35,6 +47,17 @@ cdef inline void rotate_least(uint64_t* keys, int n, int width) noexcept nogil:
         least >>= width
 
 
+cdef inline uint64_t least_rotation(uint64_t number, int n, int width) noexcept nogil:
+    """The least of the rotations of a number of n digits, with `width` bits each, at most 32 in all.
+    """
+    cdef uint64_t twice = number | number << (n * width), least = number
+    cdef uint64_t mask = (<uint64_t> 1 << (n * width)) - 1
+    cdef int i
+    for i in range(1, n):  # no rotation waits for another
+        least = min(least, twice >> (i * width) & mask)
+    return least
+
+
 @cython.final
 cdef class Orbits:
     """Groups of components, whose permutations (or rotations) map states to equivalent states.
@@ -48,7 +71,7 @@ cdef class Orbits:
 
     cdef readonly int words
     cdef int count
-    cdef int32_t[::1] rings, widths, starts, pieces_of
+    cdef int32_t[::1] rings, widths, starts, pieces_of, adjacent
     cdef int32_t[:, ::1] pieces
 
     def __cinit__(self, groups: Sequence[tuple[bool, int, Sequence[Component]]], int words):
@@ -61,6 +84,9 @@ cdef class Orbits:
         self.starts = np.cumsum([0, *(len(members) for _, _, members in groups)], dtype=np.int32)
         self.pieces_of = np.cumsum([0, *map(len, components)], dtype=np.int32)
         self.pieces = np.array(pieces, np.int32).reshape(-1, 4)
+        # Rings whose components lie side by side in half a word, which is rotated as a whole.
+        self.adjacent = np.array([is_ring and are_adjacent(width, members)
+                                  for is_ring, width, members in groups], np.int32)
 
     def represent(self, uint64_t[:, ::1] rows):
         """Replace each packed state (uint64[n, words]) by the representative of its orbit."""
@@ -70,12 +96,22 @@ cdef class Orbits:
 
     cdef void represent_rows(self, uint64_t* rows, Py_ssize_t n) noexcept nogil:
         cdef uint64_t keys[MAX_COMPONENTS]
-        cdef int g, first, size
+        cdef int g, first, size, shift
         cdef Py_ssize_t i
+        cdef uint64_t* word
+        cdef uint64_t mask
         for i in range(n):
             for g in range(self.count):
                 first = self.starts[g]
                 size = self.starts[g + 1] - first
+                if self.adjacent[g]:
+                    shift = min(self.pieces[self.pieces_of[first], 1],
+                                self.pieces[self.pieces_of[first + size - 1], 1])
+                    word = rows + i * self.words + self.pieces[self.pieces_of[first], 0]
+                    mask = ((<uint64_t> 1 << (size * self.widths[g])) - 1) << shift
+                    word[0] = (word[0] & ~mask) | least_rotation(
+                        (word[0] & mask) >> shift, size, self.widths[g]) << shift
+                    continue
                 self._read(rows + i * self.words, first, size, keys)
                 if self.rings[g]:
                     rotate_least(keys, size, self.widths[g])

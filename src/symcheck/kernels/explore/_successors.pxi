@@ -50,9 +50,11 @@ cdef class Expander:
     cdef uint64_t* level_words
     cdef int candidate_count, enabled_count, evaluated_count, part_count
     cdef int joint_choices, row_action
-    # scratch of one batch; with orbits, the different successors of each row are counted
+    # scratch of one batch; with orbits, the different successors of each row are counted, and
+    # `distinct` says in which rows all of them are
     cdef Orbits orbits
-    cdef Buffer targets, weights, ends, deadlocks, counts, target_table
+    cdef bint is_distinct
+    cdef Buffer targets, weights, ends, deadlocks, counts, distinct, target_table
     cdef long long successor_count, row_count, deadlock_count
 
     def __cinit__(self, tables, Orbits orbits: Orbits | None = None):
@@ -112,6 +114,7 @@ cdef class Expander:
         release(&self.ends)
         release(&self.deadlocks)
         release(&self.counts)
+        release(&self.distinct)
         release(&self.target_table)
 
     @property
@@ -172,7 +175,8 @@ cdef class Expander:
         counts = <int32_t*> self.counts.data
         for row in range(self.row_count):
             end = (<const int64_t*> self.ends.data)[row]
-            counts[row] = self._different(targets + begin * self.words, end - begin)
+            counts[row] = (<int32_t> (end - begin) if (<const uint8_t*> self.distinct.data)[row]
+                           else self._different(targets + begin * self.words, end - begin))
             if counts[row] < 0:
                 return 1
             begin = end
@@ -282,10 +286,14 @@ cdef class Expander:
 
     cdef int _open_row(self) noexcept nogil:
         """Open a row, which counts as a choice."""
-        return reserve(&self.ends, (self.row_count + 1) * 8) or self.rows.open_row()
+        return (reserve(&self.ends, (self.row_count + 1) * 8)
+                or reserve(&self.distinct, self.row_count + 1) or self.rows.open_row())
 
     cdef void _end_row(self, int action) noexcept nogil:
         (<int64_t*> self.ends.data)[self.row_count] = self.successor_count
+        # A row has several joint choices only if it is the only one of its state.
+        (<uint8_t*> self.distinct.data)[self.row_count] = (
+            self.is_distinct and (self.kind == Kind.MDP or self.joint_choices == 1))
         self.rows.set_action(action)
         self.row_count += 1
 
@@ -486,6 +494,7 @@ cdef class Expander:
         self._combine_updates(0, 1.0, source)
         if self.successor_count == first:
             return 0
+        self.is_distinct = self.orbits is not None and self._updates_differ()
         if self.kind == Kind.MDP and self._open_row():
             return Status.MEMORY
         if self.structures:
@@ -498,6 +507,25 @@ cdef class Expander:
         if self.kind == Kind.MDP:
             self._end_row(self.event_action[event])
         return 0
+
+    cdef bint _updates_differ(self) noexcept nogil:
+        """Whether all successors of the joint choice are different, as the updates of each chosen
+        command assign different values to the same variables.
+        """
+        cdef int p, i, j, begin, end
+        for p in range(self.part_count):
+            begin = self.enabled_begin[self.chosen[p]]
+            end = self.enabled_begin[self.chosen[p] + 1]
+            if end - begin > LINEAR_SCAN_ENTRIES:
+                return False
+            for i in range(begin, end):
+                for j in range(begin, i):
+                    if (not rows_equal(&self.update_keep[self.evaluated_update[i], 0],
+                                       &self.update_keep[self.evaluated_update[j], 0], self.words)
+                            or rows_equal(self.evaluated_value + i * self.words,
+                                          self.evaluated_value + j * self.words, self.words)):
+                        return False
+        return True
 
     cdef void _combine_updates(self, int participant, double weight,
                                const uint64_t* base) noexcept nogil:

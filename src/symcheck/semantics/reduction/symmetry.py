@@ -95,7 +95,7 @@ def find_symmetries(model: BoundModel, observed: Observations) -> tuple[Symmetry
         if module.variables:
             shape = (*(_shape(model.variables[v]) for v in module.variables), len(module.commands))
             shapes.setdefault(shape, []).append(number)
-    classes = [c for c in shapes.values() if 2 <= len(c) <= tuning.MAX_SYMMETRY_COMPONENTS]
+    classes = [c for c in shapes.values() if 2 <= len(c) <= tuning.MAX_RING_COMPONENTS]
     result: list[Symmetry] = []
     rest: dict[int, list[list[int]]] = {}
     for modules in classes:
@@ -137,7 +137,8 @@ def _of_components(
 ) -> list[Symmetry]:
     """The symmetries among components, each of which consists of modules."""
     groups: list[list[tuple[int, ...]]] = []
-    for component in components:
+    few = len(components) <= tuning.MAX_SYMMETRY_COMPONENTS
+    for component in components if few else ():
         for group in groups:
             exchanged = [*zip(group[0], component, strict=True)]
             if verifier.accepts(dict(exchanged) | {b: a for a, b in exchanged}):

@@ -9,6 +9,9 @@ to a second then."""
 MAX_SYMMETRY_COMPONENTS = 20
 """Components that may be exchanged: the size of an orbit is at most 20!, which has 64 bits."""
 
+MAX_RING_COMPONENTS = 63
+"""Components of a ring, whose rotations are those of one number of 64 bits."""
+
 MAX_SYMMETRY_VALUATIONS = 1 << 16
 """Valuations on which two expressions are compared whose normal forms differ."""
 
