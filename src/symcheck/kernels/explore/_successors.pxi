@@ -277,6 +277,8 @@ cdef class Expander:
 
     cdef int add_deadlocks(self, Expander other, long long first, long long end) noexcept nogil:
         """Append some deadlocks of another expander."""
+        if first == end:
+            return 0  # the arrays may be empty
         if reserve(&self.deadlocks, (self.deadlock_count + end - first) * 8):
             return 1
         memcpy(<int64_t*> self.deadlocks.data + self.deadlock_count,
