@@ -9,11 +9,18 @@ from itertools import product
 import numpy as np
 
 from symcheck.kernels.solve import component_bounds
-from symcheck.matrices.rows import SparseMatrix
+from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics.linear.problem import LinearProblem
 
 Row = tuple[dict[int, Fraction], Fraction, Fraction]  # entries, constant, exit
 System = list[list[Row]]  # per state, per choice
+
+
+def sparse_of(dense: Floats) -> SparseMatrix:
+    """The positive entries of a matrix."""
+    nonzero = dense > 0
+    indptr = np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64)
+    return SparseMatrix(indptr, np.nonzero(nonzero)[1].astype(np.int32), dense[nonzero], len(dense))
 
 
 def solve_chain(rows: list[Row]) -> list[Fraction] | None:

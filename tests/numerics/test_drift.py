@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from numerics.oracle import sparse_of
 from symcheck.kernels.chains import drift as kernel
 from symcheck.kernels.chains import gauss_seidel
 from symcheck.matrices.rows import Bools, Floats, SparseMatrix
@@ -17,12 +18,6 @@ from symcheck.numerics.long_run import drift, stationary
 from symcheck.numerics.settings import Accuracy
 
 MARGIN = 1e-12
-
-
-def sparse(rates: Floats) -> SparseMatrix:
-    """The entries that are not 0."""
-    indptr = np.concatenate(([0], np.cumsum((rates > 0).sum(1)))).astype(np.int64)
-    return SparseMatrix(indptr, np.nonzero(rates)[1].astype(np.int32), rates[rates > 0], len(rates))
 
 
 def queue(capacity: int, up: float, down: float) -> SparseMatrix:
@@ -100,7 +95,7 @@ def test_any_solution_and_any_lyapunov_function_prove_bounds(
     table, rewards, h, logarithm = (np.array(x) for x in drawn)
     n = len(rewards)
     table[np.arange(n), (np.arange(n) + 1) % n] += 0.5  # irreducible
-    rates, falls = sparse(table), np.empty(n)
+    rates, falls = sparse_of(table), np.empty(n)
     kernel.drift(*rates.arrays, logarithm, MARGIN, falls)
     core: Bools = falls >= 0.0
     if not least:
@@ -132,7 +127,7 @@ def test_the_drift_is_an_upper_bound(
     drawn: tuple[list[list[float]], list[float], list[float], list[float]],
 ) -> None:
     table, _, _, logarithm = (np.array(x) for x in drawn)
-    rates, found = sparse(table), np.empty(len(table))
+    rates, found = sparse_of(table), np.empty(len(table))
     kernel.drift(*rates.arrays, logarithm, MARGIN, found)
     growth = np.exp(logarithm[None, :] - logarithm[:, None]) - 1.0
     truth = (table * growth).sum(1)
@@ -170,7 +165,7 @@ def test_the_drift_of_a_long_row_is_an_upper_bound(monkeypatch: pytest.MonkeyPat
 def test_raised_costs_drift() -> None:
     """Where a rare jump is far dearer than the way back is cheap, the cost before it is raised."""
     table = np.array([[0.0, 0.2, 0.0], [3.0, 0.0, 0.2], [0.0, 3.0, 0.0]])
-    rates, leave, found = sparse(table), table.sum(1), np.empty(3)
+    rates, leave, found = sparse_of(table), table.sum(1), np.empty(3)
     cost = np.array([0.0, 1.0, 9.0])
     kernel.drift(*rates.arrays, cost, MARGIN, found)
     assert found[1] > 0.0
@@ -200,6 +195,6 @@ def test_a_core_that_each_jump_leaves_proves_nothing_wrong(monkeypatch: pytest.M
     monkeypatch.setattr(tuning, "CORE_FREQUENT", 1.0)
     table = np.zeros((4, 4))
     table[0, 1:], table[1:, 0] = 1.0, (1.0, 1.5, 2.0)
-    rates, rewards = sparse(table), np.array([0.0, 3.0, 1.0, 7.0])
+    rates, rewards = sparse_of(table), np.array([0.0, 3.0, 1.0, 7.0])
     average = stationary.long_run_average(rates, rewards, Accuracy(epsilon=1e-6))
     assert average.lower <= exact_average(rates, rewards) <= average.upper

@@ -10,19 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from numerics.oracle import sparse_of
 from symcheck.kernels.chains.gth_elimination import GthElimination
 from symcheck.matrices.numbers import rationals
-from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.matrices.rows import SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.linear import rational
 from symcheck.numerics.long_run import stationary
 from symcheck.numerics.settings import Accuracy
-
-
-def sparse_of(dense: Floats) -> SparseMatrix:
-    nonzero = dense > 0
-    indptr = np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64)
-    return SparseMatrix(indptr, np.nonzero(nonzero)[1].astype(np.int32), dense[nonzero], len(dense))
 
 
 @settings(max_examples=150, deadline=None)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from numerics.oracle import sparse_of
 from symcheck.kernels.chains import supermartingale as kernel
 from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics import tuning
@@ -21,12 +22,6 @@ from symcheck.numerics.transient.uniformization import transient_values
 TIME = 10.0
 
 
-def sparse(rates: Floats) -> SparseMatrix:
-    """The entries that are not 0."""
-    indptr = np.concatenate(([0], np.cumsum((rates > 0).sum(1)))).astype(np.int64)
-    return SparseMatrix(indptr, np.nonzero(rates)[1].astype(np.int32), rates[rates > 0], len(rates))
-
-
 def queue(capacity: int, up: float, down: float) -> tuple[SparseMatrix, Floats, Floats]:
     """A birth-death process with states below its capacity; its exit rates, and the rate of
     reaching the capacity.
@@ -34,7 +29,7 @@ def queue(capacity: int, up: float, down: float) -> tuple[SparseMatrix, Floats, 
     rates = np.diag(np.full(capacity - 1, up), 1) + np.diag(np.full(capacity - 1, down), -1)
     entering = np.zeros(capacity)
     entering[-1] = up
-    return sparse(rates), rates.sum(1) + entering, entering
+    return sparse_of(rates), rates.sum(1) + entering, entering
 
 
 def exact(
@@ -85,7 +80,7 @@ def test_the_constant_makes_a_supermartingale(
 ) -> None:
     """u >= (killing - Q)^-1 reward, in rationals, for any chain and any costs."""
     table, reward, leak = (np.array(x, dtype=np.float64) for x in drawn)
-    rates, killing = sparse(table), 0.5
+    rates, killing = sparse_of(table), 0.5
     leave = table.sum(1) + leak
     chain = (*rates.arrays, leave + killing, reward)
     cost, order = np.full(len(reward), np.inf), np.arange(len(reward), dtype=np.int32)
@@ -136,7 +131,7 @@ def test_a_reward_that_is_never_earned_is_0() -> None:
     table = np.array([[0.0, 2.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     reward = np.array([0.0, 0.0, 1.0])
     start = np.zeros(1, np.int64)
-    found = bound_negligible_values(sparse(table), table.sum(1), TIME, reward, start, 1e-300)
+    found = bound_negligible_values(sparse_of(table), table.sum(1), TIME, reward, start, 1e-300)
     assert found == 0.0
 
 
@@ -159,7 +154,7 @@ def test_a_stored_rate_of_0_is_no_jump() -> None:
 
 @pytest.mark.parametrize("reward", [(1e-200, 1e150), (1e-310, 0.0), (1e300, 1e-10)])
 def test_rewards_at_the_ends_of_the_range(reward: tuple[float, float]) -> None:
-    rates, leave = sparse(np.array([[3.0, 0.0], [0.0, 2.0]])), np.array([3.0, 2.0])
+    rates, leave = sparse_of(np.array([[3.0, 0.0], [0.0, 2.0]])), np.array([3.0, 2.0])
     rewards, start = np.array(reward), np.zeros(1, np.int64)
     found = bound_negligible_values(rates, leave, TIME, rewards, start, math.inf)
     truth = exact(rates, leave, rewards, tuning.SUPERMARTINGALE_SHIFT / TIME)[0]
@@ -190,7 +185,7 @@ def test_bounds_over_24_orders_of_magnitude(
     table = entries.reshape(n, n)
     if not reward.any():
         return
-    rates, leave = sparse(table), table.sum(1) + leak
+    rates, leave = sparse_of(table), table.sum(1) + leak
     start = np.zeros(1, np.int64)
     found = bound_negligible_values(rates, leave, time, reward, start, math.inf)
     if found is None or not math.isfinite(found):

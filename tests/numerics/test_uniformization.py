@@ -11,18 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from numerics.oracle import sparse_of
 from symcheck.errors import NumericalError
 from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.settings import Accuracy
 from symcheck.numerics.transient.poisson import poisson
 from symcheck.numerics.transient.uniformization import transient_distribution, transient_values
-
-
-def sparse_of(dense: Floats) -> SparseMatrix:
-    nonzero = dense > 0
-    indptr = np.concatenate(([0], np.cumsum(nonzero.sum(1)))).astype(np.int64)
-    return SparseMatrix(indptr, np.nonzero(nonzero)[1].astype(np.int32), dense[nonzero], len(dense))
 
 
 def integrate(

@@ -53,6 +53,12 @@ _NO_BUDGET = 1 << 62
 _LESS_MEMORY = f"-cuddmaxmem gives more; {SMALLER_ENGINES}"
 
 
+def _threads(states: int, entries: int) -> int:
+    """The threads for an exploration of some size."""
+    is_large = states > tuning.THREADED_STATES or entries > tuning.THREADED_ENTRIES
+    return thread_count() if is_large else 1
+
+
 def row_arrays(
     rows: CsrBuilder, order: Int32s, rank: Int32s, model: BoundModel
 ) -> tuple[SparseMatrix, Int32s, list[Floats]]:
@@ -74,8 +80,7 @@ def row_arrays(
     earning = [any(not item.on_states for item in r.items) for r in model.rewards]
     rewards = [np.empty(rows.closed) if e else np.zeros(rows.closed) for e in earning]
     earned = [r for r, e in zip(rewards, earning, strict=True) if e]
-    many = len(order) > tuning.THREADED_STATES or rows.entries > tuning.THREADED_ENTRIES
-    count = thread_count() if many else 1
+    count = _threads(len(order), rows.entries)
     rows.place(order, indptr, groups, actions)
     on_threads(partial(rows.renumber, rank), even_shares(rows.starts_of_rows, count))
     shares = even_shares(indptr if groups is None else indptr[groups], count)
@@ -229,11 +234,7 @@ class Exploration:
     def _step(self, budget: int) -> bool:
         """Search for one slice; whether the search ended, complete or at the budget."""
         started = time.perf_counter()
-        many = (
-            len(self._explorer.states) > tuning.THREADED_STATES
-            or self._explorer.rows.entries > tuning.THREADED_ENTRIES
-        )
-        count = thread_count() if many else 1
+        count = _threads(len(self._explorer.states), self._explorer.rows.entries)
         pool = None if count == 1 else helpers()
         outcome = self._explorer.run(budget, self._slice(), pool, count)
         self._seconds += time.perf_counter() - started

@@ -7,16 +7,16 @@ cdef enum:
     MAX_COMPONENTS = 64
 
 
-def are_adjacent(int width, members: Sequence[Component]) -> bool:
-    """Whether components of one piece follow one another in a word, upwards or downwards, and have
-    at most 32 bits in all.
+def shift_of_ring(width: int, members: Sequence[Component]) -> int:
+    """The position of the lowest bit of components of one piece that follow one another in a word,
+    upwards or downwards; -1 if they do not.
     """
-    if width * len(members) > 32 or any(len(pieces) > 1 for pieces in members):
-        return False
+    if any(len(pieces) > 1 for pieces in members):
+        return -1
     words = {word for ((word, *_),) in members}
     shifts = [shift for ((_, shift, *_),) in members]
     steps = {after - before for before, after in zip(shifts, shifts[1:])}
-    return len(words) == 1 and steps in ({width}, {-width})
+    return min(shifts) if len(words) == 1 and steps in ({width}, {-width}) else -1
 
 
 cdef inline void sort_keys(uint64_t* keys, int n) noexcept nogil:
@@ -32,30 +32,25 @@ cdef inline void sort_keys(uint64_t* keys, int n) noexcept nogil:
         keys[j] = key
 
 
+cdef inline uint64_t least_rotation(uint64_t number, int n, int width) noexcept nogil:
+    """The least rotation of a number of n digits, with `width` bits each, at most 63 in all."""
+    cdef uint64_t least = number, mask = ((<uint64_t> 1) << (n * width)) - 1
+    cdef int i
+    for i in range(1, n):  # no rotation waits for another
+        least = min(least, (number >> (i * width) | number << ((n - i) * width)) & mask)
+    return least
+
+
 cdef inline void rotate_least(uint64_t* keys, int n, int width) noexcept nogil:
-    """Rotate keys of `width` bits so that, as digits, they form the least number of 64 bits."""
-    cdef uint64_t number = 0, least, mask = ~(<uint64_t> 0) >> (64 - n * width)
+    """Rotate keys of `width` bits so that, as digits, they form the least number."""
+    cdef uint64_t number = 0
     cdef int i
     for i in range(n):
         number = number << width | keys[i]
-    least = number
-    for i in range(1, n):
-        number = (number << width | number >> ((n - 1) * width)) & mask
-        least = min(least, number)
+    number = least_rotation(number, n, width)
     for i in range(n - 1, -1, -1):
-        keys[i] = least & (((<uint64_t> 1) << width) - 1)
-        least >>= width
-
-
-cdef inline uint64_t least_rotation(uint64_t number, int n, int width) noexcept nogil:
-    """The least of the rotations of a number of n digits, with `width` bits each, at most 32 in all.
-    """
-    cdef uint64_t twice = number | number << (n * width), least = number
-    cdef uint64_t mask = (<uint64_t> 1 << (n * width)) - 1
-    cdef int i
-    for i in range(1, n):  # no rotation waits for another
-        least = min(least, twice >> (i * width) & mask)
-    return least
+        keys[i] = number & (((<uint64_t> 1) << width) - 1)
+        number >>= width
 
 
 @cython.final
@@ -71,7 +66,7 @@ cdef class Orbits:
 
     cdef readonly int words
     cdef int count
-    cdef int32_t[::1] rings, widths, starts, pieces_of, adjacent
+    cdef int32_t[::1] rings, widths, starts, pieces_of, ring_shifts
     cdef int32_t[:, ::1] pieces
 
     def __cinit__(self, groups: Sequence[tuple[bool, int, Sequence[Component]]], int words):
@@ -84,9 +79,9 @@ cdef class Orbits:
         self.starts = np.cumsum([0, *(len(members) for _, _, members in groups)], dtype=np.int32)
         self.pieces_of = np.cumsum([0, *map(len, components)], dtype=np.int32)
         self.pieces = np.array(pieces, np.int32).reshape(-1, 4)
-        # Rings whose components lie side by side in half a word, which is rotated as a whole.
-        self.adjacent = np.array([is_ring and are_adjacent(width, members)
-                                  for is_ring, width, members in groups], np.int32)
+        # A ring whose components lie side by side is rotated as a whole.
+        self.ring_shifts = np.array([shift_of_ring(width, members) if is_ring else -1
+                                     for is_ring, width, members in groups], np.int32)
 
     def represent(self, uint64_t[:, ::1] rows):
         """Replace each packed state (uint64[n, words]) by the representative of its orbit."""
@@ -104,9 +99,8 @@ cdef class Orbits:
             for g in range(self.count):
                 first = self.starts[g]
                 size = self.starts[g + 1] - first
-                if self.adjacent[g]:
-                    shift = min(self.pieces[self.pieces_of[first], 1],
-                                self.pieces[self.pieces_of[first + size - 1], 1])
+                shift = self.ring_shifts[g]
+                if shift >= 0:
                     word = rows + i * self.words + self.pieces[self.pieces_of[first], 0]
                     mask = ((<uint64_t> 1 << (size * self.widths[g])) - 1) << shift
                     word[0] = (word[0] & ~mask) | least_rotation(

@@ -111,7 +111,7 @@ def _visits(rates: SparseMatrix) -> Int64s:
     before, counted = tuning.CORE_JUMPS
     uniform = np.random.default_rng(0).random(before + counted)
     sums, visits = rates.row_sums(), np.zeros(rates.states, np.int64)
-    state = kernel.walk(*rates.arrays, sums, uniform[:before], 0, visits.copy())
+    state = kernel.walk(*rates.arrays, sums, uniform[:before], 0, np.zeros_like(visits))
     kernel.walk(*rates.arrays, sums, uniform[before:], state, visits)
     return visits
 

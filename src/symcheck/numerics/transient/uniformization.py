@@ -164,14 +164,18 @@ class _Horizon:
         )
         if run is None:
             return None
-        most = float(start.max()) * (self.time if source else 1.0) * (1.0 + 1e-9)
-        lower, upper = np.zeros(len(start)), np.full(len(start), most)
+        lower, upper = self.trivial_bounds(start, source)
         lower[state], upper[state] = run.lower, run.upper
         note = (
             f"uniformisation, {run.steps} steps forward, with at most {run.largest} of "
             f"{len(start)} states active"
         )
         return Transient(lower, upper, run.steps, note)
+
+    def trivial_bounds(self, start: Floats, source: bool) -> tuple[Floats, Floats]:
+        """0, and what the largest reward would earn all the time: float64[n] each."""
+        most = float(start.max()) * (self.time if source else 1.0) * (1.0 + 1e-9)
+        return np.zeros(len(start)), np.full(len(start), most)
 
     def if_negligible(
         self, rates: SparseMatrix, interest: Int64s, reward_rate: Floats
@@ -185,9 +189,9 @@ class _Horizon:
         )
         if bound is None:
             return None
-        upper = np.full(rates.states, self.time * float(reward_rate.max()) * (1.0 + 1e-9))
+        lower, upper = self.trivial_bounds(reward_rate, True)
         upper[interest] = bound
-        return Transient(np.zeros(rates.states), upper, 0, "an exponential supermartingale")
+        return Transient(lower, upper, 0, "an exponential supermartingale")
 
     def by_rational_krylov(
         self,
@@ -296,10 +300,7 @@ class _Horizon:
         if weights is not None:
             result = smaller.by_rational_krylov(matrix, at, reward_rate[kept], True, weights)
         result = result or smaller.by_series(reward_rate[kept], True)
-        lower, upper = (
-            np.zeros(rates.states),
-            np.full(rates.states, time * float(reward_rate.max()) * (1.0 + 1e-9)),
-        )
+        lower, upper = self.trivial_bounds(reward_rate, True)
         lower[interest] = result.lower[at]
         upper[interest] = result.upper[at] + loss
         note = f"{len(kept)} of {rates.states} states kept: {result.explanation}"
