@@ -191,7 +191,7 @@ def test_a_core_that_each_jump_leaves_proves_nothing_wrong(monkeypatch: pytest.M
     for name in ("DRIFT_STATES", "ELIMINATION_STATES", "SMALL_CHAIN_STATES"):
         monkeypatch.setattr(tuning, name, 0)
     monkeypatch.setattr(tuning, "CORE_SHARE", 1.0)
-    monkeypatch.setattr(tuning, "CORE_WEIGHT", 0.0)
+    monkeypatch.setattr(tuning, "CORE_RISE", 0.0)
     monkeypatch.setattr(tuning, "CORE_FREQUENT", 1.0)
     table = np.zeros((4, 4))
     table[0, 1:], table[1:, 0] = 1.0, (1.0, 1.5, 2.0)

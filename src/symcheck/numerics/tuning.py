@@ -218,9 +218,9 @@ In tandem c=1023 it visits 50, in polling and kanban more than it may."""
 CORE_FREQUENT, CORE_SHARE = 0.01, 0.1
 """States with this part of the most visits have no cost, and the greatest share of the states that
 the core may have."""
-CORE_WITHOUT_DRIFT, CORE_WEIGHT = 10.0, 40.0
-"""The greatest logarithm of w where the chain does not drift, and how much further it rises within
-the core: e^40 outweighs solutions of 1e12 with a relative accuracy of 1e-6. The core of tandem
+CORE_UNDECIDED, CORE_RISE = 10.0, 40.0
+"""The greatest logarithm of w where Q w < 0 is not proved, and how much further it rises within the
+core: e^40 outweighs solutions of 1e12 with a relative accuracy of 1e-6. The core of tandem
 c=1023 has 7,208 of 2 million states."""
 DRIFT_EXPONENTS = (0.3, 0.15, 0.6)
 """Exponents that are tried in turn: on tandem, those up to 0.3 will do."""

@@ -1,15 +1,20 @@
 """Long-run averages of chains that drift towards a few states, with certified bounds.
 
-The Poisson equation is solved for these states alone, the core. A stable queue spends hardly any
-time in all others, which a Lyapunov function w proves. For *any* vectors h and w and any number g,
+Such a chain, for example a stable queue, is rarely outside of a few states, the core. The Poisson
+equation is solved on the core alone, and a Lyapunov function w bounds what the other states
+contribute. With the generator Q and the reward rates r, for *any* vectors h and w and any number g,
 
     min (e - Q w)  <=  average of r, minus g  <=  max (e + Q w),    residual e = r + Q h - g,
 
-as the means of Q h and Q w under the stationary distribution are 0. Let h be the solution in the
-core and constant outside. Let Q w be so negative outside that the residual does not matter there
-(the Foster-Lyapunov criterion). With costs as in `transient/supermartingale`, but of the cheapest
-path to s from where the chain is most of the time, w(s) = weight exp(c cost(s)) does this where the
-chain drifts back.
+as the means of Q h and Q w under the stationary distribution are 0. Let h solve Q h = g - r on the
+core, with each transition out of it redirected to one state, and let it have the value of that
+state outside. Let Q w be so negative outside that the residual does not matter there (the
+Foster-Lyapunov criterion).
+
+w(s) = weight exp(c cost(s)) is tried for several exponents c, where cost(s) is that of the cheapest
+path to s from the states that are visited most. A jump of probability p costs -log 2p, or nothing
+if it is likelier than not. So w is large where the chain rarely is; whether Q w is negative is then
+checked in every state.
 
 After: Glynn & Zeevi (2008), 'Bounding stationary expectations of Markov processes';
 Dayar, Hermanns, Spieler & Wolf (2011), 'Bounding the equilibrium distribution of Markov population
@@ -36,7 +41,7 @@ PoissonSolver = Callable[[SparseMatrix, Floats], Floats]
 """An approximate solution h of the Poisson equation for rates and rewards."""
 
 _LEAST_WEIGHT = 1e-280
-"""A smaller weight might underflow; this one is harmless."""
+"""A smaller weight might underflow; this one changes no bound."""
 
 
 @dataclass(frozen=True)
@@ -57,15 +62,16 @@ def average_by_drift(
     """Bounds on the long-run average of a reward in an irreducible chain.
 
     Args:
-        rates: the rates.
+        rates: the rates, or the probabilities of a DTMC; entries on the diagonal are self-loops.
         leaving: the sum of each row without its diagonal, float64[n].
         rewards: the reward of each state, float64[n].
-        solve: solves the Poisson equation for the core, from which the chain returns to its most
-            visited state whenever it leaves.
+        solve: solves the Poisson equation of the chain on the core, where each transition out of it
+            is redirected to the most visited state.
 
     Returns:
-        Bounds by the first exponent that yields a core, however close they are; None if the chain
-        does not drift, or if the core would have too many states.
+        Bounds by the first exponent with a small core; they are valid, but may be loose. None if
+        there is no such exponent, if a random path visits too many states, or if the bounds are
+        infinite.
     """
     visits = _visits(rates)
     if np.count_nonzero(visits) > tuning.CORE_VISITED:
@@ -74,14 +80,15 @@ def average_by_drift(
     drift, largest = np.empty(rates.states), tuning.CORE_SHARE * rates.states
     margin = 2.0 * (rates.longest + tuning.EXPONENTIAL_ROUNDINGS) * tuning.UNIT_ROUNDOFF
     for exponent in tuning.DRIFT_EXPONENTS:
-        if np.count_nonzero(exponent * cost <= tuning.CORE_WEIGHT) > largest:
+        if np.count_nonzero(exponent * cost <= tuning.CORE_RISE) > largest:
             continue
         logarithm = exponent * _raised(rates, leaving, cost, exponent)
         kernel.drift(*rates.arrays, logarithm, margin, drift)
-        # States without drift belong to the core, so they must be near.
-        without = float(logarithm[drift >= 0.0].max(initial=0.0))
-        core = logarithm <= without + tuning.CORE_WEIGHT
-        if without <= tuning.CORE_WITHOUT_DRIFT and np.count_nonzero(core) <= largest:
+        # The core has all states where Q w < 0 is not proved. If w is large in one of them, this
+        # exponent is no good.
+        undecided = float(logarithm[drift >= 0.0].max(initial=0.0))
+        core = logarithm <= undecided + tuning.CORE_RISE
+        if undecided <= tuning.CORE_UNDECIDED and np.count_nonzero(core) <= largest:
             h = _solution(rates, rewards, core, int(np.argmax(visits)), solve)
             bounds = _bounds(rates, rewards, h, core, logarithm, drift)
             return bounds if math.isfinite(bounds.upper - bounds.lower) else None
@@ -89,9 +96,10 @@ def average_by_drift(
 
 
 def _raised(rates: SparseMatrix, leaving: Floats, cost: Floats, exponent: float) -> Floats:
-    """The costs, but somewhat higher where the chain does not drift far from the core.
+    """The costs, raised in states with large costs where Q w is not negative.
 
-    Such states are rare and soon left, as after an unlikely jump that has no consequences.
+    A larger w(s) makes (Q w)(s) smaller, and Q w larger in the predecessors of s. They can afford
+    that if s is entered at a low rate and soon left, as after a rare jump that is soon undone.
     """
     raised = cost.copy()
     for _ in range(tuning.DRIFT_RAISES):
@@ -101,7 +109,7 @@ def _raised(rates: SparseMatrix, leaving: Floats, cost: Floats, exponent: float)
             raised,
             exponent,
             tuning.DRIFT_MARGIN,
-            0.5 * tuning.CORE_WITHOUT_DRIFT / exponent,
+            0.5 * tuning.CORE_UNDECIDED / exponent,
         )
     return raised
 
@@ -117,7 +125,7 @@ def _visits(rates: SparseMatrix) -> Int64s:
 
 
 def _costs(rates: SparseMatrix, leaving: Floats, sources: Bools) -> Floats:
-    """The costs of the cheapest paths to each state, or of others that are hardly dearer."""
+    """The costs of the cheapest paths to each state; larger ones if a few passes do not suffice."""
     order, _ = components.breadth_first(rates.indptr, rates.indices, sources.view(np.uint8))
     cost = np.where(sources, 0.0, np.inf)
     for _ in range(tuning.DRIFT_PASSES):
@@ -145,9 +153,10 @@ def _bounds(
     logarithm: Floats,
     drift: Floats,
 ) -> CoreBounds:
-    """The bounds by h and by w, whose logarithm is given except for the weight.
+    """The bounds by h and w.
 
-    drift: upper bounds on Q w / w, negative outside of the core.
+    logarithm: log w, except for that of its weight. drift: upper bounds on Q w / w, negative
+    outside of the core.
     """
     value = np.empty(rates.states)
     gauss_seidel.apply_generator(*rates.arrays, h, value)
@@ -158,11 +167,11 @@ def _bounds(
     middle = 0.5 * (float(inside.min()) + float(inside.max()))
     residual = np.abs(value[~core] - middle) + 2.0 * error
     with np.errstate(divide="ignore"):
-        weights = np.log(residual) - logarithm[~core] - np.log(-drift[~core])
-    exponent = min(float(weights.max(initial=-np.inf)), 700.0)
-    if exponent == 700.0:
+        log_weights = np.log(residual) - logarithm[~core] - np.log(-drift[~core])
+    log_weight = float(log_weights.max(initial=-np.inf))
+    if log_weight >= 700.0:
         return CoreBounds(-math.inf, math.inf, len(inside))
-    weight = max(math.exp(exponent) * (1.0 + 1e-9), _LEAST_WEIGHT)
+    weight = max(math.exp(log_weight) * (1.0 + 1e-9), _LEAST_WEIGHT)
     change = weight * np.exp(logarithm[core]) * drift[core]  # Q w
     return CoreBounds(
         min(float((inside - change).min()), middle) - 2.0 * error,
