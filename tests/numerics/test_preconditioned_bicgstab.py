@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -86,3 +88,19 @@ def test_steps_are_not_shorter_than_the_angle_allows() -> None:
     assert _stabilising_step(-0.01, 1.0, 1.0) == pytest.approx(-tuning.MIN_COSINE)
     assert _stabilising_step(0.02, 4.0, 1.0) == pytest.approx(tuning.MIN_COSINE / 2.0)
     assert _stabilising_step(1.0, 0.0, 1.0) == 0.0
+
+
+def test_values_of_any_size_count_relative_to_their_units() -> None:
+    """A solution that falls by 200 orders of magnitude has as many digits everywhere."""
+    _, matrix, scale = chain(90, 8, 5)
+    unit = 10.0 ** np.linspace(0.0, -200.0, 90)
+    matrix = replace(
+        matrix, data=matrix.data * np.minimum(unit[matrix.row_of_entry] / unit[matrix.indices], 1.0)
+    )
+    rates = np.zeros((90, 90))
+    rates[matrix.row_of_entry, matrix.indices] = matrix.data
+    dense = np.eye(90) - scale[:, None] * (rates - np.diag(np.diag(rates)))
+    expected = unit * np.linspace(1.0, 2.0, 90)
+    right, split = dense @ expected, SplitMatrix.of(matrix, scale).relative_to(unit)
+    x = next(split.solve_upper(x) for x, rest in split.solve(right) if rest <= 1e-12)
+    assert np.allclose(x / expected, 1.0, rtol=1e-9)

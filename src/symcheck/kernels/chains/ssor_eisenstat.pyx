@@ -7,6 +7,9 @@ K1 and one with K2 (Eisenstat 1981), and the vector operations of BiCGStab are d
 passes. Values of R are stored as codes of one or two bytes into a table where few of them are
 distinct. count: int32[n], the entries of each row of a triangle, whose indices and values follow
 each other. Vectors are float64[n].
+
+The unknowns may be scaled: with D = diag(unit), the functions work on D^-1 (I - A) D, but keep t
+and w multiplied by D, so that the values of R stay what they are. An empty `unit` stands for ones.
 """
 
 import numpy as np
@@ -142,39 +145,46 @@ cdef inline double _row_product(const int32_t* indices, const Value* values, con
 
 
 def solve_upper(const int32_t[::1] count, const int32_t[::1] indices, const Value[::1] values,
-                const double[::1] table, const double[::1] scale, const double[::1] r,
-                double[::1] p, const double[::1] v, double beta, double gamma, double[::1] t):
-    """p = r + beta p - gamma v, and t = K2^-1 p. p may be r."""
+                const double[::1] table, const double[::1] scale, const double[::1] unit,
+                const double[::1] r, double[::1] p, const double[::1] v, double beta, double gamma,
+                double[::1] t):
+    """p = r + beta p - gamma v, and t = D K2^-1 p. p may be r."""
     cdef int64_t i, k = indices.shape[0], m
+    cdef bint has_units = unit.shape[0] > 0
     cdef const int32_t* e = &indices[0] if k else NULL
     cdef const Value* a = &values[0] if k else NULL
     with nogil:
         for i in range(count.shape[0] - 1, -1, -1):
             m = k - count[i]
             p[i] = r[i] + beta * p[i] - gamma * v[i]
-            t[i] = p[i] + scale[i] * _row_product(e, a, &table[0], &t[0], m, k)
+            t[i] = ((p[i] * unit[i] if has_units else p[i])
+                    + scale[i] * _row_product(e, a, &table[0], &t[0], m, k))
             k = m
 
 
 def solve_lower(const int32_t[::1] count, const int32_t[::1] indices, const Value[::1] values,
-                const double[::1] table, const double[::1] scale, const double[::1] v,
-                const double[::1] t, double[::1] w, double[::1] out,
+                const double[::1] table, const double[::1] scale, const double[::1] unit,
+                const double[::1] v, const double[::1] t, double[::1] w, double[::1] out,
                 const double[::1] other) -> tuple[float, float]:
-    """out = t + w with w = K1^-1 (v - t), which is K1^-1 (I - A) t if v = K2 t.
+    """out = D^-1 (t + w) with w = D K1^-1 (v - D^-1 t).
 
-    Returns (other · out, out · out).
+    out is K1^-1 D^-1 (I - A) t if v = K2 D^-1 t. Returns (other · out, out · out).
     """
     cdef int64_t i, k = 0, m
+    cdef bint has_units = unit.shape[0] > 0
     cdef double total, dot = 0.0, square = 0.0
     cdef const int32_t* e = &indices[0] if indices.shape[0] else NULL
     cdef const Value* a = &values[0] if indices.shape[0] else NULL
     with nogil:
         for i in range(count.shape[0]):
             m = k + count[i]
-            total = v[i] - t[i] + scale[i] * _row_product(e, a, &table[0], &w[0], k, m)
+            total = ((v[i] * unit[i] if has_units else v[i]) - t[i]
+                     + scale[i] * _row_product(e, a, &table[0], &w[0], k, m))
             k = m
             w[i] = total
             total = total + t[i]
+            if has_units:
+                total = total / unit[i]
             out[i] = total
             dot = dot + other[i] * total
             square = square + total * total

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -29,10 +29,11 @@ _Triangle = tuple[Int32s, Int32s, _Values]  # entries per row, indices, values
 
 @dataclass(eq=False)
 class SplitMatrix:
-    """I - diag(scale) R without the diagonal of R, stored as two triangles.
+    """D^-1 (I - diag(scale) R) D, D = diag(unit), without the diagonal of R, as two triangles.
 
     scale: float64[n]. table: the distinct entries of R if there are few, and the triangles store
-    codes. shift: a matrix of rank one to add (see `with_rank_one`). steps: BiCGStab steps made.
+    codes. unit: float64[n], empty for ones. shift: a matrix of rank one to add (see
+    `with_rank_one`). steps: BiCGStab steps made.
     Memory: 5 to 6 bytes per entry with codes, 12 without.
     """
 
@@ -40,6 +41,7 @@ class SplitMatrix:
     table: Floats
     low: _Triangle
     up: _Triangle
+    unit: Floats = field(default_factory=lambda: np.empty(0))
     shift: tuple[Floats, Floats] | None = None
     steps: int = 0
 
@@ -62,22 +64,22 @@ class SplitMatrix:
         ssor_eisenstat.fill_triangles(*matrix.arrays, table, left, below, right, above)
         return SplitMatrix(scale, table, (low, left, below), (up, right, above))
 
+    def relative_to(self, unit: Floats) -> SplitMatrix:
+        """The same matrix for solutions that are divided by positive numbers, float64[n]."""
+        return replace(self, unit=unit, steps=0)
+
     def with_rank_one(self, column: Floats, row: Floats) -> SplitMatrix:
-        """The same with column · row^T added to I - A."""
-        return SplitMatrix(
-            self.scale, self.table, self.low, self.up, (self.solve_lower(column), row)
-        )
+        """The same with column · row^T added to I - A; without units."""
+        return replace(self, shift=(self.solve_lower(column), row), steps=0)
 
     def solve_lower(self, v: Floats) -> Floats:
         """K1^-1 v."""
-        w = np.empty_like(v)
-        ssor_eisenstat.solve_lower(
-            *self.low, self.table, self.scale, v, np.zeros_like(v), w, np.empty_like(v), v
-        )
-        return w
+        w, out = np.empty_like(v), np.empty_like(v)
+        self._solve_lower(v, np.zeros_like(v), w, out, v)
+        return out
 
     def solve_upper(self, v: Floats) -> Floats:
-        """K2^-1 v."""
+        """D K2^-1 v."""
         t = np.empty_like(v)
         self._combine_and_solve_upper(v, np.zeros_like(v), v, 0.0, 0.0, t)  # with factors 0
         return t
@@ -89,11 +91,11 @@ class SplitMatrix:
         they have fallen again. Memory: 9 vectors.
 
         Yields:
-            K2 x after each step (`solve_upper` gives x), and the largest absolute entry of
-            K1^-1 (right - (I - A) x). The array belongs to the method and must not be written to.
-            The iteration ends if the method breaks down.
+            K2 D^-1 x after each step (`solve_upper` gives x), and the largest absolute entry of
+            K1^-1 D^-1 (right - (I - A) x). The array belongs to the method and must not be written
+            to. The iteration ends if the method breaks down.
         """
-        first = self.solve_lower(right)
+        first = self.solve_lower(right / self.unit if len(self.unit) else right)
         x, r = np.zeros_like(right), first.copy()
         p, v, t, q, w = (np.zeros_like(right) for _ in range(5))
         while True:
@@ -129,19 +131,26 @@ class SplitMatrix:
     def _combine_and_solve_upper(
         self, r: Floats, p: Floats, v: Floats, beta: float, gamma: float, t: Floats
     ) -> None:
-        ssor_eisenstat.solve_upper(*self.up, self.table, self.scale, r, p, v, beta, gamma, t)
+        ssor_eisenstat.solve_upper(
+            *self.up, self.table, self.scale, self.unit, r, p, v, beta, gamma, t
+        )
+
+    def _solve_lower(
+        self, v: Floats, t: Floats, w: Floats, out: Floats, other: Floats
+    ) -> tuple[float, float]:
+        return ssor_eisenstat.solve_lower(
+            *self.low, self.table, self.scale, self.unit, v, t, w, out, other
+        )
 
     def _product(
         self, v: Floats, t: Floats, w: Floats, out: Floats, other: Floats
     ) -> tuple[float, float]:
-        """Write K1^-1 (I - A) t into `out`, where v = K2 t; w is scratch.
+        """Write K1^-1 D^-1 (I - A) t into `out`, where v = K2 D^-1 t; w is scratch.
 
         Returns:
             The inner products other·out and out·out.
         """
-        products = ssor_eisenstat.solve_lower(
-            *self.low, self.table, self.scale, v, t, w, out, other
-        )
+        products = self._solve_lower(v, t, w, out, other)
         if self.shift is None:
             return products
         column, row = self.shift
@@ -193,11 +202,13 @@ def relative_solution(
         early: the steps after which at most a tenth of the residual may remain.
         largest: the residual, relative to the guess, above which the method gives up.
     """
-    split, first = SplitMatrix.of(scaled(matrix, guess), scale), 0.0
-    for x, rest in split.solve(right * scale / guess):
+    # The greatest value is about 2^721, so that the smallest ones are no subnormal numbers.
+    boost = 2.0 ** min(1000, 721 - math.frexp(float(guess.max()))[1])
+    split, first = SplitMatrix.of(matrix, scale).relative_to(guess * boost), 0.0
+    for x, rest in split.solve(right * scale * boost):
         first = rest if split.steps == 1 else first
         if rest <= goal:
-            solution = split.solve_upper(x) * guess
+            solution = split.solve_upper(x) / boost
             return solution if bool(np.all(solution > 0.0)) else None
         if (
             split.steps > tuning.BICGSTAB_STEPS

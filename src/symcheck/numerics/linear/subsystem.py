@@ -29,7 +29,7 @@ from symcheck.matrices.rows import (
 )
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics import graph, tuning
-from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix, scaled
+from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix
 from symcheck.numerics.linear.problem import LinearProblem, Solution
 from symcheck.numerics.settings import Accuracy, Settings
 
@@ -222,6 +222,11 @@ class _BiCGStab:
     local: LocalSystem
     steps: int = 0
 
+    @cached_property
+    def split(self) -> SplitMatrix:
+        """I - A."""
+        return SplitMatrix.of(self.local.matrix, np.ones(self.local.n))
+
     def times(self, v: Floats) -> Floats:
         """(I - A) v."""
         return np.asarray(v - self.local.matrix.multiply(v))
@@ -231,14 +236,12 @@ class _BiCGStab:
 
         scale: float64[n], positive; values count relative to it. None: 1 everywhere.
         """
-        matrix = self.local.matrix if scale is None else scaled(self.local.matrix, scale)
-        split = SplitMatrix.of(matrix, np.ones(self.local.n))
+        split = self.split if scale is None else self.split.relative_to(scale)
         least, last = np.inf, 0
-        for x, residual in split.solve(right if scale is None else right / scale):
+        for x, residual in split.solve(right):
             self.steps += 1
             if residual <= 0.5 * goal:
-                solution = split.solve_upper(x)
-                return solution if scale is None else solution * scale
+                return split.solve_upper(x)
             if residual < 0.1 * least:
                 least, last = residual, split.steps
             if not np.isfinite(residual) or split.steps - last > tuning.BICGSTAB_PATIENCE:

@@ -130,6 +130,8 @@ def _solve_components(
         run.system.sweep_acyclic(run.values, run.strategy, shape > 0)
         return _solution(run, f"{n} states, acyclic: one pass", True, unknown)
     parts = graph.sccs(source, unknown)
+    if run.system.mode == 0:
+        _sort_large_components(parts)
     # Each component may use its share of the width, since the bounds of its successors add to it.
     small = tuning.SMALL_COMPONENT_STATES if run.system.mode == 0 else 1
     depths = component_depths(source.edges, indices, parts.of, parts.order, parts.start, small)
@@ -140,6 +142,16 @@ def _solve_components(
     solve_in_order(run, order, start, depths, share)
     exact = run.counters[2] == 0 and set(run.methods) <= {"elimination"} and not run.unfinished
     return _solution(run, _explain(run, summary), exact, unknown)
+
+
+def _sort_large_components(parts: graph.Components) -> None:
+    """Put the states of large components into the order of their indices.
+
+    States are numbered in the order of their variables' values: neighbours are near in memory, and
+    BiCGStab takes down to a third of the steps that it takes in the order of Tarjan's search.
+    """
+    for component in np.flatnonzero(np.diff(parts.start) > tuning.LARGE_COMPONENT_STATES):
+        parts.order[parts.start[component] : parts.start[component + 1]].sort()
 
 
 def solve_in_order(
