@@ -100,10 +100,11 @@ TRUNCATION_SHIFTS = (20.0, 5.0)
 """Laplace shifts a of the two rounds of truncation: the first is quick, the second keeps less."""
 TRUNCATION_MAX_KEPT = 0.5
 """A truncation that keeps a larger share of the states is not used."""
-TRUNCATION_FIRST_SWEEPS, TRUNCATION_HOPELESS = 100, 0.9
-"""Sweeps after which BiCGStab has a guess to start from, and a lower bound on the share of the
-states that matter is known; and the share from which on no more is done: polling. After 30 sweeps,
-BiCGStab diverges on cluster N=256."""
+TRUNCATION_TRIAL_SWEEPS, TRUNCATION_HOPELESS = (2, 2), 0.9
+"""Sweeps in both directions, and the share of the states that matter from which on no more is done:
+polling (all after two), mapk (93 % after four)."""
+TRUNCATION_FIRST_SWEEPS = 100
+"""Sweeps after which BiCGStab has a guess to start from. After 30, it diverges on cluster N=256."""
 
 # Forward uniformisation (transient/forward.py).
 FORWARD_ENTRIES = 2e9
@@ -162,6 +163,8 @@ SUBSPACE_SIZES = (8, 12, 18, 24, 30, 36, 44, 52, 60)
 """Dimensions of the subspace at which the defect is computed."""
 LARGER_SUBSPACE_SIZES = (75, 90, 110, 130, 160, 200)
 """Further dimensions with elimination, where a vector is cheap."""
+KRYLOV_SLICE_STATES = 8_192
+"""States whose part of the basis is processed at a time: it fits into the cache of a core."""
 SIZES_BEFORE_JUDGEMENT = 3
 """Sizes before convergence is extrapolated."""
 KRYLOV_BICGSTAB_STEPS = 400

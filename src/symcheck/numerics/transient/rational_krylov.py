@@ -16,8 +16,10 @@ Sources: Moret & Novati (2004); van den Eshof & Hochbruck (2006).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 
@@ -29,8 +31,11 @@ from symcheck.numerics import tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix, relative_solution
 from symcheck.numerics.linear.problem import Observer, Progress
 from symcheck.numerics.settings import Settings
+from symcheck.parallel.threads import on_threads, thread_count
 
 __all__ = ["KrylovValues", "importance", "krylov_values", "largest_growth"]
+
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,11 +101,11 @@ def krylov_values(
             return None
         try:
             basis, matrix, first = space.projected(size)
-            greatest = _greatest(basis)
+            greatest = space.greatest[:size]
             path = _path(
                 matrix, first, time, greatest, 3e-3 * goal / (growth * tuning.SAMPLING_FACTOR)
             )
-            defect = _defect(system, basis, matrix, first, speed, path)
+            defect = _defect(space, matrix, first, speed, path)
         except (np.linalg.LinAlgError, OverflowError):  # singular, or not finite
             return None
         values = start + path.end @ basis
@@ -238,10 +243,15 @@ def _factors(rates: SparseMatrix, scale: Floats) -> GthElimination | None:
 
 @dataclass(eq=False)
 class _Space:
-    """An orthonormal basis of the subspace, one vector per row, and (I - γ Q)^-1 in that basis."""
+    """An orthonormal basis of the subspace, one vector per row, and (I - γ Q)^-1 in that basis.
+
+    images: Q v for each vector v. greatest: its largest absolute entry.
+    """
 
     system: _System
     basis: Floats
+    images: Floats
+    greatest: Floats
     inverse: Floats
     length: float
     made: int = 0
@@ -249,27 +259,45 @@ class _Space:
 
     @staticmethod
     def of(system: _System, first: Floats, most: int) -> _Space:
-        length = float(np.sqrt(np.einsum("i,i->", first, first)))
-        basis = np.empty((most + 1, len(first)))
-        basis[0] = first / length if length else 0.0
-        return _Space(system, basis, np.zeros((most + 1, most)), length)
+        n = len(first)
+        length = math.sqrt(_dot(first, first))
+        space = _Space(
+            system,
+            np.empty((most + 1, n)),
+            np.empty((most, n)),
+            np.empty(most + 1),
+            np.zeros((most + 1, most)),
+            length,
+        )
+        space._append(0, first, length)
+        return space
+
+    def _append(self, j: int, vector: Floats, length: float) -> None:
+        """Make a vector the next of the basis."""
+        if length:
+            np.divide(vector, length, out=self.basis[j])
+        else:
+            self.basis[j] = 0.0
+        self.greatest[j] = max(self.basis[j].max(), -self.basis[j].min())
 
     def extend(self, size: int) -> bool:
         """Extend the basis to `size` vectors; False if BiCGStab or the orthogonalisation fails."""
         while self.made < size:
             j = self.made
+            self.images[j] = self.system.generator(self.basis[j])
             vector = self._inverse(self.basis[j], self.system.pole(j))
             if vector is None:
                 return False
+            basis = self.basis[: j + 1]
             for _ in range(2):  # twice is enough, once is not
-                part = np.einsum("ij,j->i", self.basis[: j + 1], vector)
+                part = _project(basis, vector)
                 self.inverse[: j + 1, j] += part
-                vector = vector - np.einsum("i,ij->j", part, self.basis[: j + 1])
-            length = float(np.sqrt(np.einsum("i,i->", vector, vector)))
+                _subtract_combination(vector, part, basis)
+            length = math.sqrt(_dot(vector, vector))
             if not length > 0.0:
                 return False
             self.inverse[j + 1, j] = length
-            np.divide(vector, length, out=self.basis[j + 1])
+            self._append(j + 1, vector, length)
             self.made += 1
         return True
 
@@ -304,6 +332,43 @@ class _Space:
             (self.inverse[:size, :size] - np.eye(size)) * slow @ inverse,
             first,
         )
+
+
+def _on_slices(n: int, work: Callable[[slice], Found]) -> list[Found]:
+    """What a function returns for slices of n states, in order, on threads."""
+    size, found = tuning.KRYLOV_SLICE_STATES, dict[int, Found]()
+
+    def share(first: int, end: int) -> None:
+        for i in range(first, end):
+            found[i] = work(slice(i * size, (i + 1) * size))
+
+    count = -(-n // size)
+    threads = min(thread_count(), -(-n // tuning.TWO_THREADS_STATES))
+    on_threads(share, [count * i // threads for i in range(threads + 1)])
+    return [found[i] for i in range(count)]
+
+
+def _dot(x: Floats, y: Floats) -> float:
+    """The inner product."""
+    return sum(_on_slices(len(x), lambda part: float(np.einsum("i,i->", x[part], y[part]))))
+
+
+def _project(basis: Floats, vector: Floats) -> Floats:
+    """The inner products of the rows of a basis and a vector."""
+
+    def work(part: slice) -> Floats:
+        return np.asarray(np.einsum("ij,j->i", basis[:, part], vector[part]))
+
+    return np.asarray(np.sum(_on_slices(len(vector), work), axis=0))
+
+
+def _subtract_combination(vector: Floats, weights: Floats, basis: Floats) -> None:
+    """Subtract a combination of the rows of a basis from a vector, in place."""
+
+    def work(part: slice) -> None:
+        vector[part] -= np.einsum("i,ij->j", weights, basis[:, part])
+
+    _on_slices(len(vector), work)
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,15 +449,17 @@ def _chebyshev() -> tuple[Floats, Floats]:
     )
 
 
-def _defect(
-    system: _System, basis: Floats, matrix: Floats, first: Floats, speed: Floats, path: _Path
-) -> float:
+def _defect(space: _Space, matrix: Floats, first: Floats, speed: Floats, path: _Path) -> float:
     """An upper bound on the integral of the maximum norm of the defect, rounding included."""
     size = len(first)
-    along, width, others, rounding = _projection_residual(system, basis, matrix)
-    greatest = _greatest(basis)
+    along, width, others, rounding = _projection_residual(space, matrix)
+    basis, greatest = space.basis[:size], space.greatest[:size]
     norm = np.abs(matrix)
-    constant = float(np.max(np.abs(first @ basis - speed)))
+
+    def start_defect(part: slice) -> float:
+        return float(np.max(np.abs(first @ basis[:, part] - speed[part])))
+
+    constant = max(_on_slices(len(speed), start_defect))
     slope, finer = _chebyshev()
     total = 0.0
     for length, nodes in zip(path.lengths, path.nodes, strict=True):
@@ -417,40 +484,42 @@ def _defect(
     return total
 
 
-def _greatest(rows: Floats) -> Floats:
-    """The largest absolute entry of each row, without a copy of the matrix."""
-    return np.array([max(float(row.max()), -float(row.min())) for row in rows])
-
-
-def _projection_residual(
-    system: _System, basis: Floats, matrix: Floats
-) -> tuple[Floats, float, Floats, Floats]:
+def _projection_residual(space: _Space, matrix: Floats) -> tuple[Floats, float, Floats, Floats]:
     """The residual V H - Q V as one vector times coefficients, plus a remainder.
 
     Returns:
         The coefficients; the largest entry of the vector; the largest entry of the remainder per
         vector of the basis; and a bound on rounding errors per vector.
     """
-    size = len(basis)
+    size = len(matrix)
+    basis, images, greatest = space.basis[:size], space.images[:size], space.greatest[:size]
     chunk = math.ceil(math.sqrt(size))  # sums of sums accumulate fewer rounding errors
-    rest = np.empty_like(basis)
-    for j in range(size):
-        np.negative(system.generator(basis[j]), out=rest[j])
-    for at in range(0, basis.shape[1], tuning.STATES_PER_SLICE):
-        part = slice(at, at + tuning.STATES_PER_SLICE)
-        rest[:, part] += sum(
+
+    def residual(part: slice) -> Floats:
+        rest = -images[:, part]
+        rest += sum(
             matrix[j : j + chunk].T @ basis[j : j + chunk, part] for j in range(0, size, chunk)
         )
-    _, vectors = np.linalg.eigh(rest @ rest.T)
+        return rest
+
+    def gram(part: slice) -> Floats:
+        rest = residual(part)
+        return rest @ rest.T
+
+    n = basis.shape[1]
+    _, vectors = np.linalg.eigh(np.sum(_on_slices(n, gram), axis=0))
     along = vectors[:, -1]
-    single = np.einsum("i,ij->j", along, rest)
-    width = float(np.max(np.abs(single)))
-    for weight, row in zip(along.tolist(), rest, strict=True):
-        row -= weight * single
-    others = _greatest(rest)
+
+    def sizes(part: slice) -> tuple[float, Floats]:
+        rest = residual(part)
+        single = np.einsum("i,ij->j", along, rest)
+        rest -= np.outer(along, single)
+        return float(np.max(np.abs(single))), np.max(np.abs(rest), axis=1)
+
+    found = _on_slices(n, sizes)
+    width, others = max(width for width, _ in found), np.max([most for _, most in found], axis=0)
     # Bounds on the rounding errors of the sums above, the same for all states.
-    greatest = _greatest(basis)
     inner = (2 * chunk + 4) * tuning.UNIT_ROUNDOFF
-    outer = (system.longest + 6) * tuning.UNIT_ROUNDOFF * 2.0 * system.fastest
+    outer = (space.system.longest + 6) * tuning.UNIT_ROUNDOFF * 2.0 * space.system.fastest
     rounding = inner * (np.abs(matrix).T @ greatest + np.abs(along) * width) + outer * greatest
     return along, width, others, rounding

@@ -13,16 +13,17 @@ events, N falls and V rises by hundreds of orders of magnitude.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
-from symcheck.kernels.chains import ssor_eisenstat
+from symcheck.kernels.chains import gauss_seidel, ssor_eisenstat
 from symcheck.kernels.graph import components
 from symcheck.kernels.rows import sparse
+from symcheck.kernels.solve.certificates import gauss_seidel_sweep
 from symcheck.kernels.solve.component_bounds import ComponentSolver
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import graph, tuning
@@ -73,22 +74,30 @@ def truncate(
     """
     start: Floats = np.zeros(rates.states)
     start[interest] = 1.0
+    # V <= e^a (T/a) max reward_rate; `upper` may be twice V. States whose lower bounds lose more
+    # than the greatest possible target are kept in any case.
+    most = 2.0 * math.exp(laplace_shift) * time / laplace_shift * float(reward_rate.max())
+    negligible = epsilon * _guessed_value(most, laplace_shift)
+
+    def is_hopeless(occupation: Floats, value: Floats) -> bool:
+        flow = occupation[rates.row_of_entry] * rates.data
+        matters = _importance(rates, flow, value) > negligible
+        return bool(np.count_nonzero(matters) > tuning.TRUNCATION_HOPELESS * rates.states)
+
+    growing = _lower_bounds(rates, exit_rates, time, laplace_shift, start, reward_rate)
+    if any(is_hopeless(*bounds) for bounds in growing):
+        return None
     resolvent = partial(_Resolvent.of, rates, exit_rates, time, laplace_shift)
     occupied, valued = _on_two_threads(
         partial(resolvent, start, transposed=True), partial(resolvent, reward_rate)
     )
-    owner = rates.row_of_entry
-    # V <= e^a (T/a) max reward_rate; `upper` may be twice V. States whose lower bounds lose more
-    # than the greatest possible target are kept in any case.
-    most = 2.0 * math.exp(laplace_shift) * time / laplace_shift * float(reward_rate.max())
-    estimate = _importance(rates, occupied.estimate[owner] * rates.data, valued.estimate)
-    matters = estimate > epsilon * _guessed_value(most, laplace_shift)
-    if np.count_nonzero(matters) > tuning.TRUNCATION_HOPELESS * rates.states:
+    if is_hopeless(occupied.estimate, valued.estimate):
         return None
     occupation, value = _on_two_threads(occupied.upper, valued.upper)
     if value is None or occupation is None:
         return None
     target = _guessed_value(float(value[interest].min()), laplace_shift)
+    owner = rates.row_of_entry
     flow = occupation[owner] * rates.data
     importance = _importance(rates, flow, value)
     order = np.argsort(importance)
@@ -103,6 +112,38 @@ def truncate(
     keep &= graph.backward_reachable(rates, keep & (reward_rate > 0.0), keep)
     keep[interest] = True
     return Truncation(np.flatnonzero(keep).astype(np.int64), loss, value[keep])
+
+
+def _lower_bounds(
+    rates: SparseMatrix,
+    exit_rates: Floats,
+    time: float,
+    laplace_shift: float,
+    start: Floats,
+    reward_rate: Floats,
+) -> Iterator[tuple[Floats, Floats]]:
+    """About lower bounds on N and V, by Gauss-Seidel sweeps over the rows as they are.
+
+    Yields:
+        The bounds after more and more sweeps; the arrays change afterwards.
+    """
+    rest, factor = laplace_shift / time, math.exp(laplace_shift)
+    leaving = np.maximum(exit_rates - ssor_eisenstat.diagonal(*rates.arrays), 0.0) + rest
+    rows, earned = rates.divided(exit_rates + rest), reward_rate / (exit_rates + rest)
+    mass, spent, value = start.copy(), np.zeros(rates.states), np.zeros(rates.states)
+
+    def sweep_occupation(sweeps: int) -> None:
+        for _ in range(sweeps):
+            gauss_seidel.occupation_sweep(*rates.arrays, leaving, mass, spent)
+
+    def sweep_values(sweeps: int) -> None:
+        for _ in range(sweeps):
+            for backwards in (False, True):
+                gauss_seidel_sweep(*rows.arrays, None, earned, value, 0, backwards)
+
+    for sweeps in tuning.TRUNCATION_TRIAL_SWEEPS:
+        _on_two_threads(partial(sweep_occupation, sweeps), partial(sweep_values, sweeps))
+        yield spent * factor, value * factor
 
 
 def _on_two_threads(one: Callable[[], Found], other: Callable[[], Found]) -> tuple[Found, Found]:
