@@ -17,7 +17,7 @@ from symcheck.explicit.build import Exploration
 from symcheck.matrices import tuning as matrix_tuning
 from symcheck.numerics import tuning as numerics_tuning
 from symcheck.operating_system import processors
-from symcheck.parallel.threads import helpers, thread_count, use_threads
+from symcheck.parallel.threads import helpers, on_team, thread_count, use_threads
 
 BITS = range(15)
 """All values of so many bits are states: levels are wide enough for threads."""
@@ -226,3 +226,15 @@ def test_by_default_there_is_a_thread_per_processor():
 def default_count() -> int:
     with use_threads():
         return thread_count()
+
+
+def test_a_team_shares_what_is_left_and_needs_no_helper_to_begin() -> None:
+    """Also where all helpers are busy, this thread does all of it."""
+    with use_threads(2):
+        free = threading.Event()
+        busy = helpers().submit(free.wait)
+        claimed, done = iter(range(100)), list[int]()
+        on_team(lambda: done.extend(claimed), 4)
+        assert sorted(done) == list(range(100))
+        free.set()
+        assert busy.result()

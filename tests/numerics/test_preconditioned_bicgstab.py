@@ -31,7 +31,7 @@ def chain(n: int, seed: int, values: int | None) -> tuple[Floats, SparseMatrix, 
 def test_it_solves_what_elimination_solves(values: int | None, bits: int, seed: int) -> None:
     dense, matrix, scale = chain(120, seed, values)
     split = SplitMatrix.of(matrix, scale)
-    assert split.low[2].dtype.itemsize * 8 == bits
+    assert split.low[3].dtype.itemsize * 8 == bits
     right = np.random.default_rng(seed).normal(size=120)
     x = next(split.solve_upper(x) for x, rest in split.solve(right) if rest <= 1e-12)
     assert np.allclose(x, np.linalg.solve(dense, right), rtol=1e-9, atol=1e-12)
@@ -42,7 +42,7 @@ def test_more_values_than_codes_are_kept_as_they_are(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(tuning, "SHORT_CODES", 100)
     dense, matrix, scale = chain(120, 3, None)
     split = SplitMatrix.of(matrix, scale)
-    assert split.low[2].dtype == np.float64
+    assert split.low[3].dtype == np.float64
     right = np.ones(120)
     x = next(split.solve_upper(x) for x, rest in split.solve(right) if rest <= 1e-12)
     assert np.allclose(dense @ x, right)

@@ -109,6 +109,24 @@ static inline int trailing_zeros(unsigned bits) { /* bits != 0 */
 }
 #endif
 
+/* Numbers that threads share. Without atomic operations, one thread must work alone. */
+#if SYMCHECK_GNU
+#include <sched.h>
+#define HAS_ATOMICS 1
+#define next_number(counter) __atomic_fetch_add(counter, 1, __ATOMIC_RELAXED)
+#define publish(flag, value) __atomic_store_n(flag, value, __ATOMIC_RELEASE)
+static inline void wait_until(const int32_t* flag, int32_t value) {
+    int spins = 0;
+    while (__atomic_load_n(flag, __ATOMIC_ACQUIRE) != value)
+        if (++spins % 256 == 0) sched_yield();
+}
+#else
+#define HAS_ATOMICS 0
+#define next_number(counter) ((*(counter))++)
+#define publish(flag, value) (*(flag) = (value))
+#define wait_until(flag, value) ((void)(flag))
+#endif
+
 /* A function for processors with and without AVX2. There is none with fused multiply-add: results must
    not depend on the machine. */
 #if SYMCHECK_GNU && defined(__x86_64__) && !defined(__clang__) && defined(__GLIBC__)

@@ -1,6 +1,6 @@
 # cython: language_level=3
 """What C has no words for, with a twin for each compiler and system: see portable.h."""
-from libc.stdint cimport uint64_t
+from libc.stdint cimport int32_t, int64_t, uint64_t
 
 cdef extern from "portable.h" nogil:
     void prefer_huge_pages(void* data, size_t size)
@@ -12,6 +12,11 @@ cdef extern from "portable.h" nogil:
     void close_file(int file)
     void prefetch(const void* address)
     double monotonic_seconds()
+
+    const bint HAS_ATOMICS
+    int64_t next_number(int64_t* counter)                 # for each thread another one
+    void publish(int32_t* flag, int32_t value)            # after all that was written before
+    void wait_until(const int32_t* flag, int32_t value)   # and then read what was written
 
     bint add_overflows(long long x, long long y, long long* result)
     bint subtract_overflows(long long x, long long y, long long* result)

@@ -67,6 +67,11 @@ BICGSTAB_PATIENCE = 40
 converge."""
 EARLY_BICGSTAB_STEPS, BICGSTAB_STEPS = 100, 400
 """Steps of BiCGStab for a relative solution: until a tenth of the residual remains, and in all."""
+THREADED_TRIANGLES, ROW_BLOCKS, MIN_BLOCK_ROWS = 1_000_000, 1_024, 256
+"""Entries of a matrix from which on threads solve with its triangles; most blocks of rows, which
+threads claim one after the other; and the rows of a block at least."""
+VECTOR_PARTS = 4
+"""Parts of a vector that threads update at the same time."""
 BYTE_CODES, SHORT_CODES = 256, 65_536
 """Distinct values that are stored as codes of one byte, and of two bytes, instead of doubles."""
 WEIGHT_RESIDUAL = 0.3
@@ -159,13 +164,13 @@ WEIGHTED_POLES: tuple[float, ...] = (20.0, 150.0, 800.0)
 """Likewise for values divided by weights, where fast components persist."""
 ELIMINATION_POLE = 10.0
 """Likewise for elimination, which factorises for one pole only."""
-SUBSPACE_SIZES = (8, 12, 18, 24, 30, 36, 44, 52, 60)
+SUBSPACE_SIZES = (8, 12, 15, 18, 21, 24, 27, 30, 36, 44, 52, 60)
 """Dimensions of the subspace at which the defect is computed."""
 LARGER_SUBSPACE_SIZES = (75, 90, 110, 130, 160, 200)
 """Further dimensions with elimination, where a vector is cheap."""
 KRYLOV_SLICE_STATES = 8_192
 """States whose part of the basis is processed at a time: it fits into the cache of a core."""
-SIZES_BEFORE_JUDGEMENT = 3
+SIZES_BEFORE_JUDGEMENT = 5
 """Sizes before convergence is extrapolated."""
 KRYLOV_BICGSTAB_STEPS = 400
 """Steps of BiCGStab per vector."""

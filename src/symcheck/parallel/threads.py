@@ -23,7 +23,7 @@ from symcheck.parallel import tuning
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-__all__ = ["even_shares", "helpers", "on_threads", "thread_count", "use_threads"]
+__all__ = ["even_shares", "helpers", "on_team", "on_threads", "thread_count", "use_threads"]
 
 
 class _Team:
@@ -125,3 +125,16 @@ def on_threads(part: Callable[[int, int], object], ends: Sequence[int]) -> None:
     part(ends[0], ends[1])
     for each in waiting:
         each.result()
+
+
+def on_team(work: Callable[[], object], most: int) -> None:
+    """Call work() on at most so many threads at the same time, each of which does what is left.
+
+    This thread goes on when nothing is left, whether or not the others have been free to begin.
+    """
+    count = min(thread_count(), most)
+    waiting = [helpers().submit(work) for _ in range(count - 1)]
+    work()
+    for each in waiting:
+        if not each.cancel():
+            each.result()

@@ -18,6 +18,8 @@ from libc.math cimport fabs
 from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint64_t
 from libc.string cimport memcpy
 
+from symcheck.kernels.chains.row_blocks cimport RowBlocks
+
 cdef enum:
     VALUE_TABLE_SIZE = 1 << 18       # of the hash table of values: four times the number of codes
 
@@ -144,64 +146,81 @@ cdef inline double _row_product(const int32_t* indices, const Value* values, con
     return total
 
 
-def solve_upper(const int32_t[::1] count, const int32_t[::1] indices, const Value[::1] values,
-                const double[::1] table, const double[::1] scale, const double[::1] unit,
-                const double[::1] r, double[::1] p, const double[::1] v, double beta, double gamma,
-                double[::1] t):
-    """p = r + beta p - gamma v, and t = D K2^-1 p. p may be r."""
-    cdef int64_t i, k = indices.shape[0], m
-    cdef bint has_units = unit.shape[0] > 0
-    cdef const int32_t* e = &indices[0] if k else NULL
-    cdef const Value* a = &values[0] if k else NULL
-    with nogil:
-        for i in range(count.shape[0] - 1, -1, -1):
-            m = k - count[i]
-            p[i] = r[i] + beta * p[i] - gamma * v[i]
-            t[i] = ((p[i] * unit[i] if has_units else p[i])
-                    + scale[i] * _row_product(e, a, &table[0], &t[0], m, k))
-            k = m
+def solve_upper(RowBlocks blocks, const int32_t[::1] count, const int32_t[::1] indices,
+                const Value[::1] values, const double[::1] table, const double[::1] scale,
+                const double[::1] unit, const double[::1] r, double[::1] p, const double[::1] v,
+                double beta, double gamma, double[::1] t):
+    """p = r + beta p - gamma v, and t = D K2^-1 p. p may be r.
 
-
-def solve_lower(const int32_t[::1] count, const int32_t[::1] indices, const Value[::1] values,
-                const double[::1] table, const double[::1] scale, const double[::1] unit,
-                const double[::1] v, const double[::1] t, double[::1] w, double[::1] out,
-                const double[::1] other) -> tuple[float, float]:
-    """out = D^-1 (t + w) with w = D K1^-1 (v - D^-1 t).
-
-    out is K1^-1 D^-1 (I - A) t if v = K2 D^-1 t. Returns (other · out, out · out).
+    The sums of `blocks` are p · p twice.
     """
-    cdef int64_t i, k = 0, m
+    cdef int64_t i, k, m, block
     cdef bint has_units = unit.shape[0] > 0
-    cdef double total, dot = 0.0, square = 0.0
+    cdef double own, square
     cdef const int32_t* e = &indices[0] if indices.shape[0] else NULL
     cdef const Value* a = &values[0] if indices.shape[0] else NULL
     with nogil:
-        for i in range(count.shape[0]):
-            m = k + count[i]
-            total = ((v[i] * unit[i] if has_units else v[i]) - t[i]
-                     + scale[i] * _row_product(e, a, &table[0], &w[0], k, m))
-            k = m
-            w[i] = total
-            total = total + t[i]
-            if has_units:
-                total = total / unit[i]
-            out[i] = total
-            dot = dot + other[i] * total
-            square = square + total * total
-    return dot, square
+        while (block := blocks.claim()) >= 0:
+            k = blocks.starts[block + 1]
+            square = 0.0
+            for i in range(blocks.bounds[block + 1] - 1, blocks.bounds[block] - 1, -1):
+                m = k - count[i]
+                own = r[i] + beta * p[i] - gamma * v[i]
+                p[i] = own
+                square = square + own * own
+                if has_units:
+                    own = own * unit[i]
+                t[i] = own + scale[i] * _row_product(e, a, &table[0], &t[0], m, k)
+                k = m
+            blocks.finish(block, square, square)
+
+
+def solve_lower(RowBlocks blocks, const int32_t[::1] count, const int32_t[::1] indices,
+                const Value[::1] values, const double[::1] table, const double[::1] scale,
+                const double[::1] unit, const double[::1] v, const double[::1] t, double[::1] w,
+                double[::1] out, const double[::1] other):
+    """out = D^-1 (t + w) with w = D K1^-1 (v - D^-1 t).
+
+    out is K1^-1 D^-1 (I - A) t if v = K2 D^-1 t. The sums of `blocks` are other · out and
+    out · out.
+    """
+    cdef int64_t i, k, m, block
+    cdef bint has_units = unit.shape[0] > 0
+    cdef double own, dot, square
+    cdef const int32_t* e = &indices[0] if indices.shape[0] else NULL
+    cdef const Value* a = &values[0] if indices.shape[0] else NULL
+    with nogil:
+        while (block := blocks.claim()) >= 0:
+            k = blocks.starts[block]
+            dot = square = 0.0
+            for i in range(blocks.bounds[block], blocks.bounds[block + 1]):
+                m = k + count[i]
+                own = v[i]
+                if has_units:
+                    own = own * unit[i]
+                own = own - t[i] + scale[i] * _row_product(e, a, &table[0], &w[0], k, m)
+                k = m
+                w[i] = own
+                own = own + t[i]
+                if has_units:
+                    own = own / unit[i]
+                out[i] = own
+                dot = dot + other[i] * own
+                square = square + own * own
+            blocks.finish(block, dot, square)
 
 
 def update_iterate(double[::1] x, const double[::1] p, double[::1] r, const double[::1] q,
-                   const double[::1] shadow, double alpha,
-                   double omega) -> tuple[float, float, float]:
-    """x += alpha p + omega r, then r -= omega q.
+                   const double[::1] shadow, double alpha, double omega, int64_t first,
+                   int64_t end) -> tuple[float, float, float]:
+    """x += alpha p + omega r, then r -= omega q, in the rows `first` to `end` - 1.
 
     Returns (shadow · r, r · r, greatest |r|).
     """
     cdef int64_t i
     cdef double dot = 0.0, square = 0.0, largest = 0.0, residual
     with nogil:
-        for i in range(x.shape[0]):
+        for i in range(first, end):
             x[i] = x[i] + alpha * p[i] + omega * r[i]
             residual = r[i] - omega * q[i]
             r[i] = residual

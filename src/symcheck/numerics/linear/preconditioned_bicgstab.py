@@ -2,7 +2,8 @@
 
 With K1 the lower and K2 the upper triangle of I - A, the method solves with K1^-1 (I - A) K2^-1.
 This preconditions as a symmetric Gauss-Seidel sweep does (SSOR), and one multiplication is one pass
-over the entries of A. The solutions are candidates: callers prove bounds around them.
+over the entries of A. The solutions are candidates: callers prove bounds around them. Threads share
+the work on large matrices, and change no digit.
 
 Sources: van der Vorst (1992) for BiCGStab; Eisenstat (1981) for the multiplication.
 """
@@ -10,21 +11,24 @@ Sources: van der Vorst (1992) for BiCGStab; Eisenstat (1981) for the multiplicat
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from symcheck.kernels.arrays import Masks, UInt16s
 from symcheck.kernels.chains import ssor_eisenstat
+from symcheck.kernels.chains.row_blocks import RowBlocks
 from symcheck.matrices.rows import Floats, Int32s, SparseMatrix
 from symcheck.numerics import tuning
+from symcheck.parallel.threads import on_team
 
 __all__ = ["SplitMatrix", "relative_solution", "scaled"]
 
 _Values = Masks | UInt16s | Floats  # codes, or numbers
-_Triangle = tuple[Int32s, Int32s, _Values]  # entries per row, indices, values
+_Triangle = tuple[RowBlocks, Int32s, Int32s, _Values]  # blocks, entries per row, indices, values
 
 
 @dataclass(eq=False)
@@ -33,7 +37,7 @@ class SplitMatrix:
 
     scale: float64[n]. table: the distinct entries of R if there are few, and the triangles store
     codes. unit: float64[n], empty for ones. shift: a matrix of rank one to add (see
-    `with_rank_one`). steps: BiCGStab steps made.
+    `with_rank_one`). steps: BiCGStab steps made. scratch: the vectors of `solve`.
     Memory: 5 to 6 bytes per entry with codes, 12 without.
     """
 
@@ -44,6 +48,7 @@ class SplitMatrix:
     unit: Floats = field(default_factory=lambda: np.empty(0))
     shift: tuple[Floats, Floats] | None = None
     steps: int = 0
+    scratch: list[Floats] = field(default_factory=list)
 
     @staticmethod
     def of(matrix: SparseMatrix, scale: Floats) -> SplitMatrix:
@@ -62,7 +67,12 @@ class SplitMatrix:
         left, right = np.empty(lower, np.int32), np.empty(upper, np.int32)
         table = np.ones(1) if table is None or not len(table) else table
         ssor_eisenstat.fill_triangles(*matrix.arrays, table, left, below, right, above)
-        return SplitMatrix(scale, table, (low, left, below), (up, right, above))
+        most = tuning.ROW_BLOCKS if matrix.entries >= tuning.THREADED_TRIANGLES else 1
+        first, second = (
+            RowBlocks(count, indices, upper, most, tuning.MIN_BLOCK_ROWS)
+            for count, indices, upper in ((low, left, False), (up, right, True))
+        )
+        return SplitMatrix(scale, table, (first, low, left, below), (second, up, right, above))
 
     def relative_to(self, unit: Floats) -> SplitMatrix:
         """The same matrix for solutions that are divided by positive numbers, float64[n]."""
@@ -81,25 +91,29 @@ class SplitMatrix:
     def solve_upper(self, v: Floats) -> Floats:
         """D K2^-1 v."""
         t = np.empty_like(v)
-        self._combine_and_solve_upper(v, np.zeros_like(v), v, 0.0, 0.0, t)  # with factors 0
+        self._combine_and_solve_upper(v, v, v, 0.0, 0.0, t)  # which leaves v as it is
         return t
 
     def solve(self, right: Floats) -> Iterator[tuple[Floats, float]]:
         """Iterate towards the solution of (I - A) x = right.
 
         Residuals that have grown lose digits, so the method restarts from the true residual once
-        they have fallen again. Memory: 9 vectors.
+        they have fallen again. Memory: 9 vectors, which the next solution uses again.
 
         Yields:
             K2 D^-1 x after each step (`solve_upper` gives x), and the largest absolute entry of
             K1^-1 D^-1 (right - (I - A) x). The array belongs to the method and must not be written
             to. The iteration ends if the method breaks down.
         """
-        first = self.solve_lower(right / self.unit if len(self.unit) else right)
-        x, r = np.zeros_like(right), first.copy()
-        p, v, t, q, w = (np.zeros_like(right) for _ in range(5))
+        if not self.scratch:  # kept, because new memory takes as long as a step
+            self.scratch += [np.empty_like(right) for _ in range(9)]
+        first, x, r, p, v, t, q, w, shadow = self.scratch
+        for vector in (x, p, v, t):
+            vector.fill(0.0)
+        self._solve_lower(right / self.unit if len(self.unit) else right, t, w, first, right)
+        np.copyto(r, first)
         while True:
-            shadow = r.copy()
+            np.copyto(shadow, r)
             rho = square = greatest = float(np.einsum("i,i->", r, r))
             beta = gamma = 0.0
             if not 0.0 < square < math.inf:
@@ -111,11 +125,11 @@ class SplitMatrix:
                 if not (abs(rho) > 0.0 and abs(along) > 0.0 and math.isfinite(along)):
                     return
                 alpha = rho / along
-                self._combine_and_solve_upper(r, r, v, 0.0, alpha, t)
+                own = self._combine_and_solve_upper(r, r, v, 0.0, alpha, t)
                 inner, outer = self._product(r, t, w, q, r)
-                omega = _stabilising_step(inner, outer, float(np.einsum("i,i->", r, r)))
+                omega = _stabilising_step(inner, outer, own)
                 before = rho
-                rho, square, most = ssor_eisenstat.update_iterate(x, p, r, q, shadow, alpha, omega)
+                rho, square, most = self._update(x, p, r, q, shadow, alpha, omega)
                 if not math.isfinite(omega * square):
                     return
                 yield x, most
@@ -130,17 +144,16 @@ class SplitMatrix:
 
     def _combine_and_solve_upper(
         self, r: Floats, p: Floats, v: Floats, beta: float, gamma: float, t: Floats
-    ) -> None:
-        ssor_eisenstat.solve_upper(
-            *self.up, self.table, self.scale, self.unit, r, p, v, beta, gamma, t
-        )
+    ) -> float:
+        """P = r + beta p - gamma v, and t = D K2^-1 p; returns p · p."""
+        matrix, vectors = (*self.up, self.table, self.scale, self.unit), (r, p, v, beta, gamma, t)
+        return _sums(self.up[0], partial(ssor_eisenstat.solve_upper, *matrix, *vectors))[0]
 
     def _solve_lower(
         self, v: Floats, t: Floats, w: Floats, out: Floats, other: Floats
     ) -> tuple[float, float]:
-        return ssor_eisenstat.solve_lower(
-            *self.low, self.table, self.scale, self.unit, v, t, w, out, other
-        )
+        matrix, vectors = (*self.low, self.table, self.scale, self.unit), (v, t, w, out, other)
+        return _sums(self.low[0], partial(ssor_eisenstat.solve_lower, *matrix, *vectors))
 
     def _product(
         self, v: Floats, t: Floats, w: Floats, out: Floats, other: Floats
@@ -155,6 +168,39 @@ class SplitMatrix:
             return products
         column, row = self.shift
         return ssor_eisenstat.add_multiple(out, column, float(np.einsum("i,i->", row, t)), other)
+
+    def _update(
+        self,
+        x: Floats,
+        p: Floats,
+        r: Floats,
+        q: Floats,
+        shadow: Floats,
+        alpha: float,
+        omega: float,
+    ) -> tuple[float, float, float]:
+        """X += alpha p + omega r, then r -= omega q; shadow · r, r · r and the greatest |r|."""
+        n, count = len(x), tuning.VECTOR_PARTS if self.low[0].blocks > 1 else 1
+        parts = [(n * i // count, n * (i + 1) // count) for i in range(count)]
+        found: dict[int, tuple[float, float, float]] = {}
+        claimed = iter(parts)
+
+        def work() -> None:
+            for first, end in claimed:
+                found[first] = ssor_eisenstat.update_iterate(
+                    x, p, r, q, shadow, alpha, omega, first, end
+                )
+
+        on_team(work, count)
+        dots, squares, largest = zip(*(found[first] for first, _ in parts), strict=True)
+        return sum(dots), sum(squares), max(largest)
+
+
+def _sums(blocks: RowBlocks, work: Callable[[], None]) -> tuple[float, float]:
+    """The sums of the blocks of a triangle that threads work on."""
+    blocks.begin()
+    on_team(work, blocks.blocks // blocks.levels)
+    return blocks.totals()
 
 
 def _stabilising_step(inner: float, outer: float, square: float) -> float:
