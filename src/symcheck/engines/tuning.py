@@ -54,8 +54,9 @@ ROUNDED_BITS = 30
 """State bits read by the argument of one ceil, floor or round above which its diagram is not
 tried: it would have up to 2**30 nodes."""
 
-ROWS_MEMORY_SHARE = 0.2
-"""Share of the machine's memory that compressed rows may take; above it blocks replace rows."""
+ROWS_MEMORY_SHARE = 0.3
+"""Share of the machine's memory that compressed rows may take; above it blocks replace rows. Until
+takes about twice the memory of the rows, for a copy without known states and its vectors."""
 
 EXPLORATION_MEMORY_SHARE = 0.7
 """Share of the machine's memory that explicit exploration may take where diagrams do not help."""

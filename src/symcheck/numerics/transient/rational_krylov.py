@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TypeVar
 
@@ -100,15 +100,15 @@ def krylov_values(
         if not space.extend(size):
             return None
         try:
-            basis, matrix, first = space.projected(size)
-            greatest = space.greatest[:size]
+            matrix, first = space.projected(size)
+            greatest = np.array(space.greatest[:size])
             path = _path(
                 matrix, first, time, greatest, 3e-3 * goal / (growth * tuning.SAMPLING_FACTOR)
             )
             defect = _defect(space, matrix, first, speed, path)
         except (np.linalg.LinAlgError, OverflowError):  # singular, or not finite
             return None
-        values = start + path.end @ basis
+        values = start + _combination(path.end, space.basis[:size])
         error = (defect + fixed) * growth * (1.0 + 1e-6)
         error += 1e-13 * float(np.max(np.abs(values)))
         least = float(values[interest].min())
@@ -243,62 +243,48 @@ def _factors(rates: SparseMatrix, scale: Floats) -> GthElimination | None:
 
 @dataclass(eq=False)
 class _Space:
-    """An orthonormal basis of the subspace, one vector per row, and (I - γ Q)^-1 in that basis.
+    """An orthonormal basis of the subspace, and (I - γ Q)^-1 in that basis.
 
-    images: Q v for each vector v. greatest: its largest absolute entry.
+    images: Q v for each vector v of the basis but the last. greatest: its largest absolute entry.
     """
 
     system: _System
-    basis: Floats
-    images: Floats
-    greatest: Floats
     inverse: Floats
     length: float
-    made: int = 0
+    basis: list[Floats] = field(default_factory=list)
+    images: list[Floats] = field(default_factory=list)
+    greatest: list[float] = field(default_factory=list)
     steps: int = 0
 
     @staticmethod
     def of(system: _System, first: Floats, most: int) -> _Space:
-        n = len(first)
         length = math.sqrt(_dot(first, first))
-        space = _Space(
-            system,
-            np.empty((most + 1, n)),
-            np.empty((most, n)),
-            np.empty(most + 1),
-            np.zeros((most + 1, most)),
-            length,
-        )
-        space._append(0, first, length)
+        space = _Space(system, np.zeros((most + 1, most)), length)
+        space._append(first / length if length else np.zeros_like(first))
         return space
 
-    def _append(self, j: int, vector: Floats, length: float) -> None:
+    def _append(self, vector: Floats) -> None:
         """Make a vector the next of the basis."""
-        if length:
-            np.divide(vector, length, out=self.basis[j])
-        else:
-            self.basis[j] = 0.0
-        self.greatest[j] = max(self.basis[j].max(), -self.basis[j].min())
+        self.basis.append(vector)
+        self.greatest.append(max(float(vector.max()), -float(vector.min())))
 
     def extend(self, size: int) -> bool:
         """Extend the basis to `size` vectors; False if BiCGStab or the orthogonalisation fails."""
-        while self.made < size:
-            j = self.made
-            self.images[j] = self.system.generator(self.basis[j])
+        for j in range(len(self.images), size):
             vector = self._inverse(self.basis[j], self.system.pole(j))
             if vector is None:
                 return False
-            basis = self.basis[: j + 1]
+            self.images.append(self.system.generator(self.basis[j]))
             for _ in range(2):  # twice is enough, once is not
-                part = _project(basis, vector)
+                part = _project(self.basis, vector)
                 self.inverse[: j + 1, j] += part
-                _subtract_combination(vector, part, basis)
+                vector -= _combination(part, self.basis)
             length = math.sqrt(_dot(vector, vector))
             if not length > 0.0:
                 return False
             self.inverse[j + 1, j] = length
-            self._append(j + 1, vector, length)
-            self.made += 1
+            vector /= length
+            self._append(vector)
         return True
 
     def _inverse(self, v: Floats, pole: float) -> Floats | None:
@@ -319,16 +305,13 @@ class _Space:
                 break
         return None
 
-    def projected(self, size: int) -> tuple[Floats, Floats, Floats]:
-        """V (a row per vector), H (an approximation of Q in the basis) and b (the initial
-        direction).
-        """
+    def projected(self, size: int) -> tuple[Floats, Floats]:
+        """H (an approximation of Q in the basis) and b (the initial direction)."""
         inverse = np.linalg.inv(self.inverse[:size, :size])
         first = np.zeros(size)
         first[0] = self.length
         slow = 1.0 / np.array([self.system.pole(j) for j in range(size)])
         return (
-            self.basis[:size],
             (self.inverse[:size, :size] - np.eye(size)) * slow @ inverse,
             first,
         )
@@ -353,22 +336,29 @@ def _dot(x: Floats, y: Floats) -> float:
     return sum(_on_slices(len(x), lambda part: float(np.einsum("i,i->", x[part], y[part]))))
 
 
-def _project(basis: Floats, vector: Floats) -> Floats:
-    """The inner products of the rows of a basis and a vector."""
+def _rows(vectors: list[Floats], part: slice) -> Floats:
+    """A part of each vector, as a row."""
+    return np.array([vector[part] for vector in vectors])
+
+
+def _project(basis: list[Floats], vector: Floats) -> Floats:
+    """The inner products of the vectors of a basis and a vector."""
 
     def work(part: slice) -> Floats:
-        return np.asarray(np.einsum("ij,j->i", basis[:, part], vector[part]))
+        return np.array([np.einsum("i,i->", each[part], vector[part]) for each in basis])
 
     return np.asarray(np.sum(_on_slices(len(vector), work), axis=0))
 
 
-def _subtract_combination(vector: Floats, weights: Floats, basis: Floats) -> None:
-    """Subtract a combination of the rows of a basis from a vector, in place."""
+def _combination(weights: Floats, basis: list[Floats]) -> Floats:
+    """The sum of the vectors of a basis with these weights."""
+    out = np.empty_like(basis[0])
 
     def work(part: slice) -> None:
-        vector[part] -= np.einsum("i,ij->j", weights, basis[:, part])
+        out[part] = np.einsum("i,ij->j", weights, _rows(basis[: len(weights)], part))
 
-    _on_slices(len(vector), work)
+    _on_slices(len(out), work)
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -453,11 +443,11 @@ def _defect(space: _Space, matrix: Floats, first: Floats, speed: Floats, path: _
     """An upper bound on the integral of the maximum norm of the defect, rounding included."""
     size = len(first)
     along, width, others, rounding = _projection_residual(space, matrix)
-    basis, greatest = space.basis[:size], space.greatest[:size]
+    basis, greatest = space.basis[:size], np.array(space.greatest[:size])
     norm = np.abs(matrix)
 
     def start_defect(part: slice) -> float:
-        return float(np.max(np.abs(first @ basis[:, part] - speed[part])))
+        return float(np.max(np.abs(first @ _rows(basis, part) - speed[part])))
 
     constant = max(_on_slices(len(speed), start_defect))
     slope, finer = _chebyshev()
@@ -492,21 +482,20 @@ def _projection_residual(space: _Space, matrix: Floats) -> tuple[Floats, float, 
         vector of the basis; and a bound on rounding errors per vector.
     """
     size = len(matrix)
-    basis, images, greatest = space.basis[:size], space.images[:size], space.greatest[:size]
+    basis, images = space.basis[:size], space.images[:size]
+    greatest = np.array(space.greatest[:size])
     chunk = math.ceil(math.sqrt(size))  # sums of sums accumulate fewer rounding errors
 
     def residual(part: slice) -> Floats:
-        rest = -images[:, part]
-        rest += sum(
-            matrix[j : j + chunk].T @ basis[j : j + chunk, part] for j in range(0, size, chunk)
-        )
+        rows, rest = _rows(basis, part), -_rows(images, part)
+        rest += sum(matrix[j : j + chunk].T @ rows[j : j + chunk] for j in range(0, size, chunk))
         return rest
 
     def gram(part: slice) -> Floats:
         rest = residual(part)
         return rest @ rest.T
 
-    n = basis.shape[1]
+    n = len(basis[0])
     _, vectors = np.linalg.eigh(np.sum(_on_slices(n, gram), axis=0))
     along = vectors[:, -1]
 
