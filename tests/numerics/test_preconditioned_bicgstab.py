@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from symcheck.matrices import tuning as matrix_tuning
 from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix, _stabilising_step
@@ -39,7 +40,7 @@ def test_it_solves_what_elimination_solves(values: int | None, bits: int, seed: 
 
 
 def test_more_values_than_codes_are_kept_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tuning, "SHORT_CODES", 100)
+    monkeypatch.setattr(matrix_tuning, "SHORT_CODES", 100)
     dense, matrix, scale = chain(120, 3, None)
     split = SplitMatrix.of(matrix, scale)
     assert split.low[3].dtype == np.float64

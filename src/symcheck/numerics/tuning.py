@@ -72,8 +72,6 @@ THREADED_TRIANGLES, ROW_BLOCKS, MIN_BLOCK_ROWS = 1_000_000, 1_024, 256
 threads claim one after the other; and the rows of a block at least."""
 VECTOR_PARTS = 4
 """Parts of a vector that threads update at the same time."""
-BYTE_CODES, SHORT_CODES = 256, 65_536
-"""Distinct values that are stored as codes of one byte, and of two bytes, instead of doubles."""
 WEIGHT_RESIDUAL = 0.3
 """Relative residual of the weights of a certificate, which need to be approximate only."""
 POLICY_ROUNDS = 500

@@ -15,55 +15,14 @@ and w multiplied by D, so that the values of R stay what they are. An empty `uni
 import numpy as np
 
 from libc.math cimport fabs
-from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint64_t
-from libc.string cimport memcpy
+from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t
 
 from symcheck.kernels.chains.row_blocks cimport RowBlocks
-
-cdef enum:
-    VALUE_TABLE_SIZE = 1 << 18       # of the hash table of values: four times the number of codes
 
 ctypedef fused Value:
     uint8_t
     uint16_t
     double
-
-
-cdef inline int64_t _find_slot(double value, const int32_t* slot,
-                               const double* table) noexcept nogil:
-    """The slot of a value, or where it belongs. Values are compared as numbers, so -0.0 must not
-    occur.
-    """
-    cdef uint64_t bits, h
-    memcpy(&bits, &value, 8)
-    h = (((bits ^ (bits >> 29)) * <uint64_t>0x9E3779B97F4A7C15) >> 40) & (VALUE_TABLE_SIZE - 1)
-    while slot[h] >= 0 and table[slot[h]] != value:
-        h = (h + 1) & (VALUE_TABLE_SIZE - 1)
-    return <int64_t>h
-
-
-def distinct_values(const double[::1] data, int largest) -> Floats | None:
-    """The distinct values in order of first occurrence, or None if there are more than `most` (at
-    most 65,536).
-    """
-    cdef int64_t k, h, count = 0
-    cdef double value
-    slots = np.full(VALUE_TABLE_SIZE, -1, dtype=np.int32)
-    values = np.empty(largest)
-    cdef int32_t[::1] slot = slots
-    cdef double[::1] out = values
-    with nogil:
-        for k in range(data.shape[0]):
-            value = data[k] + 0.0
-            h = _find_slot(value, &slot[0], &out[0])
-            if slot[h] < 0:
-                if count == largest:
-                    count = -1
-                    break
-                slot[h] = <int32_t>count
-                out[count] = value
-                count += 1
-    return None if count < 0 else values[:count].copy()
 
 
 def triangle_sizes(const int64_t[::1] indptr, const int32_t[::1] indices, int32_t[::1] lower,
@@ -86,37 +45,24 @@ def triangle_sizes(const int64_t[::1] indptr, const int32_t[::1] indices, int32_
     return a, b
 
 
-def fill_triangles(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
-                   const double[::1] table, int32_t[::1] lower_indices, Value[::1] lower_values,
+def fill_triangles(const int64_t[::1] indptr, const int32_t[::1] indices, const Value[::1] values,
+                   int32_t[::1] lower_indices, Value[::1] lower_values,
                    int32_t[::1] upper_indices, Value[::1] upper_values):
     """Write the triangles of a matrix without its diagonal.
 
-    table: float64, the values of the codes (unused if the values are float64). lower_values,
-    upper_values: uint8, uint16 or float64.
+    values, lower_values, upper_values: uint8, uint16 (codes) or float64.
     """
-    cdef int64_t i, k, t, a = 0, b = 0
-    cdef Value code
-    slots = np.full(VALUE_TABLE_SIZE, -1, dtype=np.int32)
-    cdef int32_t[::1] slot = slots
+    cdef int64_t i, k, a = 0, b = 0
     with nogil:
-        if Value is not double:
-            for t in range(table.shape[0]):
-                slot[_find_slot(table[t], &slot[0], &table[0])] = <int32_t>t
         for i in range(indptr.shape[0] - 1):
             for k in range(indptr[i], indptr[i + 1]):
-                if indices[k] == i:
-                    continue
-                if Value is double:
-                    code = data[k]
-                else:
-                    code = <Value>slot[_find_slot(data[k] + 0.0, &slot[0], &table[0])]
                 if indices[k] < i:
                     lower_indices[a] = indices[k]
-                    lower_values[a] = code
+                    lower_values[a] = values[k]
                     a += 1
-                else:
+                elif indices[k] > i:
                     upper_indices[b] = indices[k]
-                    upper_values[b] = code
+                    upper_values[b] = values[k]
                     b += 1
 
 

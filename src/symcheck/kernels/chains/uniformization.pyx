@@ -2,34 +2,45 @@
 """Steps of a uniformised chain, with the data of a stopping test."""
 
 from libc.math cimport INFINITY
-from libc.stdint cimport int32_t, int64_t
+from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t
+
+ctypedef fused Value:
+    uint8_t
+    uint16_t
+    double
 
 
 cdef void multiply_rows(const int64_t[::1] indptr, const int32_t[::1] indices,
-                        const double[::1] data, const double[::1] diagonal, const double* current,
-                        double* following, double* total, double w, int64_t first, int64_t end
-                        ) noexcept nogil:
+                        const Value[::1] values, const double[::1] table,
+                        const double[::1] diagonal, const double* current, double* following,
+                        double* total, double w, int64_t first, int64_t end) noexcept nogil:
     """following = P current and total += w current, in the rows `first` to `end` - 1."""
     cdef int64_t i, k
     cdef double product
-    cdef const double* values = &data[0] if data.shape[0] else NULL
+    cdef const Value* value = &values[0] if values.shape[0] else NULL
     cdef const int32_t* columns = &indices[0] if indices.shape[0] else NULL
     cdef const int64_t* row_ptr = &indptr[0]
+    cdef const double* numbers = &table[0]
     for i in range(first, end):
         product = diagonal[i] * current[i]
         for k in range(row_ptr[i], row_ptr[i + 1]):
-            product = product + values[k] * current[columns[k]]
+            if Value is double:
+                product = product + value[k] * current[columns[k]]
+            else:
+                product = product + numbers[value[k]] * current[columns[k]]
         following[i] = product
         if w != 0.0:
             total[i] += w * current[i]
 
 
-def uniformized_rows(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
+def uniformized_rows(const int64_t[::1] indptr, const int32_t[::1] indices,
+                     const Value[::1] values, const double[::1] table,
                      const double[::1] diagonal, const double[::1] y, double[::1] z,
                      double[::1] total, double weight, int64_t first, int64_t end):
     """z = P y and total += weight y, in the rows `first` to `end` - 1; see `uniformized_steps`."""
     with nogil:
-        multiply_rows(indptr, indices, data, diagonal, &y[0], &z[0], &total[0], weight, first, end)
+        multiply_rows(indptr, indices, values, table, diagonal, &y[0], &z[0], &total[0], weight,
+                      first, end)
 
 
 def step_ratios(const double[::1] y, const double[::1] z, double floor
@@ -54,13 +65,15 @@ def step_ratios(const double[::1] y, const double[::1] z, double floor
     return least, greatest, largest
 
 
-def uniformized_steps(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
+def uniformized_steps(const int64_t[::1] indptr, const int32_t[::1] indices,
+                      const Value[::1] values, const double[::1] table,
                       const double[::1] diagonal, double[::1] y, double[::1] z, double[::1] total,
                       const double[::1] weights, double floor) -> tuple[bool, float, float, float]:
     """For each weight w: total += w y, then y = P y.
 
     Args:
-        indptr, indices, data, diagonal: P, by its rows without the diagonal, and the diagonal.
+        indptr, indices, values, table, diagonal: P, by its rows without the diagonal, and the
+            diagonal. values: float64, or codes into the table (uint8 or uint16).
         y, z: float64[n], the vector and scratch; they swap their roles in each step.
         total: float64[n], receives the weighted sum.
         weights: float64[steps].
@@ -79,7 +92,7 @@ def uniformized_steps(const int64_t[::1] indptr, const int32_t[::1] indices, con
         return True, 1.0, 1.0, 0.0
     with nogil:
         for t in range(count):
-            multiply_rows(indptr, indices, data, diagonal, current, following, &total[0],
+            multiply_rows(indptr, indices, values, table, diagonal, current, following, &total[0],
                           weights[t], 0, n)
             current, following = following, current
     return count % 2 == 0, *(step_ratios(z, y, floor) if count % 2 == 0

@@ -14,21 +14,19 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
-from symcheck.kernels.arrays import Masks, UInt16s
 from symcheck.kernels.chains import ssor_eisenstat
 from symcheck.kernels.chains.row_blocks import RowBlocks
 from symcheck.matrices.rows import Floats, Int32s, SparseMatrix
+from symcheck.matrices.value_codes import Codes, encode
 from symcheck.numerics import tuning
 from symcheck.parallel.threads import on_team
 
 __all__ = ["SplitMatrix", "relative_solution", "scaled"]
 
-_Values = Masks | UInt16s | Floats  # codes, or numbers
-_Triangle = tuple[RowBlocks, Int32s, Int32s, _Values]  # blocks, entries per row, indices, values
+_Triangle = tuple[RowBlocks, Int32s, Int32s, Codes]  # blocks, entries per row, indices, values
 
 
 @dataclass(eq=False)
@@ -55,18 +53,12 @@ class SplitMatrix:
         """For a non-negative square matrix R with one row per state, and scale float64[n]."""
         low, up = (np.empty(matrix.states, np.int32) for _ in range(2))
         lower, upper = ssor_eisenstat.triangle_sizes(matrix.indptr, matrix.indices, low, up)
-        table = ssor_eisenstat.distinct_values(matrix.data, tuning.SHORT_CODES)
-        kind: type[Any] = (  # numpy has no name for the scalar types of an array
-            np.float64
-            if table is None
-            else np.uint8
-            if len(table) <= tuning.BYTE_CODES
-            else np.uint16
-        )
-        below, above = np.empty(lower, kind), np.empty(upper, kind)
+        values, table = encode(matrix.data)
+        below, above = np.empty(lower, values.dtype), np.empty(upper, values.dtype)
         left, right = np.empty(lower, np.int32), np.empty(upper, np.int32)
-        table = np.ones(1) if table is None or not len(table) else table
-        ssor_eisenstat.fill_triangles(*matrix.arrays, table, left, below, right, above)
+        ssor_eisenstat.fill_triangles(
+            matrix.indptr, matrix.indices, values, left, below, right, above
+        )
         most = tuning.ROW_BLOCKS if matrix.entries >= tuning.THREADED_TRIANGLES else 1
         first, second = (
             RowBlocks(count, indices, upper, most, tuning.MIN_BLOCK_ROWS)

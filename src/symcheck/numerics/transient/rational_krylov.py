@@ -266,7 +266,7 @@ class _Space:
     def _append(self, vector: Floats) -> None:
         """Make a vector the next of the basis."""
         self.basis.append(vector)
-        self.greatest.append(max(float(vector.max()), -float(vector.min())))
+        self.greatest.append(_largest(vector))
 
     def extend(self, size: int) -> bool:
         """Extend the basis to `size` vectors; False if BiCGStab or the orthogonalisation fails."""
@@ -289,14 +289,16 @@ class _Space:
 
     def _inverse(self, v: Floats, pole: float) -> Floats | None:
         """(I - γ Q)^-1 v."""
-        scale = 1.0 / (1.0 + pole * self.system.diagonal)
+        scale = pole * self.system.diagonal  # in place: new memory takes longer than arithmetic
+        scale += 1.0
+        np.divide(1.0, scale, out=scale)
         right = v * scale
         if self.system.factors is not None:
             return self.system.factors.solve(right)
         assert self.system.split is not None
         scale *= pole
         split = replace(self.system.split, scale=scale, steps=0)
-        goal = tuning.VECTOR_RESIDUAL * float(np.max(np.abs(right)))
+        goal = tuning.VECTOR_RESIDUAL * _largest(right)
         for x, rest in split.solve(right):
             self.steps += 1
             if rest <= goal:
@@ -329,6 +331,11 @@ def _on_slices(n: int, work: Callable[[slice], Found]) -> list[Found]:
     threads = min(thread_count(), -(-n // tuning.TWO_THREADS_STATES))
     on_threads(share, [count * i // threads for i in range(threads + 1)])
     return [found[i] for i in range(count)]
+
+
+def _largest(x: Floats) -> float:
+    """The largest absolute entry."""
+    return max(float(x.max()), -float(x.min()))
 
 
 def _dot(x: Floats, y: Floats) -> float:

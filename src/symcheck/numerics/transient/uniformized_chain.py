@@ -11,6 +11,7 @@ from symcheck.kernels.chains import uniformization
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.matrices.value_codes import Codes, encode
 from symcheck.parallel.threads import on_threads
 
 __all__ = ["UniformizedChain", "uniformize"]
@@ -20,20 +21,23 @@ __all__ = ["UniformizedChain", "uniformize"]
 class UniformizedChain:
     """P = I + Q/q, stored as rates divided by q and a diagonal, for multiplication from one side.
 
-    q: the uniformisation rate. longest: the largest number of entries of a row. Either `matrix` or
-    `operator` (whose products are divided by q here) is given.
+    q: the uniformisation rate. longest: the largest number of entries of a row. Either `rates`,
+    whose entries divided by q are codes into a table, or `operator`, whose products are divided by
+    q here, is given.
     """
 
     q: float
     diagonal: Floats
-    matrix: SparseMatrix | None
+    rates: SparseMatrix | None
+    codes: Codes
+    table: Floats
     operator: SweepOperator | None
     longest: int
 
     @property
     def entries(self) -> int:
         """Entries visited per step; 0 if only an operator is given."""
-        return 0 if self.matrix is None else self.matrix.entries + self.matrix.rows
+        return 0 if self.rates is None else self.rates.entries + self.rates.rows
 
     def advance(
         self, y: Floats, z: Floats, total: Floats, weights: Floats, floor: float
@@ -50,16 +54,17 @@ class UniformizedChain:
             The new y, the other buffer (the y before), the least and the greatest ratio of entries
             of the new y and the y before, and the largest entry.
         """
-        if self.matrix is not None:
-            m = self.matrix
+        if self.rates is not None:
+            m = self.rates
+            matrix = (m.indptr, m.indices, self.codes, self.table, self.diagonal)
             if len(shares := m.shares()) > 2 and len(weights):
                 for weight in weights:
-                    parts = (*m.arrays, self.diagonal, y, z, total, weight)
+                    parts = (*matrix, y, z, total, weight)
                     on_threads(partial(uniformization.uniformized_rows, *parts), shares)
                     y, z = z, y
                 return y, z, *uniformization.step_ratios(z, y, floor)
             even, low, high, most = uniformization.uniformized_steps(
-                *m.arrays, self.diagonal, y, z, total, weights, floor
+                *matrix, y, z, total, weights, floor
             )
             return (y, z, low, high, most) if even else (z, y, low, high, most)
         assert self.operator is not None
@@ -93,9 +98,11 @@ def uniformize(
     q = float(np.max(exit_rates, initial=0.0)) or 1.0
     diagonal = (q - exit_rates) / q  # two roundings: 1 - exit_rates / q would lose digits near 0
     if not isinstance(rates, SparseMatrix):
-        return UniformizedChain(q, diagonal, None, rates, rates.longest)
-    arrays = rates.arrays
+        return UniformizedChain(q, diagonal, None, np.empty(0), np.ones(1), rates, rates.longest)
     if transposed:
-        arrays = sparse.transpose_values(*arrays, rates.columns)
-    matrix = SparseMatrix(arrays[0], arrays[1], arrays[2] / q, rates.columns)
-    return UniformizedChain(q, diagonal, matrix, None, matrix.longest)
+        transpose = sparse.transpose_values(*rates.arrays, rates.columns)
+        rates = SparseMatrix(*transpose, rates.columns)
+    codes, table = encode(rates.data)
+    if codes is rates.data:
+        codes = rates.data / q
+    return UniformizedChain(q, diagonal, rates, codes, table / q, None, rates.longest)
