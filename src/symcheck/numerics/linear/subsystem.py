@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,9 +30,11 @@ from symcheck.matrices.rows import (
 )
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics import graph, tuning
-from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix
 from symcheck.numerics.linear.problem import LinearProblem, Solution
 from symcheck.numerics.settings import Accuracy, Settings
+
+if TYPE_CHECKING:
+    from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix
 
 __all__ = [
     "Bounds",
@@ -225,6 +228,8 @@ class _BiCGStab:
     @cached_property
     def split(self) -> SplitMatrix:
         """I - A."""
+        from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix
+
         return SplitMatrix.of(self.local.matrix, np.ones(self.local.n))
 
     def times(self, v: Floats) -> Floats:
