@@ -101,7 +101,11 @@ class _Module:
             if _path(module, ".pyx").exists()
             for name in re.findall(r"\w+", several or one)
         }
-        self.fused = {name: members.split() for name, members in FUSED.findall(self.pxd + self.pyx)}
+        declarations = [self.pxd, self.pyx]
+        declarations += [_text(_path(module, ".pxd")) for module in set(self.origin.values())]
+        self.fused = {
+            name: members.split() for name, members in FUSED.findall("\n".join(declarations))
+        }
 
     def type_of(self, declared: str) -> str:
         """The Python type of a C type."""

@@ -15,14 +15,10 @@ and w multiplied by D, so that the values of R stay what they are. An empty `uni
 import numpy as np
 
 from libc.math cimport fabs
-from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t
+from libc.stdint cimport int32_t, int64_t
 
 from symcheck.kernels.chains.row_blocks cimport RowBlocks
-
-ctypedef fused Value:
-    uint8_t
-    uint16_t
-    double
+from symcheck.kernels.rows.value_codes cimport Value, add_row_product
 
 
 def triangle_sizes(const int64_t[::1] indptr, const int32_t[::1] indices, int32_t[::1] lower,
@@ -79,19 +75,6 @@ def diagonal(const int64_t[::1] indptr, const int32_t[::1] indices,
     return np.asarray(out)
 
 
-cdef inline double _row_product(const int32_t* indices, const Value* values, const double* table,
-                                const double* x, int64_t begin, int64_t end) noexcept nogil:
-    """The product of a row of a triangle and x."""
-    cdef double total = 0.0
-    cdef int64_t k
-    for k in range(begin, end):
-        if Value is double:
-            total = total + values[k] * x[indices[k]]
-        else:
-            total = total + table[values[k]] * x[indices[k]]
-    return total
-
-
 def solve_upper(RowBlocks blocks, const int32_t[::1] count, const int32_t[::1] indices,
                 const Value[::1] values, const double[::1] table, const double[::1] scale,
                 const double[::1] unit, const double[::1] r, double[::1] p, const double[::1] v,
@@ -116,7 +99,7 @@ def solve_upper(RowBlocks blocks, const int32_t[::1] count, const int32_t[::1] i
                 square = square + own * own
                 if has_units:
                     own = own * unit[i]
-                t[i] = own + scale[i] * _row_product(e, a, &table[0], &t[0], m, k)
+                t[i] = own + scale[i] * add_row_product(0.0, e, a, &table[0], &t[0], m, k)
                 k = m
             blocks.finish(block, square, square)
 
@@ -144,7 +127,7 @@ def solve_lower(RowBlocks blocks, const int32_t[::1] count, const int32_t[::1] i
                 own = v[i]
                 if has_units:
                     own = own * unit[i]
-                own = own - t[i] + scale[i] * _row_product(e, a, &table[0], &w[0], k, m)
+                own = own - t[i] + scale[i] * add_row_product(0.0, e, a, &table[0], &w[0], k, m)
                 k = m
                 w[i] = own
                 own = own + t[i]

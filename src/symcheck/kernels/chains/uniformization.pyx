@@ -2,12 +2,9 @@
 """Steps of a uniformised chain, with the data of a stopping test."""
 
 from libc.math cimport INFINITY
-from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t
+from libc.stdint cimport int32_t, int64_t
 
-ctypedef fused Value:
-    uint8_t
-    uint16_t
-    double
+from symcheck.kernels.rows.value_codes cimport Value, add_row_product
 
 
 cdef void multiply_rows(const int64_t[::1] indptr, const int32_t[::1] indices,
@@ -15,20 +12,12 @@ cdef void multiply_rows(const int64_t[::1] indptr, const int32_t[::1] indices,
                         const double[::1] diagonal, const double* current, double* following,
                         double* total, double w, int64_t first, int64_t end) noexcept nogil:
     """following = P current and total += w current, in the rows `first` to `end` - 1."""
-    cdef int64_t i, k
-    cdef double product
+    cdef int64_t i
     cdef const Value* value = &values[0] if values.shape[0] else NULL
     cdef const int32_t* columns = &indices[0] if indices.shape[0] else NULL
-    cdef const int64_t* row_ptr = &indptr[0]
-    cdef const double* numbers = &table[0]
     for i in range(first, end):
-        product = diagonal[i] * current[i]
-        for k in range(row_ptr[i], row_ptr[i + 1]):
-            if Value is double:
-                product = product + value[k] * current[columns[k]]
-            else:
-                product = product + numbers[value[k]] * current[columns[k]]
-        following[i] = product
+        following[i] = add_row_product(diagonal[i] * current[i], columns, value, &table[0], current,
+                                       indptr[i], indptr[i + 1])
         if w != 0.0:
             total[i] += w * current[i]
 
