@@ -108,7 +108,7 @@ def even_shares(work: NDArray[np.int64], count: int) -> list[int]:
     items = len(work) - 1
     if count == 1:
         return [0, items]
-    cuts = np.searchsorted(work, work[-1] * np.arange(1, count) / count)
+    cuts = np.searchsorted(work, work[-1] * np.arange(1, count) // count)
     ends: list[int] = np.unique([0, *cuts, items]).tolist()
     return ends
 
