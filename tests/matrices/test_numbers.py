@@ -51,6 +51,9 @@ def test_operations_agree(seed: int) -> None:
     y = rationals(x.tolist())
     assert is_exact(fractions.multiply(y))
     assert exact(fractions.multiply(y)) == exact(doubles.multiply(x))
+    left = random.integers(-8, 8, doubles.rows) / 4
+    products = [Fraction(a) * np.array(row) for a, row in zip(left, dense(doubles), strict=True)]
+    assert exact(doubles.multiply_left(left)) == list(sum(products))
     some, columns = random.random(n) < 0.6, random.random(n) < 0.5
     assert exact(fractions.sums(some, columns)) == exact(doubles.sums(some, columns))
     assert exact(fractions.sums(some, columns, y)) == exact(doubles.sums(some, columns, x))

@@ -124,6 +124,12 @@ class SparseMatrix:
         on_threads(part, self.shares())
         return out
 
+    def multiply_left(self, x: Floats) -> Floats:
+        """The product of a vector (one number per row) with the matrix of doubles."""
+        out = np.zeros(self.columns)
+        sparse.multiply_left(*self.arrays, x, out)
+        return out
+
     def shares(self) -> list[int]:
         """Where the rows of each thread begin, and their number; large products have several."""
         is_large = self.entries >= tuning.MIN_THREADED_ROWS_ENTRIES

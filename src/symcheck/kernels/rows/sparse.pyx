@@ -65,6 +65,17 @@ def multiply(const int64_t[::1] indptr, const int32_t[::1] indices, const double
             out[r] = total
 
 
+def multiply_left(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
+                  const double[::1] x, double[::1] out):
+    """out += x A, for x float64[rows] and out float64[columns]."""
+    cdef int64_t rows = indptr.shape[0] - 1, r, k
+    with nogil:
+        for r in range(rows):
+            if x[r] != 0.0:
+                for k in range(indptr[r], indptr[r + 1]):
+                    out[indices[k]] += x[r] * data[k]
+
+
 def best_products(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
                   groups: Int64s | None, const int32_t[::1] states, const double[::1] x,
                   bint maximise, double[::1] out):

@@ -80,8 +80,7 @@ def truncate(
     negligible = epsilon * _guessed_value(most, laplace_shift)
 
     def is_hopeless(occupation: Floats, value: Floats) -> bool:
-        flow = occupation[rates.row_of_entry] * rates.data
-        matters = _importance(rates, flow, value) > negligible
+        matters = _importance(rates, occupation, value) > negligible
         return bool(np.count_nonzero(matters) > tuning.TRUNCATION_HOPELESS * rates.states)
 
     growing = _lower_bounds(rates, exit_rates, time, laplace_shift, start, reward_rate)
@@ -97,17 +96,17 @@ def truncate(
     if value is None or occupation is None:
         return None
     target = _guessed_value(float(value[interest].min()), laplace_shift)
-    owner = rates.row_of_entry
-    flow = occupation[owner] * rates.data
-    importance = _importance(rates, flow, value)
+    importance = _importance(rates, occupation, value)
     order = np.argsort(importance)
     lost = np.cumsum(importance[order])
     cut = order[: int(np.searchsorted(lost, epsilon * target))]
     keep = np.ones(rates.states, dtype=np.bool_)
     keep[cut] = False
     keep[interest] = True
-    crossing = keep[owner] & ~keep[rates.indices]
-    loss = float(np.sum(flow[crossing] * value[rates.indices[crossing]])) * (1.0 + 1e-9)
+    owner = rates.row_of_entry
+    crossing = np.flatnonzero(keep[owner] & ~keep[rates.indices])
+    flow = occupation[owner[crossing]] * rates.data[crossing]
+    loss = float(np.sum(flow * value[rates.indices[crossing]])) * (1.0 + 1e-9)
     # States that reach no reward any more have the value 0, and no positive weights exist for them.
     keep &= graph.backward_reachable(rates, keep & (reward_rate > 0.0), keep)
     keep[interest] = True
@@ -162,17 +161,16 @@ def _guessed_value(bound: float, laplace_shift: float) -> float:
     return bound * math.exp(-laplace_shift) / (4.0 * laplace_shift)
 
 
-def _importance(rates: SparseMatrix, flow: Floats, value: Floats) -> Floats:
+def _importance(rates: SparseMatrix, occupation: Floats, value: Floats) -> Floats:
     """The value that is lost at most if a state is removed: float64[n].
 
     Args:
         rates: the transitions.
-        flow: float64[entries], how often each transition is taken.
+        occupation: float64[n], the expected time in each state.
         value: float64[n].
     """
-    inflow = np.bincount(rates.indices, weights=flow, minlength=rates.states)
     with np.errstate(under="ignore", over="ignore"):
-        return np.asarray(inflow * value)
+        return np.asarray(rates.multiply_left(occupation) * value)
 
 
 @dataclass(eq=False)
