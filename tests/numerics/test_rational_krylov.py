@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -184,6 +185,45 @@ def test_poles_may_be_any(poles: tuple[float, ...], monkeypatch: pytest.MonkeyPa
     )
     assert found is not None
     assert np.max(np.abs(found.values - exact(generator, start, reward_rate, 2.0))) <= found.error
+
+
+def test_later_vectors_take_fewer_steps_and_the_error_holds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Their coefficients are small, so that their residuals may be large."""
+    monkeypatch.setattr(tuning, "KRYLOV_ELIMINATION_STATES", 0)
+    generator, rates, leave = stiff(200, 2, 0.3)
+    reward_rate = np.random.default_rng(2).random(200)
+    zeros, everywhere = np.zeros(200), np.arange(200)
+    truth = exact(generator, zeros, reward_rate, 2.0)
+    steps = []
+    for share in (0.0, tuning.VECTOR_SHARE):
+        monkeypatch.setattr(tuning, "VECTOR_SHARE", share)
+        found = krylov_values(rates, leave, zeros, reward_rate, 2.0, everywhere, EVERYWHERE)
+        assert found is not None
+        assert np.max(np.abs(found.values - truth)) <= found.error
+        assert 2.0 * found.error <= 1e-6 * found.values.min()
+        steps.append(found.steps / found.vectors)
+    assert steps[1] < 0.8 * steps[0]
+
+
+def test_a_projection_that_explodes_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, rates, leave = stiff(60, 1)
+    reward_rate = np.random.default_rng(1).random(60)
+    arguments = (rates, leave, np.zeros(60), reward_rate, 20.0, np.arange(60), EVERYWHERE)
+    found = krylov_values(*arguments)
+    assert found is not None
+    defect, bounds = rational_krylov._defect, list[float]()
+
+    def second_explodes(*parts: Any) -> float:
+        bounds.append(1e18 if len(bounds) == 1 else defect(*parts))
+        return bounds[-1]
+
+    monkeypatch.setattr(rational_krylov, "_defect", second_explodes)
+    again = krylov_values(*arguments)
+    assert again is not None
+    assert len(bounds) > 2
+    assert again.values.tobytes() == found.values.tobytes()
 
 
 def test_rates_too_large_for_any_accuracy_have_no_subspace() -> None:

@@ -163,14 +163,17 @@ WEIGHTED_POLES: tuple[float, ...] = (20.0, 150.0, 800.0)
 """Likewise for values divided by weights, where fast components persist."""
 ELIMINATION_POLE = 10.0
 """Likewise for elimination, which factorises for one pole only."""
-SUBSPACE_SIZES = (8, 12, 15, 18, 21, 24, 27, 30, 36, 44, 52, 60)
+SUBSPACE_SIZES = (8, 10, 12, *range(14, 25), 26, 28, 30, 33, 36, 40, 44, 48, 52, 56, 60)
 """Dimensions of the subspace at which the defect is computed."""
 LARGER_SUBSPACE_SIZES = (75, 90, 110, 130, 160, 200)
 """Further dimensions with elimination, where a vector is cheap."""
 KRYLOV_SLICE_STATES = 8_192
 """States whose part of the basis is processed at a time: it fits into the cache of a core."""
-SIZES_BEFORE_JUDGEMENT = 5
-"""Sizes before convergence is extrapolated."""
+VECTORS_BEFORE_JUDGEMENT, RECENT_VECTORS = 24, 3
+"""The size of the subspace from which on convergence is extrapolated, and the vectors by which the
+recent rate is measured, at least."""
+SPURIOUS_GROWTH = 10.0
+"""A bound that is so many times the last one comes from a projection that is not used."""
 KRYLOV_BICGSTAB_STEPS = 400
 """Steps of BiCGStab per vector."""
 KRYLOV_ELIMINATION_STATES, KRYLOV_ELIMINATION_OPERATIONS = 50_000, 1500
@@ -180,7 +183,9 @@ WEIGHT_ELIMINATION_OPERATIONS = 1500
 IMPORTANCE_RESIDUAL = 1e-8
 """Residual of the weights, relative to a guess."""
 VECTOR_RESIDUAL = 1e-12
-"""Relative residual of the vectors of the subspace."""
+"""Relative residual of the first vectors of the subspace."""
+VECTOR_SHARE = 3e-3
+"""Part of the error that the residual of a later vector may cause."""
 IMPORTANCE_SHIFT = 0.25
 """Laplace shift a of the weights: values at different times differ by at most a factor exp(a), by
 which the bound on the error grows. With 1, it does not become small enough on cluster N=64

@@ -2,15 +2,20 @@
 
 x(t) solves x' = Q x + reward_rate from x(0) = start. The space V of (I - γ Q)^-1 and its powers,
 applied to Q start + reward_rate, approximates slow and fast components alike, however large the
-rates are. For any V, H and any function p(t) with p(0) = 0, the error of u = start + V p is at most
-the integral of its defect (maximum norm):
+rates are. With the solutions V S of (I - γ Q) X = V, their residuals F = (V S - V) / γ - Q V S, A =
+(S - I) / γ and Q start + reward_rate = V b, the defect of u = start + V S g is
 
-    |x(t) - u(t)| <= integral of |V (p' - H p - b) + (V H - Q V) p + (V b - Q start - reward_rate)|,
+    u' - Q u - reward_rate = V (S g' - A g - b) + F g
 
-since exp(Q t) does not enlarge the largest entry. p is a polynomial on each interval of time, so
-that every term can be bounded.
+for any function g(t) with g(0) = 0. The error of u is at most the integral of the maximum norm of
+the defect, since exp(Q t) does not enlarge the largest entry. g is a polynomial on each interval of
+time, so that every term can be bounded.
 
-Sources: Moret & Novati (2004); van den Eshof & Hochbruck (2006).
+The coefficients g of later vectors are small, so their residuals may be larger: they take fewer
+steps of BiCGStab.
+
+Sources: Moret & Novati (2004); van den Eshof & Hochbruck (2006); for inexact solutions, Simoncini &
+Szyld (2003).
 """
 
 from __future__ import annotations
@@ -18,6 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from typing import TypeVar
 
@@ -64,7 +70,7 @@ def krylov_values(
 ) -> KrylovValues | None:
     """Solve x' = Q x + reward_rate, x(0) = start, as accurately as requested at `interest`.
 
-    Memory: two vectors per vector of the subspace.
+    Memory: a vector per vector of the subspace, and those of BiCGStab.
 
     Args:
         rates, exit_rates: as in `transient_values`, but rows may sum to a little more than their
@@ -87,43 +93,45 @@ def krylov_values(
     # Rounding of `speed` acts all the time; rows of Q may sum to a little more than 0.
     fixed = rounding_error * float(
         np.max(np.abs(start))
-    ) + 4.0 * tuning.UNIT_ROUNDOFF * time * float(np.max(np.abs(speed)))
+    ) + 6.0 * tuning.UNIT_ROUNDOFF * time * float(np.max(np.abs(speed)))
     growth = largest_growth(rates, exit_rates, time, rounding_error)
     if math.isinf(growth):
         return None
     space = _Space.of(system, speed, max(tuning.SUBSPACE_SIZES + tuning.LARGER_SUBSPACE_SIZES))
-    widths: list[float] = []
-    goal = math.inf
+    history: list[tuple[int, float]] = []
+    goal, allowed = math.inf, 0.0
     larger = () if system.factors is None else tuning.LARGER_SUBSPACE_SIZES
     sizes = (*tuning.SUBSPACE_SIZES, *larger)
     for size in sizes:
-        if not space.extend(size):
+        if not space.extend(size, allowed):
             return None
         try:
-            matrix, first = space.projected(size)
-            greatest = np.array(space.greatest[:size])
-            path = _path(
-                matrix, first, time, greatest, 3e-3 * goal / (growth * tuning.SAMPLING_FACTOR)
-            )
-            defect = _defect(space, matrix, first, speed, path)
+            projection = space.projection(size)
+            path = _path(projection, time, 3e-3 * goal / (growth * tuning.SAMPLING_FACTOR))
         except (np.linalg.LinAlgError, OverflowError):  # singular, or not finite
             return None
-        values = start + _combination(path.end, space.basis[:size])
-        error = (defect + fixed) * growth * (1.0 + 1e-6)
+        end, rounded = projection.at_end(path)
+        values = start + _combination(end, space.basis)
+        error = (_defect(projection, path) + rounded + fixed) * growth * (1.0 + 1e-6)
         error += 1e-13 * float(np.max(np.abs(values)))
-        least = float(values[interest].min())
-        widths.append(2.0 * error)
+        width, least = 2.0 * error, float(values[interest].min())
         if observer is not None:
-            observer(Progress("rational krylov", space.steps, widths[-1], len(start)))
+            observer(Progress("rational krylov", space.steps, width, len(start)))
+        if history and not width < tuning.SPURIOUS_GROWTH * history[-1][1]:
+            continue  # the projection has a spurious eigenvalue, and the next has it no more
+        history.append((size, width))
         goal = settings.epsilon * (least if settings.relative else 1.0)
-        if widths[-1] <= goal:
+        if width <= goal:
             return KrylovValues(values, error, size, space.steps)
         if (
             not least > 0.0
             or float(values.max()) > tuning.MAX_VALUE_RANGE * least
-            or not _converges(widths, goal, sizes)
+            or not _converges(history, goal, sizes[-1])
         ):
             return None
+        if width < least:  # otherwise the goal is a guess
+            weight = time * growth * float(np.max(np.abs(path.nodes[:, -1])))
+            allowed = tuning.VECTOR_SHARE * goal / weight if weight > 0.0 else 0.0
     return None
 
 
@@ -166,16 +174,20 @@ def largest_growth(
         return float(np.exp(rounding_error + excess * time))
 
 
-def _converges(widths: list[float], goal: float, sizes: tuple[int, ...]) -> bool:
-    """Whether the largest subspace will suffice, extrapolated from the widths so far."""
-    if not np.isfinite(widths[-1]):
+def _converges(history: list[tuple[int, float]], goal: float, largest: int) -> bool:
+    """Whether the largest subspace will suffice, extrapolated from the widths so far.
+
+    history: sizes and widths.
+    """
+    size, width = history[-1]
+    if not math.isfinite(width):
         return False
-    made = len(widths) - 1
-    if made < tuning.SIZES_BEFORE_JUDGEMENT:
+    if size < tuning.VECTORS_BEFORE_JUDGEMENT:
         return True
-    # The better rate of the whole sequence and of its last step.
-    rate = min((widths[-1] / widths[i]) ** (1.0 / (sizes[made] - sizes[i])) for i in (1, made - 1))
-    return bool(widths[-1] * rate ** (sizes[-1] - sizes[made]) <= goal)
+    # The better rate of the whole sequence and of the last vectors.
+    recent = [pair for pair in history if pair[0] <= size - tuning.RECENT_VECTORS][-1:]
+    rate = min((width / w) ** (1.0 / (size - m)) for m, w in (history[0], *recent))
+    return bool(width * rate ** (largest - size) <= goal)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,6 +235,26 @@ class _System:
         """Q v."""
         return np.asarray(self.rates.multiply(v) - self.exit_rates * v)
 
+    def enlargement(self, j: int) -> float:
+        """A bound on the factor by which 1/γ - Q enlarges the largest entry, for vector j."""
+        return 1.0 / self.pole(j) + 2.0 * self.fastest
+
+    def residual(self, x: Floats, j: int, v: Floats | None = None) -> float:
+        """A bound on the largest entry of (x - v) / γ - Q x, for vector j, rounding included.
+
+        v: None for zeros.
+        """
+        product, exit_rates, pole = self.rates.multiply(x), self.exit_rates, self.pole(j)
+
+        def largest(part: slice) -> float:
+            change = x[part] if v is None else x[part] - v[part]
+            return _largest(product[part] - exit_rates[part] * x[part] - change / pole)
+
+        rounding = (self.longest + 6) * self.enlargement(j) * _largest(x)
+        rounding += 0.0 if v is None else 4.0 * _largest(v) / pole
+        rounding *= tuning.UNIT_ROUNDOFF
+        return (max(_on_slices(len(x), largest)) + rounding) * (1.0 + 1e-9)
+
 
 def _factors(rates: SparseMatrix, scale: Floats) -> GthElimination | None:
     owner = rates.row_of_entry
@@ -241,19 +273,46 @@ def _factors(rates: SparseMatrix, scale: Floats) -> GthElimination | None:
     return factors if factors.complete else None
 
 
+@dataclass(frozen=True, eq=False)
+class _Projection:
+    """The equation that the coefficients g of u = start + V S g obey, but for the residuals.
+
+    u' - Q u - reward_rate = V (S g' - A g - b) + F g, where F has the columns of residuals.
+
+    solutions, images: S and A, float64[m, m]. first: b, float64[m]. greatest, residuals: the
+    largest absolute entry of each vector of V, and a bound on it for each column of F, float64[m].
+    """
+
+    solutions: Floats
+    images: Floats
+    first: Floats
+    greatest: Floats
+    residuals: Floats
+
+    def at_end(self, path: _Path) -> tuple[Floats, float]:
+        """The weights S g of the basis at the end, and a bound on the rounding of V S g."""
+        last = path.nodes[-1]
+        terms = float(np.abs(self.solutions) @ np.abs(last) @ self.greatest)
+        return self.solutions @ last, (2 * len(last) + 8) * tuning.UNIT_ROUNDOFF * terms
+
+
 @dataclass(eq=False)
 class _Space:
-    """An orthonormal basis of the subspace, and (I - γ Q)^-1 in that basis.
+    """An orthonormal basis of the subspace, and the solutions for it in that basis.
 
-    images: Q v for each vector v of the basis but the last. greatest: its largest absolute entry.
+    solutions: float64[m+1, m]; (I - γ Q) x = v has the solution x = V s for vector v of the basis,
+    where s is its column. residuals: a bound on the largest entry of (x - v) / γ - Q x. greatest:
+    the largest absolute entry of each vector of the basis. amplification: the residual of the last
+    solution, divided by what BiCGStab takes for it. steps: BiCGStab steps made.
     """
 
     system: _System
-    inverse: Floats
+    solutions: Floats
     length: float
     basis: list[Floats] = field(default_factory=list)
-    images: list[Floats] = field(default_factory=list)
+    residuals: list[float] = field(default_factory=list)
     greatest: list[float] = field(default_factory=list)
+    amplification: float = math.inf
     steps: int = 0
 
     @staticmethod
@@ -268,54 +327,73 @@ class _Space:
         self.basis.append(vector)
         self.greatest.append(_largest(vector))
 
-    def extend(self, size: int) -> bool:
-        """Extend the basis to `size` vectors; False if BiCGStab or the orthogonalisation fails."""
-        for j in range(len(self.images), size):
-            vector = self._inverse(self.basis[j], self.system.pole(j))
-            if vector is None:
+    def extend(self, size: int, allowed: float) -> bool:
+        """Extend the basis to `size` vectors; False if BiCGStab or the orthogonalisation fails.
+
+        allowed: a residual that is small enough; 0 if none is known.
+        """
+        for j in range(len(self.residuals), size):
+            solved = self._solve(j, allowed)
+            if solved is None:
                 return False
-            self.images.append(self.system.generator(self.basis[j]))
-            for _ in range(2):  # twice is enough, once is not
-                part = _project(self.basis, vector)
-                self.inverse[: j + 1, j] += part
-                vector -= _combination(part, self.basis)
+            vector, residual = solved
+            largest = _largest(vector)
+            first, second = _orthogonalise(vector, self.basis)
             length = math.sqrt(_dot(vector, vector))
             if not length > 0.0:
                 return False
-            self.inverse[j + 1, j] = length
+            self.solutions[: j + 1, j] = first + second
+            self.solutions[j + 1, j] = length
             vector /= length
             self._append(vector)
+            summed = float((np.abs(first) + np.abs(second)) @ self.greatest[:-1])
+            summed += largest + length * self.greatest[-1]
+            rounding = (j + 8) * tuning.UNIT_ROUNDOFF * summed
+            self.residuals.append(residual + self.system.enlargement(j) * rounding)
         return True
 
-    def _inverse(self, v: Floats, pole: float) -> Floats | None:
-        """(I - γ Q)^-1 v."""
+    def _solve(self, j: int, allowed: float) -> tuple[Floats, float] | None:
+        """(I - γ Q)^-1 v for a vector of the basis, and a bound on its residual."""
+        v, pole = self.basis[j], self.system.pole(j)
         scale = pole * self.system.diagonal  # in place: new memory takes longer than arithmetic
         scale += 1.0
         np.divide(1.0, scale, out=scale)
         right = v * scale
         if self.system.factors is not None:
-            return self.system.factors.solve(right)
+            solution = self.system.factors.solve(right)
+            return solution, self.system.residual(solution, j, v)
         assert self.system.split is not None
         scale *= pole
         split = replace(self.system.split, scale=scale, steps=0)
         goal = tuning.VECTOR_RESIDUAL * _largest(right)
         for x, rest in split.solve(right):
             self.steps += 1
-            if rest <= goal:
-                return split.solve_upper(x)
+            if rest <= goal or rest * self.amplification <= allowed:
+                solution = split.solve_upper(x)
+                residual = self.system.residual(solution, j, v)
+                if rest > 0.0:
+                    self.amplification = residual / rest
+                if rest <= goal or residual <= allowed:
+                    return solution, residual
             if split.steps > tuning.KRYLOV_BICGSTAB_STEPS:
                 break
         return None
 
-    def projected(self, size: int) -> tuple[Floats, Floats]:
-        """H (an approximation of Q in the basis) and b (the initial direction)."""
-        inverse = np.linalg.inv(self.inverse[:size, :size])
+    def projection(self, size: int) -> _Projection:
+        """The equation for the coefficients of the first vectors."""
+        solutions = self.solutions[:size, :size]
+        slow = 1.0 / np.array([self.system.pole(j) for j in range(size)])
         first = np.zeros(size)
         first[0] = self.length
-        slow = 1.0 / np.array([self.system.pole(j) for j in range(size)])
-        return (
-            (self.inverse[:size, :size] - np.eye(size)) * slow @ inverse,
+        # What the solution of the last vector has outside of the first vectors is missing.
+        outside = self.system.residual(self.basis[size], size - 1)
+        missing = self.residuals[size - 1] + self.solutions[size, size - 1] * outside
+        return _Projection(
+            solutions,
+            (solutions - np.eye(size)) * slow,
             first,
+            np.array(self.greatest[:size]),
+            np.array([*self.residuals[: size - 1], missing]),
         )
 
 
@@ -348,13 +426,25 @@ def _rows(vectors: list[Floats], part: slice) -> Floats:
     return np.array([vector[part] for vector in vectors])
 
 
-def _project(basis: list[Floats], vector: Floats) -> Floats:
-    """The inner products of the vectors of a basis and a vector."""
+def _orthogonalise(vector: Floats, basis: list[Floats]) -> tuple[Floats, Floats]:
+    """Subtract from a vector its part in a subspace, twice, since once is not enough.
 
-    def work(part: slice) -> Floats:
-        return np.array([np.einsum("i,i->", each[part], vector[part]) for each in basis])
+    Returns:
+        The weights of the basis in what was subtracted first, and then.
+    """
 
-    return np.asarray(np.sum(_on_slices(len(vector), work), axis=0))
+    def project(part: slice) -> Floats:
+        return np.asarray(np.einsum("ij,j->i", _rows(basis, part), vector[part]))
+
+    def subtract(weights: Floats, part: slice) -> Floats:
+        rows = _rows(basis, part)
+        vector[part] -= np.einsum("i,ij->j", weights, rows)
+        return np.asarray(np.einsum("ij,j->i", rows, vector[part]))
+
+    first = np.sum(_on_slices(len(vector), project), axis=0)
+    second = np.sum(_on_slices(len(vector), partial(subtract, first)), axis=0)
+    _on_slices(len(vector), partial(subtract, second))
+    return first, second
 
 
 def _combination(weights: Floats, basis: list[Floats]) -> Floats:
@@ -370,26 +460,24 @@ def _combination(weights: Floats, basis: list[Floats]) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _Path:
-    """p as polynomials: the length of each interval, and the values at its nodes, float64[nodes,
-    size].
+    """g as polynomials: the length of each interval, and the values at its nodes, of which
+    neighbours share one: float64[intervals * degree + 1, m].
     """
 
     lengths: list[float]
-    nodes: list[Floats]
-
-    @property
-    def end(self) -> Floats:
-        """The last value."""
-        return np.asarray(self.nodes[-1][-1])
+    nodes: Floats
 
 
-def _path(matrix: Floats, first: Floats, time: float, greatest: Floats, tolerance: float) -> _Path:
-    """P' = H p + b from 0, by collocation at Chebyshev points, on intervals that grow with the
+def _path(projection: _Projection, time: float, tolerance: float) -> _Path:
+    """S g' = A g + b from 0, by collocation at Chebyshev points, on intervals that grow with the
     time.
 
     Intervals are halved until the defect, weighted by `greatest`, is at most `tolerance` or due to
     rounding.
     """
+    first, greatest = projection.first, projection.greatest
+    inverse = np.linalg.inv(projection.solutions)
+    matrix = projection.images @ inverse  # p' = H p + b for p = S g
     size, (slope, _) = len(first), _chebyshev()
     stages, modes = np.linalg.eig(slope[1:, 1:])
     back = np.linalg.inv(modes)
@@ -397,12 +485,12 @@ def _path(matrix: Floats, first: Floats, time: float, greatest: Floats, toleranc
     halvings = max(0, math.ceil(math.log2(max(1.0, time * norm)))) + 1
     ends = time * 0.5 ** np.arange(halvings, -1, -1.0)
     cuts = np.concatenate(([0.0], ends[:1], *(np.linspace(a, b, 3)[1:] for a, b in pairwise(ends))))
-    path = _Path([], [])
-    value = np.zeros(size)
+    lengths, values = list[float](), [np.zeros((1, size))]
     ahead = list(reversed(np.diff(cuts).tolist()))
     while ahead:
         length = ahead.pop()
         half = 0.5 * length
+        value = values[-1][-1]
         # The eigenvectors of the differentiation matrix decouple the equations at the nodes.
         right = back @ (half * first - np.outer(slope[1:, 0], value))
         parts = np.linalg.solve(
@@ -419,14 +507,13 @@ def _path(matrix: Floats, first: Floats, time: float, greatest: Floats, toleranc
         if (
             leaves * length > tolerance
             and leaves > rounding
-            and len(path.lengths) + len(ahead) < tuning.COLLOCATION_INTERVALS
+            and len(lengths) + len(ahead) < tuning.COLLOCATION_INTERVALS
         ):
             ahead += [half, half]
             continue
-        path.lengths.append(length)
-        path.nodes.append(nodes)
-        value = nodes[-1]
-    return path
+        lengths.append(length)
+        values.append(nodes[1:])
+    return _Path(lengths, np.vstack(values) @ inverse.T)
 
 
 def _chebyshev() -> tuple[Floats, Floats]:
@@ -446,76 +533,22 @@ def _chebyshev() -> tuple[Floats, Floats]:
     )
 
 
-def _defect(space: _Space, matrix: Floats, first: Floats, speed: Floats, path: _Path) -> float:
+def _defect(projection: _Projection, path: _Path) -> float:
     """An upper bound on the integral of the maximum norm of the defect, rounding included."""
-    size = len(first)
-    along, width, others, rounding = _projection_residual(space, matrix)
-    basis, greatest = space.basis[:size], np.array(space.greatest[:size])
-    norm = np.abs(matrix)
-
-    def start_defect(part: slice) -> float:
-        return float(np.max(np.abs(first @ _rows(basis, part) - speed[part])))
-
-    constant = max(_on_slices(len(speed), start_defect))
+    solutions, images, first = projection.solutions, projection.images, projection.first
+    degree = tuning.COLLOCATION_DEGREE
     slope, finer = _chebyshev()
     total = 0.0
-    for length, nodes in zip(path.lengths, path.nodes, strict=True):
+    for i, length in enumerate(path.lengths):
+        nodes = path.nodes[i * degree : (i + 1) * degree + 1]
+        sizes = np.abs(nodes)
         derivative = slope @ nodes * (2.0 / length)
-        leaves = np.abs(finer @ (derivative - nodes @ matrix.T - first))
-        summed = (
-            np.abs(slope) @ np.abs(nodes) * (2.0 / length) + np.abs(nodes) @ norm.T + np.abs(first)
-        )
-        leaves += (
-            (size + 4 * tuning.COLLOCATION_DEGREE) * tuning.UNIT_ROUNDOFF * np.max(summed, axis=0)
-        )
-        fine = np.abs(finer @ nodes)
-        most = np.max(fine, axis=0) * (1.0 + 1e-9)
-        moved = np.abs(finer @ (nodes @ along)) + (
-            size + 4 * tuning.COLLOCATION_DEGREE
-        ) * tuning.UNIT_ROUNDOFF * float(np.max(np.abs(nodes) @ np.abs(along)))
-        sampled = (
-            float(np.max(moved * width + fine @ others * (1.0 + 1e-9) + leaves @ greatest))
-            + constant
-        )
-        total += length * tuning.SAMPLING_FACTOR * (sampled + float(most @ rounding))
+        leaves = np.abs(finer @ (derivative @ solutions.T - nodes @ images.T - first))
+        summed = np.abs(slope) @ sizes * (2.0 / length) @ np.abs(solutions).T
+        summed += sizes @ np.abs(images).T + np.abs(first)
+        rounding = (3 * len(first) + 8 * degree) * tuning.UNIT_ROUNDOFF
+        leaves += rounding * np.max(summed, axis=0)
+        moved = np.abs(finer @ nodes) + rounding * np.max(sizes, axis=0)
+        sampled = float(np.max(moved @ projection.residuals + leaves @ projection.greatest))
+        total += length * tuning.SAMPLING_FACTOR * sampled * (1.0 + 1e-9)
     return total
-
-
-def _projection_residual(space: _Space, matrix: Floats) -> tuple[Floats, float, Floats, Floats]:
-    """The residual V H - Q V as one vector times coefficients, plus a remainder.
-
-    Returns:
-        The coefficients; the largest entry of the vector; the largest entry of the remainder per
-        vector of the basis; and a bound on rounding errors per vector.
-    """
-    size = len(matrix)
-    basis, images = space.basis[:size], space.images[:size]
-    greatest = np.array(space.greatest[:size])
-    chunk = math.ceil(math.sqrt(size))  # sums of sums accumulate fewer rounding errors
-
-    def residual(part: slice) -> Floats:
-        rows, rest = _rows(basis, part), -_rows(images, part)
-        rest += sum(matrix[j : j + chunk].T @ rows[j : j + chunk] for j in range(0, size, chunk))
-        return rest
-
-    def gram(part: slice) -> Floats:
-        rest = residual(part)
-        return rest @ rest.T
-
-    n = len(basis[0])
-    _, vectors = np.linalg.eigh(np.sum(_on_slices(n, gram), axis=0))
-    along = vectors[:, -1]
-
-    def sizes(part: slice) -> tuple[float, Floats]:
-        rest = residual(part)
-        single = np.einsum("i,ij->j", along, rest)
-        rest -= np.outer(along, single)
-        return float(np.max(np.abs(single))), np.max(np.abs(rest), axis=1)
-
-    found = _on_slices(n, sizes)
-    width, others = max(width for width, _ in found), np.max([most for _, most in found], axis=0)
-    # Bounds on the rounding errors of the sums above, the same for all states.
-    inner = (2 * chunk + 4) * tuning.UNIT_ROUNDOFF
-    outer = (space.system.longest + 6) * tuning.UNIT_ROUNDOFF * 2.0 * space.system.fastest
-    rounding = inner * (np.abs(matrix).T @ greatest + np.abs(along) * width) + outer * greatest
-    return along, width, others, rounding

@@ -27,9 +27,9 @@ from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import scaled
 from symcheck.numerics.linear.problem import Observer, Progress, largest_width
-from symcheck.numerics.settings import Accuracy, Settings
+from symcheck.numerics.settings import Settings
 from symcheck.numerics.transient.forward import forward_value
-from symcheck.numerics.transient.poisson import poisson
+from symcheck.numerics.transient.poisson import PoissonWeights, poisson
 from symcheck.numerics.transient.rational_krylov import importance, krylov_values, largest_growth
 from symcheck.numerics.transient.state_space_truncation import truncate
 from symcheck.numerics.transient.supermartingale import bound_negligible_values
@@ -216,7 +216,6 @@ class _Horizon:
             or chain.q * time * chain.entries < tuning.KRYLOV_ENTRIES
         ):
             return None
-        smoothing_accuracy = Accuracy(epsilon=1e-300, max_iterations=settings.max_iterations)
         growth, later_growth, scale, poles = 1.0, 1.0, np.ones(1), tuning.POLES
         if weights is not None:
             rates, scale, poles = scaled(rates, weights), weights, tuning.WEIGHTED_POLES
@@ -227,23 +226,13 @@ class _Horizon:
             )
             if math.isinf(later_growth):
                 return None
-        first = _sum_series(
-            chain,
-            start / chain.q if source else start,
-            smoothing,
-            source,
-            smoothing_accuracy,
-            None,
-            observer,
-            tail=1e-16,
-            growth=growth,
-        )
-        smoothing_error = later_growth * (1.0 + 1e-6) * float(np.max(first.upper - first.lower))
+        terms = start / chain.q if source else start
+        smooth, steps, smoothing_error = _smooth(chain, terms, smoothing, source, growth, observer)
         reward_rate = start if source else None
         result = krylov_values(
             rates,
             exit_rates,
-            first.middle,
+            smooth,
             reward_rate,
             time - smoothing,
             interest,
@@ -253,16 +242,16 @@ class _Horizon:
         )
         if result is None:
             return None
-        error = (result.error + smoothing_error) * scale
+        error = (result.error + smoothing_error * later_growth * (1.0 + 1e-6)) * scale
         values = result.values * scale
         lower, upper = np.maximum(values - error, 0.0), values + error
         if not _close_enough(lower[interest], upper[interest], settings):
             return None
         note = (
-            f"uniformisation, {first.iterations} steps, then a rational Krylov subspace of "
+            f"uniformisation, {steps} steps, then a rational Krylov subspace of "
             f"{result.vectors} vectors, {result.steps} steps of BiCGStab"
         )
-        return Transient(lower, upper, first.iterations + result.steps, note)
+        return Transient(lower, upper, steps + result.steps, note)
 
     def on_truncated_space(
         self, rates: SparseMatrix, interest: Int64s, reward_rate: Floats
@@ -337,35 +326,25 @@ def _sum_series(
     interest: Int64s | None,
     observer: Observer | None,
     mass: bool = False,
-    tail: float = 1e-300,
-    growth: float = 1.0,
 ) -> Transient:
     """The sum of weight_k * P^k start over the Poisson window, cut short if bounds permit it.
 
     source: the weights are P(N > k), else P(N = k).
     mass: start is a distribution, whose sum does not grow; else values, whose maximum does not.
-    tail: weights below this part of the largest are omitted and counted as an error.
-    growth: bound on the growth of the maximum in the steps that count; if it exceeds 1, no values
-      are treated as negligible.
     """
-    window = poisson(chain.q * time, tail)
+    window = poisson(chain.q * time)
     weights = window.tails() if source else window.masses()
     y, z, total = start.copy(), np.empty_like(start), np.zeros_like(start)
     at_interest: Callable[[Floats], Floats] = (
         (lambda v: v) if interest is None else (lambda v: v[interest])
     )
     k, check_interval = 0, min(tuning.CHECK_INTERVAL, len(weights))
-    # A step rounds each product and sum; the error is relative, because no difference but q - exit
-    # rate is rounded. Besides, exit rates are rounded sums, and q t is a rounded product: if they
-    # differ by e relatively, the weight of each path has a factor within exp(±e q t), however many
-    # steps it has.
-    rounding_error = (chain.longest + 14) * tuning.UNIT_ROUNDOFF
-    fixed_error = 1e-10 + window.error + (chain.longest + 2) * tuning.UNIT_ROUNDOFF * window.rate
+    rounding_error = _step_error(chain)
     while True:
         # The ratio bounds ignore negligible entries, which converge last.
         floor = (
             0.0
-            if mass or k == 0 or growth > 1.0
+            if mass or k == 0
             else 1e-3 * settings.epsilon * float(at_interest(y).min(initial=np.inf)) / len(weights)
         )
         floor = floor if np.isfinite(floor) else 0.0
@@ -373,10 +352,10 @@ def _sum_series(
             y, z, total, weights.between(k, k + check_interval), floor
         )
         k += check_interval
-        error = (k + 4) * rounding_error + fixed_error
+        error = _series_error(chain, window, k)
         below = total * (1.0 - error)
         remaining_weight = weights.tail_sum(k) + window.missing
-        size = float(y.sum()) if mass else most * growth
+        size = float(y.sum()) if mass else most
         above = total * (1.0 + error) + remaining_weight * size * (1.0 + error)
         if observer is not None:
             observer(Progress("uniformisation", k, high - low, len(start)))
@@ -407,6 +386,53 @@ def _sum_series(
                     f", then a steady ratio of {0.5 * (low + high):.12g} per step",
                 )
         check_interval = min(max(tuning.CHECK_INTERVAL, k // 20), len(weights) - k)
+
+
+def _smooth(
+    chain: UniformizedChain,
+    start: Floats,
+    time: float,
+    source: bool,
+    growth: float,
+    observer: Observer | None,
+) -> tuple[Floats, int, float]:
+    """The sum of weight_k * P^k start over the whole Poisson window, for a short time.
+
+    Args:
+        source: the weights are P(N > k), else P(N = k).
+        growth: a bound on the growth of the maximum.
+
+    Returns:
+        The sum, the steps, and a bound on the absolute error.
+    """
+    window = poisson(chain.q * time, 1e-16)
+    weights = window.tails() if source else window.masses()
+    y, z, total, most = start.copy(), np.empty_like(start), np.zeros_like(start), 0.0
+    for k in range(0, len(weights), tuning.CHECK_INTERVAL):
+        part = weights.between(k, min(k + tuning.CHECK_INTERVAL, len(weights)))
+        y, z, low, high, most = chain.advance(y, z, total, part, 0.0)
+        if observer is not None:
+            observer(Progress("uniformisation", k + len(part), high - low, len(start)))
+    error = _series_error(chain, window, len(weights))
+    remaining = (weights.tail_sum(len(weights)) + window.missing) * most * growth
+    return total, len(weights), (float(total.max()) * error + remaining) * (1.0 + 2.0 * error)
+
+
+def _step_error(chain: UniformizedChain) -> float:
+    """The relative error of a step, which rounds each product and sum, but no difference except
+    q - exit rate.
+    """
+    return (chain.longest + 14) * tuning.UNIT_ROUNDOFF
+
+
+def _series_error(chain: UniformizedChain, window: PoissonWeights, steps: int) -> float:
+    """The relative error of the sum after some steps.
+
+    Exit rates are rounded sums, and q t is a rounded product: if they differ by e relatively, the
+    weight of each path has a factor within exp(±e q t), however many steps it has.
+    """
+    fixed = 1e-10 + window.error + (chain.longest + 2) * tuning.UNIT_ROUNDOFF * window.rate
+    return (steps + 4) * _step_error(chain) + fixed
 
 
 def _worth_computing(
