@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import re
+import resource
 import signal
 import sys
 import tempfile
@@ -69,6 +70,8 @@ STRATEGY = """(0,false,0,false)=a
 """
 SECONDS = 5
 """The longest time of one input; what takes longer is left."""
+MEMORY = 8 << 30
+"""Address space, in bytes."""
 
 MOST_STATES = 1000
 """Of models and files that are built."""
@@ -324,11 +327,12 @@ if __name__ == "__main__":
     for i, text in enumerate(seeds):
         (corpus / f"seed{i}").write_bytes(text)
     signal.signal(signal.SIGALRM, stop)
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     most = max(4000, *(2 * len(text) for text in seeds))  # a longer text is cut
     arguments = [
         sys.argv[0],
         f"-max_len={most}",
-        "-rss_limit_mb=4096",
+        "-rss_limit_mb=0",  # what asks for more than there is has to end with a message
         "-timeout=60",
         f"-artifact_prefix={folder}/",
     ]

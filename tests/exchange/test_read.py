@@ -110,6 +110,7 @@ FAULTS = [
     ({"tra": "3\n"}, "m.tra:1:1", "first line"),
     ({"tra": "3 4x\n"}, "m.tra:1:3", "4x"),
     ({"tra": "0 0\n"}, "m.tra:1:1", "at least one state"),
+    ({"tra": "2147483648 0\n"}, "m.tra:1:1", "at most 2**31 - 1 states"),
     (
         {"tra": "3 5\n0 1 0.5\n0 2 0.5\n1 1 1\n2 2 1\n"},
         "m.tra:1:3",

@@ -166,6 +166,8 @@ def _read_transitions(part: Source, kind: ModelType | None, check_sums: bool) ->
     has_choices = len(size) == 3
     if size[0] == 0:
         file.fault(0, "a model has at least one state", "count", 0)
+    if size[0] >= 2**31:
+        file.fault(0, "an explicit model has at most 2**31 - 1 states", "count", 0)
     if kind is not None and (kind is ModelType.MDP) != has_choices:
         holds = (
             "an MDP has states, choices and transitions"
