@@ -48,7 +48,7 @@ def forward_value(
     state: int,
     settings: Settings,
     observer: Observer | None,
-) -> ForwardValue | None:
+) -> ForwardValue:
     """Bounds on x(time) at one state, for x' = Q x + reward rate, x(0) = terminal.
 
     Args:
@@ -61,7 +61,7 @@ def forward_value(
         observer: receives the progress.
 
     Returns:
-        None if too many states are active.
+        The bounds; the upper one is infinite if too many states are active or too much was dropped.
     """
     run = _Run(rates, exit_rates, start, time, source, state)
     budget = tuning.FORWARD_WORK
@@ -72,20 +72,20 @@ def forward_value(
             budget -= visited
             ahead = visited * (len(run.weights) - run.steps) // tuning.CHECK_INTERVAL
             if run.count < 0 or budget < 0:
-                return None
+                return run.abandoned()
             if observer is not None:
                 observer(Progress("uniformisation", run.steps, run.upper - run.lower, run.count))
             if run.converged(settings):
                 return run
             if ahead > tuning.FORWARD_WORK:
-                return None
+                return run.abandoned()
             spoilt = run.is_spoilt(settings)
         goal = settings.epsilon * (run.lower if settings.relative else 1.0)
         if run.loss <= 0.01 * goal:  # rounding alone is too much
-            return None
+            break
         factor = 0.01 * goal / run.loss
         run.restart(run.threshold * min(factor or 1.0, tuning.FORWARD_REFINEMENT))
-    return None
+    return run.abandoned()
 
 
 class _Run(ForwardValue):
@@ -121,6 +121,11 @@ class _Run(ForwardValue):
         self.active[0], self.y[self.state], self.count = self.state, 1.0, 1
         self.lower, self.upper, self.steps, self.terms = 0.0, math.inf, 0, 0
         self.total = self.lost = self.loss = 0.0
+
+    def abandoned(self) -> ForwardValue:
+        """The lower bound alone, which also holds within a step."""
+        self.upper = math.inf
+        return self
 
     def advance(self) -> int:
         """Make some steps; return the entries visited."""

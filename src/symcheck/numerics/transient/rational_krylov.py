@@ -91,9 +91,10 @@ def krylov_values(
     speed = system.generator(start) + (0.0 if reward_rate is None else reward_rate)
     rounding_error = (system.longest + 6) * tuning.UNIT_ROUNDOFF * 2.0 * system.fastest * time
     # Rounding of `speed` acts all the time; rows of Q may sum to a little more than 0.
-    fixed = rounding_error * float(
-        np.max(np.abs(start))
-    ) + 6.0 * tuning.UNIT_ROUNDOFF * time * float(np.max(np.abs(speed)))
+    greatest = float(np.max(np.abs(start)))
+    fixed = rounding_error * greatest + 6.0 * tuning.UNIT_ROUNDOFF * time * float(
+        np.max(np.abs(speed))
+    )
     growth = largest_growth(rates, exit_rates, time, rounding_error)
     if math.isinf(growth):
         return None
@@ -111,24 +112,26 @@ def krylov_values(
         except (np.linalg.LinAlgError, OverflowError):  # singular, or not finite
             return None
         end, rounded = projection.at_end(path)
-        values = start + _combination(end, space.basis)
         error = (_defect(projection, path) + rounded + fixed) * growth * (1.0 + 1e-6)
-        error += 1e-13 * float(np.max(np.abs(values)))
-        width, least = 2.0 * error, float(values[interest].min())
+        # The sum with the start is rounded too.
+        error += 4.0 * tuning.UNIT_ROUNDOFF * (greatest + float(np.abs(end) @ projection.greatest))
+        at_interest = [vector[interest] for vector in space.basis]
+        least = float((start[interest] + _combination(end, at_interest)).min())
+        width = 2.0 * error
         if observer is not None:
             observer(Progress("rational krylov", space.steps, width, len(start)))
         if history and not width < tuning.SPURIOUS_GROWTH * history[-1][1]:
             continue  # the projection has a spurious eigenvalue, and the next has it no more
         history.append((size, width))
         goal = settings.epsilon * (least if settings.relative else 1.0)
-        if width <= goal:
-            return KrylovValues(values, error, size, space.steps)
-        if (
-            not least > 0.0
-            or float(values.max()) > tuning.MAX_VALUE_RANGE * least
-            or not _converges(history, goal, sizes[-1])
-        ):
+        if width > goal and not (least > 0.0 and _converges(history, goal, sizes[-1])):
             return None
+        if width <= goal or len(history) == 1:
+            values = start + _combination(end, space.basis)
+            if width <= goal:
+                return KrylovValues(values, error, size, space.steps)
+            if float(values.max()) > tuning.MAX_VALUE_RANGE * least:
+                return None
         if width < least:  # otherwise the goal is a guess
             weight = time * growth * float(np.max(np.abs(path.nodes[:, -1])))
             allowed = tuning.VECTOR_SHARE * goal / weight if weight > 0.0 else 0.0

@@ -137,11 +137,11 @@ class _Horizon:
         rates, interest = self.rates, self.interest
         if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
             entries = float(self.exit_rates.max()) * self.time * (rates.entries + rates.rows)
-            result = None
+            result, least = None, 0.0
             if len(interest) == 1 and entries > tuning.FORWARD_ENTRIES:
-                result = self.by_forward_steps(rates, int(interest[0]), start, source)
+                result, least = self.by_forward_steps(rates, int(interest[0]), start, source)
             if result is None and source and entries > tuning.TRUNCATION_ENTRIES:
-                result = self.if_negligible(rates, interest, start)
+                result = self.if_negligible(rates, interest, start, least)
                 result = result or self.on_truncated_space(rates, interest, start)
             result = result or self.by_rational_krylov(rates, interest, start, source)
             if result is not None:
@@ -157,20 +157,24 @@ class _Horizon:
 
     def by_forward_steps(
         self, rates: SparseMatrix, state: int, start: Floats, source: bool
-    ) -> Transient | None:
-        """Forward uniformisation from the state of interest; other states get trivial bounds."""
+    ) -> tuple[Transient | None, float]:
+        """Forward uniformisation from the state of interest; other states get trivial bounds.
+
+        Returns:
+            None if it did not end; and a lower bound on the value of the state in any case.
+        """
         run = forward_value(
             rates, self.exit_rates, start, self.time, source, state, self.settings, self.observer
         )
-        if run is None:
-            return None
+        if math.isinf(run.upper):
+            return None, run.lower
         lower, upper = self.trivial_bounds(start, source)
         lower[state], upper[state] = run.lower, run.upper
         note = (
             f"uniformisation, {run.steps} steps forward, with at most {run.largest} of "
             f"{len(start)} states active"
         )
-        return Transient(lower, upper, run.steps, note)
+        return Transient(lower, upper, run.steps, note), run.lower
 
     def trivial_bounds(self, start: Floats, source: bool) -> tuple[Floats, Floats]:
         """0, and what the largest reward would earn all the time: float64[n] each."""
@@ -178,12 +182,17 @@ class _Horizon:
         return np.zeros(len(start)), np.full(len(start), most)
 
     def if_negligible(
-        self, rates: SparseMatrix, interest: Int64s, reward_rate: Floats
+        self, rates: SparseMatrix, interest: Int64s, reward_rate: Floats, least: float
     ) -> Transient | None:
-        """Values from 0 to a proved bound, if that is close enough; others get trivial bounds."""
+        """Values from 0 to a proved bound, if that is close enough; others get trivial bounds.
+
+        least: a lower bound on the values of interest.
+        """
         enough = tuning.UNDERFLOW_BOUND
         if not self.settings.relative:
             enough = max(enough, self.settings.epsilon)
+        if least > enough:
+            return None
         bound = bound_negligible_values(
             rates, self.exit_rates, self.time, reward_rate, interest, enough
         )
@@ -405,7 +414,7 @@ def _smooth(
     Returns:
         The sum, the steps, and a bound on the absolute error.
     """
-    window = poisson(chain.q * time, 1e-16)
+    window = poisson(chain.q * time, 1e-12)
     weights = window.tails() if source else window.masses()
     y, z, total, most = start.copy(), np.empty_like(start), np.zeros_like(start), 0.0
     for k in range(0, len(weights), tuning.CHECK_INTERVAL):
