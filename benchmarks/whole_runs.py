@@ -107,7 +107,10 @@ if engine == "SPARSE":
     print("Result:", max(values) if greatest else min(values))
 else:
     result.filter(stormpy.create_filter_initial_states(model))
-    print("Result:", result.get_max() if greatest else result.get_min())
+    if result.is_qualitative():
+        print("Result:", result.forall_true())
+    else:
+        print("Result:", result.get_max() if greatest else result.get_min())
 """
 
 
