@@ -13,6 +13,7 @@ import pytest
 from distributed import Client, LocalCluster
 
 import symcheck
+from dask_workers import wait_for_workers
 from symcheck.cli import main
 from symcheck.errors import UsageError
 from symcheck.experiments.rows import Row
@@ -39,7 +40,7 @@ def cluster() -> Iterator[LocalCluster]:
         yield started
         # Dask cannot close while it starts workers again.
         with Client(started) as connected:
-            connected.wait_for_workers(2, timeout=60)
+            wait_for_workers(connected, 2)
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ import pytest
 from distributed import Client, LocalCluster
 
 import symcheck
+from dask_workers import wait_for_workers
 from symcheck.distributed import DistributedModel, explore_on_cluster
 from symcheck.errors import ModelFault, ResourceError
 
@@ -83,7 +84,7 @@ def test_a_killed_worker_is_an_error_without_checkpoints(client: Client) -> None
     with pytest.raises(ResourceError, match="a worker of the cluster is lost"):
         check_for_ever(distributed)
     killer.join()
-    client.wait_for_workers(2, timeout=60)
+    wait_for_workers(client, 2)
 
 
 def test_a_killed_worker_is_replaced_from_checkpoints(client: Client, tmp_path: Path) -> None:
