@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -207,7 +208,11 @@ def test_later_vectors_take_fewer_steps_and_the_error_holds(
     assert steps[1] < 0.8 * steps[0]
 
 
-def test_a_projection_that_explodes_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize("bound", [1e18, math.inf, math.nan])
+def test_a_projection_that_explodes_is_passed_over(
+    which: int, bound: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     _, rates, leave = stiff(60, 1)
     reward_rate = np.random.default_rng(1).random(60)
     arguments = (rates, leave, np.zeros(60), reward_rate, 20.0, np.arange(60), EVERYWHERE)
@@ -215,15 +220,27 @@ def test_a_projection_that_explodes_is_passed_over(monkeypatch: pytest.MonkeyPat
     assert found is not None
     defect, bounds = rational_krylov._defect, list[float]()
 
-    def second_explodes(*parts: Any) -> float:
-        bounds.append(1e18 if len(bounds) == 1 else defect(*parts))
+    def one_explodes(*parts: Any) -> float:
+        bounds.append(bound if len(bounds) == which else defect(*parts))
         return bounds[-1]
 
-    monkeypatch.setattr(rational_krylov, "_defect", second_explodes)
+    monkeypatch.setattr(rational_krylov, "_defect", one_explodes)
     again = krylov_values(*arguments)
     assert again is not None
     assert len(bounds) > 2
+    assert again.vectors == found.vectors
     assert again.values.tobytes() == found.values.tobytes()
+
+
+def test_convergence_is_not_judged_by_the_first_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, rates, leave = stiff(60, 1)
+    monkeypatch.setattr(tuning, "SUBSPACE_SIZES", (24, 40))
+    monkeypatch.setattr(tuning, "LARGER_SUBSPACE_SIZES", (60,))
+    reward_rate = np.random.default_rng(1).random(60)
+    found = krylov_values(
+        rates, leave, np.zeros(60), reward_rate, 20.0, np.arange(60), Accuracy(epsilon=1e-12)
+    )
+    assert found is None or found.vectors > 24
 
 
 def test_rates_too_large_for_any_accuracy_have_no_subspace() -> None:

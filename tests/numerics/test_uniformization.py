@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from decimal import Decimal, localcontext
 from fractions import Fraction
 
@@ -115,6 +116,20 @@ def test_nothing_is_left_after_the_last_weight() -> None:
     for weights in (poisson(100.0).masses(), poisson(100.0).tails()):
         assert weights.tail_sum(len(weights)) == 0.0
         assert weights.tail_sum(len(weights) + 7) == 0.0
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.3, 20.0, 2000.0])
+@pytest.mark.parametrize("epsilon", [1e-3, 1e-6])
+def test_what_the_weights_lack_is_bounded(rate: float, epsilon: float) -> None:
+    """The sum of P(N = k) is 1, and that of P(N > k) is the rate."""
+    window = poisson(rate, epsilon)
+    numbers = range(window.left, window.right + 1)
+    inside = sum(
+        math.exp(k * math.log(rate) - rate - math.lgamma(k + 1)) if rate else 1.0 for k in numbers
+    )
+    assert 1.0 - inside <= window.masses().missing + 1e-12
+    tails = replace(window, values=window.values * inside).tails()
+    assert rate - tails.tail_sum(0) <= tails.missing + 1e-12 * rate
 
 
 def exact_weight(rate: float, k: int) -> float:

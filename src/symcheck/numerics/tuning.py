@@ -158,11 +158,11 @@ uniformisation ends early, the attempt costs half as much again."""
 SMOOTHING_STEPS = 200.0
 """Steps of uniformisation that smooth the initial values before."""
 POLES: tuple[float, ...] = (15.0,)
-"""The pole γ is the time divided by these numbers, in turn."""
+"""The poles of the rational functions, times the time, in turn."""
 WEIGHTED_POLES: tuple[float, ...] = (20.0, 150.0, 800.0)
 """Likewise for values divided by weights, where fast components persist."""
 ELIMINATION_POLE = 10.0
-"""Likewise for elimination, which factorises for one pole only."""
+"""Likewise for elimination, which factorises one matrix only."""
 SUBSPACE_SIZES = (8, 10, 12, *range(14, 25), 26, 28, 30, 33, 36, 40, 44, 48, 52, 56, 60)
 """Dimensions of the subspace at which the defect is computed."""
 LARGER_SUBSPACE_SIZES = (75, 90, 110, 130, 160, 200)

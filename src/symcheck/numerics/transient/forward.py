@@ -154,9 +154,9 @@ class _Run(ForwardValue):
         self.steps += len(values)
         self.largest = max(self.largest, self.count)
         self.terms = max(self.terms, terms)
-        roundings = (self.steps + 4) * (self.terms + 14) + (
-            self.rates.longest + 2
-        ) * self.window.rate
+        # Of a step, of the sum over active states, and of exit rates (see `_series_error`).
+        steps = (self.steps + 4) * (self.terms + 14) + self.largest
+        roundings = steps + (self.rates.longest + 2) * self.window.rate
         error = roundings * tuning.UNIT_ROUNDOFF + self.window.error + 1e-10
         self.lower = max(self.total * (1.0 - error), 0.0)
         self.upper = self.total * (1.0 + error) + (self.loss + self.rest) * (1.0 + 1e-9)
@@ -165,7 +165,7 @@ class _Run(ForwardValue):
     @property
     def rest(self) -> float:
         """The most that later steps add."""
-        return (self.weights.tail_sum(self.steps) + self.window.missing) * self.greatest
+        return (self.weights.tail_sum(self.steps) + self.weights.missing) * self.greatest
 
     def converged(self, settings: Settings) -> bool:
         """Whether the bounds are close enough."""

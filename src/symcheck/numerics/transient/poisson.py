@@ -3,7 +3,9 @@
 They are computed outwards from the mode as products of ratios and normalised by their sum, so no
 relevant weight underflows and no large factorial is formed.
 
-The relative error of each weight, and of each sum of weights, is at most `PoissonWeights.error`.
+The relative error of each weight, and of each sum of weights within the window, is at most
+`PoissonWeights.error`. The sequences that they form begin or end with the window; the sum of what
+they lack is at most `WeightSequence.missing`.
 The weight that is d numbers from the mode is a product of d ratios of exact integers and the rate,
 which takes 2 d roundings. The total of n weights, by which they are divided, has the error of its
 terms, n roundings, and what the window omits; a sum of weights has n roundings more. So with at
@@ -47,24 +49,29 @@ class PoissonWeights:
 
     def masses(self) -> WeightSequence:
         """P(N = k) as a sequence over k = 0, 1, ..."""
-        return WeightSequence(self.left, 0.0, self.values)
+        return WeightSequence(self.left, 0.0, self.values, self.missing)
 
     def tails(self) -> WeightSequence:
         """P(N > k) as a sequence over k = 0, 1, ..."""
         tail = np.minimum(np.cumsum(self.values[::-1])[::-1], 1.0)
-        return WeightSequence(self.left, 1.0, np.append(tail[1:], 0.0))
+        # Each weight lacks P(N > right); beyond, P(N > k + 1) / P(N > k) is at most rate / (k + 2).
+        later = self.rate / (self.right + 2.0 - self.rate)
+        missing = self.missing * (len(self.values) + later) * (1.0 + 1e-9)
+        return WeightSequence(self.left, 1.0, np.append(tail[1:], 0.0), missing)
 
 
 @dataclass(frozen=True, eq=False)
 class WeightSequence:
     """A sequence of weights: `constant` for k < left, then `values`, then 0.
 
-    It is not stored in full, as left may be 1e9.
+    It is not stored in full, as left may be 1e9. missing: a bound on the sum of what the weights
+    lack, since the window ends.
     """
 
     left: int
     constant: float
     values: Floats
+    missing: float = 0.0
 
     def __len__(self) -> int:
         return self.left + len(self.values)

@@ -363,7 +363,7 @@ def _sum_series(
         k += check_interval
         error = _series_error(chain, window, k)
         below = total * (1.0 - error)
-        remaining_weight = weights.tail_sum(k) + window.missing
+        remaining_weight = weights.tail_sum(k) + weights.missing
         size = float(y.sum()) if mass else most
         above = total * (1.0 + error) + remaining_weight * size * (1.0 + error)
         if observer is not None:
@@ -378,7 +378,7 @@ def _sum_series(
             and math.isfinite(powers := weights.powers(k, high * (1.0 + rounding_error)))
         ):
             least = weights.powers(k, low * (1.0 - rounding_error))
-            greatest = powers + 2.0 * window.missing
+            greatest = powers + 2.0 * weights.missing
             kept = np.where(y > floor / (1.0 - rounding_error), y, 0.0)
             shortcut = (
                 below + least * kept * (1.0 - error),
@@ -423,7 +423,7 @@ def _smooth(
         if observer is not None:
             observer(Progress("uniformisation", k + len(part), high - low, len(start)))
     error = _series_error(chain, window, len(weights))
-    remaining = (weights.tail_sum(len(weights)) + window.missing) * most * growth
+    remaining = (weights.tail_sum(len(weights)) + weights.missing) * most * growth
     return total, len(weights), (float(total.max()) * error + remaining) * (1.0 + 2.0 * error)
 
 
@@ -438,7 +438,9 @@ def _series_error(chain: UniformizedChain, window: PoissonWeights, steps: int) -
     """The relative error of the sum after some steps.
 
     Exit rates are rounded sums, and q t is a rounded product: if they differ by e relatively, the
-    weight of each path has a factor within exp(±e q t), however many steps it has.
+    weight of each path has a factor within exp(±e q t), however many steps it has. 1e-10 is the
+    error of `WeightSequence.powers`; it also covers that weights beyond the window count more than
+    twice where values grow.
     """
     fixed = 1e-10 + window.error + (chain.longest + 2) * tuning.UNIT_ROUNDOFF * window.rate
     return (steps + 4) * _step_error(chain) + fixed
