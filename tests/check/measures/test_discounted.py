@@ -61,6 +61,19 @@ def test_a_chain(engine):
     assert check_text(model, "R=? [ C<=0 discount=0.5 ]").value == 0
 
 
+@pytest.mark.parametrize("engine", ENGINES[:-1])
+@pytest.mark.parametrize(("discount", "close"), [("0.999999", True), ("0.999999999999", False)])
+def test_rounding_over_a_long_horizon_is_part_of_the_bounds(engine, discount, close):
+    """A chain that ends soon has small values, and small errors, however long the horizon is."""
+    text = FLIP.replace("(s'=0);", "true;").replace("s=1 : 3;", "")
+    exact = check_text(engine_of(text, "exact"), f"R=? [ C discount={discount} ]").value
+    result = check_text(engine_of(text, engine), f"R=? [ C discount={discount} ]")
+    low, high = result.bounds
+    assert low <= exact <= high
+    assert high - low <= (1e-8 if close else 1e-2)
+    assert bool(result.warnings) is not close
+
+
 def least_and_greatest(text: str, g: Fraction) -> list[list[Fraction]]:
     """The values of all states by solving the equations of each memoryless strategy."""
     engine = engine_of(text)

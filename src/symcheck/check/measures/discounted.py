@@ -22,7 +22,7 @@ from symcheck.engines.base import ROUNDING, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.numerics.linear.problem import LinearProblem, Progress, largest_width
-from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.numerics.tuning import UNDERFLOW_BOUND, UNIT_ROUNDOFF
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
 
@@ -84,8 +84,9 @@ def discounted_reward(
     )
     if engine.exact or not solution.certified:
         return system.lift(solution.middle, None, exact=True)
-    margin = _rounding(system, rewards, discount, None)
-    return _lifted(context, system, rewards, (solution.lower, solution.upper), margin)
+    bounds = solution.lower, solution.upper
+    margin = _rounding(system, rewards, discount, None, _largest(*bounds))
+    return _lifted(context, system, rewards, bounds, margin)
 
 
 def discounted_problem(
@@ -120,16 +121,18 @@ def _iterated(
     exact, options = context.engine.exact, context.options
     factors = full(1, discount, exact=exact)
     factor = factors[0]
-    margin = 0.0 if exact else _rounding(system, rewards, discount, steps)
+    later = full(1, discount / (1 - discount), exact=exact)[0]
     # What is earned later changes nothing beyond rounding.
     negligible = 0.0 if exact else UNIT_ROUNDOFF * float(1 - discount)
     x = lower = upper = system.full(0)
-    remaining, taken, width = 1.0, 0, np.inf
+    remaining, taken, width, largest, margin = 1.0, 0, np.inf, 0.0, 0.0
     while taken < (options.max_iterations if steps is None else steps):
         y = best(factors * system.operator.multiply(x) + rewards, system, direction)
         change, x, taken, remaining = y - x, y, taken + 1, remaining * float(factor)
+        if not exact:
+            largest = max(largest, _largest(x))
+            margin = _rounding(system, rewards, discount, steps, largest)
         if steps is None:
-            later = factor / (1 - factor)
             lower, upper = x + later * change.min(), x + later * change.max()
             width = largest_width(lower, upper, options.relative)
         if context.observer is not None:
@@ -147,16 +150,26 @@ def _iterated(
     return _lifted(context, system, rewards, (x, x) if steps else (lower, upper), margin)
 
 
-def _rounding(system: System, rewards: Numbers, discount: Fraction, steps: int | None) -> float:
+def _largest(*values: Numbers) -> float:
+    """The largest absolute entry."""
+    return max(float(np.abs(v).max(initial=0.0)) for v in values)
+
+
+def _rounding(
+    system: System, rewards: Numbers, discount: Fraction, steps: int | None, largest: float
+) -> float:
     """A bound on the rounding errors of the discount, of products and of the iteration.
 
     An error of c max|x| in each step amounts to c max|x| / (1 - discount) over all steps.
+
+    Args:
+        largest: max|x|, over the steps.
     """
     horizon = 1 / float(1 - discount)
     if steps is not None:
         horizon = min(horizon, float(steps))
-    largest = float(np.abs(rewards).max(initial=0.0)) * horizon
-    return 2 * (system.operator.longest + 5) * UNIT_ROUNDOFF * largest * horizon
+    greatest = largest + _largest(rewards)
+    return 2 * (system.operator.longest + 5) * UNIT_ROUNDOFF * greatest * horizon
 
 
 def _lifted(
@@ -168,12 +181,12 @@ def _lifted(
 ) -> Values:
     """Bounds as values, widened by the rounding errors."""
     lower, upper = bounds
-    context.warn_if_wide(
-        0.0
-        if (upper - lower).max(initial=0.0) <= margin
-        else largest_width(lower, upper, context.options.relative),
-        "discounted rewards",
-    )
+    relative = context.options.relative
+    if (upper - lower).max(initial=0.0) > margin:
+        width = largest_width(lower, upper, relative)
+    else:  # relative to small values, rounding errors may be large
+        width = 2 * margin / max(_largest(*bounds) if relative else 1.0, UNDERFLOW_BOUND)
+    context.warn_if_wide(width, "discounted rewards")
     if rewards.min(initial=0.0) >= 0:  # sums of zeros have no error
         margins = np.where(upper == 0.0, 0.0, margin)
         low, high = np.maximum(lower - margins, 0.0), upper + margins
