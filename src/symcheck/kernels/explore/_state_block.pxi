@@ -11,12 +11,13 @@ cdef class StateBlock:
     After `expand`, `batches` of them are complete, and `ends` says how many states, rows and
     deadlocks of the block there are up to the end of each. A `status` other than 0 is that of the
     state with the index `failed`, in the batch after them. The successors of the batches before
-    `next_batch`, up to `numbered`, have numbers.
+    `next_batch`, up to `numbered`, have numbers. `nbytes` is the memory held when no thread last
+    worked on it.
     """
 
     cdef Expander expander
     cdef Buffer sources, ends
-    cdef long long first, size, batches, failed, next_batch
+    cdef long long first, size, batches, failed, next_batch, nbytes
     cdef BatchEnd numbered
     cdef int status
     cdef bint ready
@@ -38,6 +39,7 @@ cdef class StateBlock:
         memcpy(self.sources.data, <const char*> states.rows.data + first * width, size * width)
         self.first, self.size, self.next_batch = first, size, 0
         self.numbered = BatchEnd(0, 0, 0)
+        self.nbytes = self.expander.nbytes + self.sources.size
         self.ready = False
         return 0
 
@@ -45,6 +47,7 @@ cdef class StateBlock:
         """Find the successors of the states."""
         with nogil:
             self._expand(self.expander)
+        self.nbytes = self.expander.nbytes + self.sources.size
         self.ready = True
 
     cdef void _expand(self, Expander e) noexcept nogil:

@@ -137,11 +137,11 @@ cdef class Explorer:
 
     @property
     def nbytes(self) -> int:
-        """Memory held, in bytes."""
+        """Memory held, in bytes; what blocks hold more while threads expand them does not count."""
         cdef StateBlock block
         cdef long long total = 0
         for block in (*self.blocks, *self.free_blocks):
-            total += block.expander.nbytes + block.sources.size
+            total += block.nbytes
         return (self.states.nbytes + self.expander.nbytes + self.ids.size + self.counts.size
                 + total)
 
