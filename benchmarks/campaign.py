@@ -415,6 +415,8 @@ def main() -> int:
         "--storm", type=float, default=0, metavar="SHARE", help="ask stormpy about these models"
     )
     asked = parser.parse_args()
+    if not asked.log.suffix:
+        parser.error("the log needs an extension: differences are written into the folder without")
 
     storm, folder = Storm(), asked.log.with_suffix("")
     if asked.only:

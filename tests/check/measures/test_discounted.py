@@ -74,6 +74,19 @@ def test_rounding_over_a_long_horizon_is_part_of_the_bounds(engine, discount, cl
     assert bool(result.warnings) is not close
 
 
+@pytest.mark.parametrize("engine", ENGINES[:-1])
+@pytest.mark.parametrize("query", ["C<=2 discount=0.9", "C discount=0.9"])
+def test_small_values_are_as_accurate_as_large_ones(engine, query):
+    text = FLIP.replace("1/2 : (s'=0) + 1/2 : (s'=1)", "1-1e-12 : (s'=0) + 1e-12 : (s'=1)")
+    text = text.replace(" [] s=0 : 1;", "")
+    exact = check_text(engine_of(text, "exact"), f"R=? [ {query} ]").value
+    result = check_text(engine_of(text, engine), f"R=? [ {query} ]")
+    low, high = result.bounds
+    assert low * (1 - 1e-13) <= exact <= high * (1 + 1e-13)  # may be exact up to rounding
+    assert high - low <= 1e-6 * exact
+    assert not result.warnings
+
+
 def least_and_greatest(text: str, g: Fraction) -> list[list[Fraction]]:
     """The values of all states by solving the equations of each memoryless strategy."""
     engine = engine_of(text)

@@ -418,3 +418,36 @@ def test_front_of_three_objectives_against_all_strategies(seed, engine):
     for h in result.front.halfspaces:
         weights = np.array(h.weights, dtype=float)
         assert (front @ weights).max() == pytest.approx(float(h.bound), abs=1e-9)
+
+
+TINY_PROBABILITIES = """mdp
+module m0
+  x0 : [0..2] init 1;
+  [] y0=0 -> 0.5 : (x0'=min(x0+1,2)) + 0.5 : (x0'=max(x0-1,0));
+  [] true -> 1e-9 : (x0'=max(x0-1,0)) + 1e-6 : (x0'=1) + 1-1e-9-1e-6 : (x0'=2);
+endmodule
+module m1
+  y0 : [0..1] init 0;
+  y1 : [0..1] init 0;
+  [] y0>=1 -> 0 : (y0'=mod(y0+1,2)) + 1 : (y1'=min(y1+1,1));
+  [go] z0!=0 -> (y0'=1);
+  [go] y1<=1 -> (y0'=max(y0-1,0));
+  [] x0=0 -> (y0'=max(y0-1,0));
+endmodule
+module m2
+  z0 : [0..1] init 0;
+  [] z0!=1 -> (z0'=max(z0-1,0));
+  [go] true -> 1e-12 : (z0'=max(z0-1,0)) + 0.5 : (z0'=max(z0-1,0)) + 0.5-1e-12 : (z0'=mod(z0+1,2));
+  [] y1>=1 -> 1e-12 : (z0'=min(z0+1,1)) + 1-1e-12 : (z0'=min(z0+1,1));
+  [] z0>=1 -> (z0'=max(z0-1,0));
+endmodule
+rewards "c" true : 1; [go] true : 1; endrewards
+"""
+"""HiGHS takes its bounded linear program for unbounded, unless presolve is off."""
+
+
+@pytest.mark.parametrize("engine", ["explicit", "exact"])
+def test_a_program_beside_tiny_probabilities_is_not_taken_for_unbounded(engine):
+    model = symcheck.loads(TINY_PROBABILITIES, engine=engine)
+    value = model.check('multi(R{"c"}min=? [ S ], P>=0.5 [ F "init" ])').value
+    assert value == pytest.approx(1, abs=1e-7)

@@ -9,7 +9,8 @@ Sources: Puterman (1994), Markov Decision Processes, section 6.3 and theorem 6.6
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -21,12 +22,17 @@ from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, full
+from symcheck.matrices.rows import Floats
 from symcheck.numerics.linear.problem import LinearProblem, Progress, largest_width
-from symcheck.numerics.tuning import UNDERFLOW_BOUND, UNIT_ROUNDOFF
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
 
 __all__ = ["discounted_problem", "discounted_reward"]
+
+_HORIZONS = 64.0
+"""What is earned after so many times 1 / (1 - discount) steps is at most exp(-64) of the greatest
+value, 2e-28."""
 
 
 def discounted_reward(
@@ -85,8 +91,8 @@ def discounted_reward(
     if engine.exact or not solution.certified:
         return system.lift(solution.middle, None, exact=True)
     bounds = solution.lower, solution.upper
-    margin = _rounding(system, rewards, discount, None, _largest(*bounds))
-    return _lifted(context, system, rewards, bounds, margin)
+    rounding = _Rounding(system, rewards, discount, None)
+    return _lifted(context, rounding, bounds, rounding.margins(bounds[1], _largest(*bounds)))
 
 
 def discounted_problem(
@@ -122,8 +128,9 @@ def _iterated(
     factors = full(1, discount, exact=exact)
     factor = factors[0]
     later = full(1, discount / (1 - discount), exact=exact)[0]
-    # What is earned later changes nothing beyond rounding.
-    negligible = 0.0 if exact else UNIT_ROUNDOFF * float(1 - discount)
+    rounding = _Rounding(system, rewards, discount, steps)
+    # What is earned later changes nothing, also relative to small values.
+    negligible = 0.0 if exact else UNIT_ROUNDOFF**2 * float(1 - discount)
     x = lower = upper = system.full(0)
     remaining, taken, width, largest, margin = 1.0, 0, np.inf, 0.0, 0.0
     while taken < (options.max_iterations if steps is None else steps):
@@ -131,7 +138,7 @@ def _iterated(
         change, x, taken, remaining = y - x, y, taken + 1, remaining * float(factor)
         if not exact:
             largest = max(largest, _largest(x))
-            margin = _rounding(system, rewards, discount, steps, largest)
+            margin = rounding.margin(largest)
         if steps is None:
             lower, upper = x + later * change.min(), x + later * change.max()
             width = largest_width(lower, upper, options.relative)
@@ -147,7 +154,9 @@ def _iterated(
     )
     if exact:
         return system.lift(x, None, exact=True)
-    return _lifted(context, system, rewards, (x, x) if steps else (lower, upper), margin)
+    if steps is None:  # `later` is the same for all states, and so is its error
+        return _lifted(context, rounding, (lower, upper), np.full_like(upper, margin))
+    return _lifted(context, rounding, (x, x), rounding.margins(x, largest))
 
 
 def _largest(*values: Numbers) -> float:
@@ -155,43 +164,72 @@ def _largest(*values: Numbers) -> float:
     return max(float(np.abs(v).max(initial=0.0)) for v in values)
 
 
-def _rounding(
-    system: System, rewards: Numbers, discount: Fraction, steps: int | None, largest: float
-) -> float:
-    """A bound on the rounding errors of the discount, of products and of the iteration.
+@dataclass(frozen=True, eq=False)
+class _Rounding:
+    """Bounds on the rounding errors of the discount, of products and of the iteration."""
 
-    An error of c max|x| in each step amounts to c max|x| / (1 - discount) over all steps.
+    system: System
+    rewards: Numbers
+    discount: Fraction
+    steps: int | None
 
-    Args:
-        largest: max|x|, over the steps.
-    """
-    horizon = 1 / float(1 - discount)
-    if steps is not None:
-        horizon = min(horizon, float(steps))
-    greatest = largest + _largest(rewards)
-    return 2 * (system.operator.longest + 5) * UNIT_ROUNDOFF * greatest * horizon
+    @property
+    def signed(self) -> bool:
+        """Whether a reward is negative."""
+        return bool(self.rewards.min(initial=0.0) < 0)
+
+    @property
+    def relative(self) -> float:
+        """The relative error of a step, whose terms have one sign."""
+        return 2 * (self.system.operator.longest + 5) * UNIT_ROUNDOFF
+
+    def margin(self, largest: float) -> float:
+        """A bound for all states: an error of c max|x| in each step amounts to c max|x| / (1 -
+        discount) over all steps.
+
+        Args:
+            largest: max|x|, over the steps.
+        """
+        horizon = 1 / float(1 - self.discount)
+        if self.steps is not None:
+            horizon = min(horizon, float(self.steps))
+        return self.relative * (largest + _largest(self.rewards)) * horizon
+
+    def margins(self, upper: Numbers, largest: float) -> Floats:
+        """A bound for each state. Without negative rewards, what is earned in step i has i times
+        the relative error of a step.
+
+        Args:
+            upper: upper bounds on the values.
+            largest: as for `margin`.
+        """
+        most = np.full(len(upper), self.margin(largest))
+        if self.signed:
+            return most
+        steps = _HORIZONS / float(1 - self.discount)
+        if self.steps is not None:
+            steps = min(steps, float(self.steps))
+        later = math.exp(-_HORIZONS) * largest
+        return np.asarray(np.minimum(most, steps * self.relative * upper + later))
 
 
 def _lifted(
-    context: Context,
-    system: System,
-    rewards: Numbers,
-    bounds: tuple[Numbers, Numbers],
-    margin: float,
+    context: Context, rounding: _Rounding, bounds: tuple[Numbers, Numbers], margins: Floats
 ) -> Values:
     """Bounds as values, widened by the rounding errors."""
     lower, upper = bounds
-    relative = context.options.relative
-    if (upper - lower).max(initial=0.0) > margin:
-        width = largest_width(lower, upper, relative)
-    else:  # relative to small values, rounding errors may be large
-        width = 2 * margin / max(_largest(*bounds) if relative else 1.0, UNDERFLOW_BOUND)
-    context.warn_if_wide(width, "discounted rewards")
-    if rewards.min(initial=0.0) >= 0:  # sums of zeros have no error
-        margins = np.where(upper == 0.0, 0.0, margin)
+    system, relative = rounding.system, context.options.relative
+    if rounding.signed:
+        low, high = lower - margins, upper + margins
+        # Relative to values around 0, rounding errors may be large.
+        enough = context.options.epsilon * (_largest(lower, upper) if relative else 1.0)
+        wide = (upper - lower > margins) | (high - low > enough)
+        width = largest_width(low[wide], high[wide], relative)
+    else:  # sums of zeros have no error
+        margins = np.where(upper == 0.0, 0.0, margins)
         low, high = np.maximum(lower - margins, 0.0), upper + margins
-    else:
-        low, high = lower - margin, upper + margin
+        width = largest_width(low, high, relative)
+    context.warn_if_wide(width, "discounted rewards")
     if largest_width(low, high, relative=True) <= ROUNDING:
         return system.lift(0.5 * (lower + upper), None, exact=True)
     return system.lift(low, high)

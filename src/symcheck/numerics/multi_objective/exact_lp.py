@@ -39,11 +39,10 @@ _TRIES = (1e-11, 1e-9, 1e-7)
 """Reduced costs up to which a column may be in the basis, tried in turn."""
 _PIVOTS = 50
 """Exact steps of the simplex method from the vertex that floating point gives."""
-_SETTINGS = (
-    {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
-    {"presolve": False},
-)
-"""Settings of HiGHS; the second ones are used if the first lead to numerical difficulties."""
+_TOLERANCES = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+_SETTINGS = (_TOLERANCES, {**_TOLERANCES, "presolve": False}, {"presolve": False})
+"""Settings of HiGHS; others than the first are used if a program seems to have no optimum: beside
+tiny probabilities, presolve takes programs for infeasible or unbounded that are not."""
 _TIME_SLACK = 0.1
 """Seconds after a time limit at which HiGHS stops: the limit is reported by who keeps it."""
 
@@ -136,11 +135,13 @@ def _by_highs(program: Program) -> OptimizeResult:
     matrix = csc_array(entries, shape=(len(right), len(cost)))
     left = seconds_left()
     limit = {} if left is None else {"time_limit": left + _TIME_SLACK}
+    statuses: list[int] = []
     for settings in _SETTINGS:
         options = {**settings, **limit}
         answer = linprog(cost, A_eq=matrix, b_eq=right, method="highs-ds", options=options)
-        if answer.status != 4:
+        if answer.status not in (2, 3, 4) or (answer.status != 4 and answer.status in statuses):
             break
+        statuses.append(answer.status)
     return answer
 
 

@@ -24,6 +24,7 @@ from functools import cached_property
 
 import numpy as np
 
+from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, spans
 from symcheck.numerics import graph
@@ -341,7 +342,8 @@ class Flow:
         optimum = self._solve(objective, above, -least[bounded] - one)
         if optimum is None:
             return None
-        assert optimum.x is not None
+        if optimum.x is None:
+            raise NumericalError("a linear program that its solver takes for unbounded is not")
         x = optimum.x[:-1]
         return Outcome(1 + optimum.value, self.gains @ x, optimum.gap, x)
 
