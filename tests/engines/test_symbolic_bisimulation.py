@@ -81,11 +81,13 @@ def random_engine(seed, kind):
     seed=st.integers(0, 2**20),
     kind=st.sampled_from(["dtmc", "ctmc", "mdp"]),
     rewarded=st.booleans(),
+    told=st.integers(0, 3),
 )
-def test_the_partition_of_listed_states(seed, kind, rewarded):
+def test_the_partition_of_listed_states(seed, kind, rewarded, told):
     engine = random_engine(seed, kind)
-    first = engine.model.variables[0]
-    states = where(engine, f"{first.name}={first.low}" if first.low is not None else first.name)
+    variable = engine.model.variables[told % len(engine.model.variables)]
+    low = variable.low
+    states = where(engine, f"{variable.name}={low}" if low is not None else variable.name)
     structures = [0] if rewarded and engine.model.rewards else []
     system = engine.system(engine.all)
     colours, rows = [engine.to_bools(states)], []
@@ -132,6 +134,24 @@ def test_bits_that_nobody_reads_count_for_all_their_values():
     found = lump_diagrams(engine.diagrams, [where(engine, "x=3").bdd])
     assert found.blocks == 4  # x=2 moves to x=3 with probability 1, x=0 and x=1 do not alike
     assert np.bincount(found.matrix.indices, found.matrix.data).sum() == 4
+
+
+@pytest.mark.parametrize("kind", ["dtmc", "mdp"])
+def test_coins_that_nobody_reads_count_for_all_their_values_also_at_the_top(kind):
+    text = (
+        f"{kind}\nmodule coins\n c : [0..1]; d : [0..1]; x : [0..1];\n"
+        " [] true -> 1/4:(c'=0)&(d'=0)&(x'=1) + 1/4:(c'=1)&(d'=0)&(x'=1)"
+        " + 1/4:(c'=0)&(d'=1)&(x'=1) + 1/4:(c'=1)&(d'=1)&(x'=1);\nendmodule\n"
+    )
+    engine = engine_of(text, "sparse")
+    for colours, blocks in (
+        ([], 1),
+        ([where(engine, "x=1").bdd], 2),
+        ([where(engine, "d=1").bdd], 2),
+    ):
+        found = lump_diagrams(engine.diagrams, colours)
+        assert found.blocks == blocks
+        assert found.matrix.row_sums().tolist() == [1.0] * blocks
 
 
 def test_components_that_are_alike():

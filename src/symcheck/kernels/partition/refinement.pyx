@@ -227,7 +227,7 @@ cdef class Partition(Splitting):
         for i in range(self.roots.shape[0]):
             reward = self.rewards[i]
             with nogil:
-                s = self.sum(self.image(self.roots[i], self.root), reward)
+                s = self.sum(self.image_below(self.roots[i], self.root, -1), reward)
                 if self.choices:
                     signature_sum = self.union(signature_sum, s)
                 else:
