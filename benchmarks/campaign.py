@@ -1,11 +1,13 @@
 """Check random properties of random models on the engines, with rationals and with Storm.
 
 python benchmarks/campaign.py [--runs N] [--seconds S] [--seed TEXT] [--log FILE] [--storm SHARE]
+                              [--large]
 
 Each run checks four properties of one model in this process: with rationals (time-bounded ones of
 CTMCs by matrix exponentials in ball arithmetic) and on two engines, or on all four in one run of
-eight. Bounds have to contain the exact value, verdicts and errors have to
-agree. The log has one JSON object per line and run; a program that is started again continues
+eight. Bounds have to contain the exact value, verdicts and errors have to agree. With --large,
+thresholds of size are lowered, half of them in each run, so that small models meet the methods for
+large ones. The log has one JSON object per line and run; a program that is started again continues
 after its last line. Each difference is written beside the log, as a model and a property with what
 every engine said, and its seed is printed; --only SEED repeats that run.
 """
@@ -22,12 +24,15 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, nullcontext
 from fractions import Fraction
 from math import inf, isinf, isnan
 from multiprocessing.connection import Connection
 from pathlib import Path
 from random import Random
+from types import ModuleType
+from unittest.mock import patch
 
 import exponentials
 
@@ -46,6 +51,11 @@ from symcheck.errors import (
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from generate import Generated, random_copies, random_question, wild_model
+from symcheck.check import tuning as check
+from symcheck.engines import tuning as engines
+from symcheck.explicit import tuning as explicit
+from symcheck.matrices import tuning as matrices
+from symcheck.numerics import tuning as numerics
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.time_limit import within
 
@@ -58,6 +68,63 @@ VARIANTS: tuple[dict[str, object], ...] = (
     {"order": ("force",)},
 )
 """Options with which an engine has to give the same answers."""
+
+SMALL: Mapping[ModuleType, Mapping[str, float]] = {
+    check: {"LARGE_MODEL_STATES": 1, "DIAGRAMS_FIRST_STATES": 1},
+    engines: {
+        "STATES_PER_UNKNOWN": 1,
+        "KEPT_TRANSPOSE_TRANSITIONS": 0,
+        "FEW_TRANSITIONS": 0,
+        "BSCC_PIVOTS": 1,
+        "END_COMPONENT_STATES": 0,
+        "MATERIALIZED_STATES": 0,
+        "ELIMINATION_STATES": 1,
+        "ACYCLIC_STATES": 1,
+        "SMALL_DIAGRAM_NODES": 0,
+        "DECODED_STATES": 2,
+        "MANY_STATES": 1,
+        "FEW_LEAVES": 2,
+    },
+    explicit: {"THREADED_STATES": 1, "MIN_STATES_TO_TRIM": 1, "VALUATIONS_PER_BLOCK": 2},
+    matrices: {
+        "MAX_BLOCK_RUNS": 4,
+        "MIN_THREADED_ENTRIES": 1,
+        "MIN_THREADED_ROWS_ENTRIES": 1,
+        "BYTE_CODES": 2,
+    },
+    numerics: {
+        "STATES_PER_SLICE": 3,
+        "SMALL_COMPONENT_STATES": 1,
+        "LARGE_COMPONENT_STATES": 1,
+        "CHEAP_ENTRIES": 0,
+        "EARLY_OPERATIONS_PER_ENTRY": 0,
+        "EARLY_OPERATIONS_PER_ENTRY_LARGE": 0,
+        "ELIMINATION_STATES": 0,
+        "THREADED_TRIANGLES": 1,
+        "MIN_BLOCK_ROWS": 1,
+        "TWO_THREADS_STATES": 1,
+        "TRUNCATION_ENTRIES": 0,
+        "TRUNCATION_MAX_KEPT": 0.99,
+        "FORWARD_ENTRIES": 0,
+        "FORWARD_ACTIVE_SHARE": 1.0,
+        "KRYLOV_STEPS": 1,
+        "SMOOTHING_STEPS": 0.5,
+        "KRYLOV_ENTRIES": 0,
+        "KRYLOV_ELIMINATION_STATES": 0,
+        "KRYLOV_SLICE_STATES": 3,
+        "SMALL_CHAIN_STATES": 0,
+        "QUICK_OPERATIONS_PER_ENTRY": 0,
+        "DRIFT_STATES": 1,
+        "CORE_SHARE": 0.9,
+        "DIRECT_EVALUATION_STATES": 0,
+        "VALUE_ITERATIONS_BEFORE_POLICIES": 2,
+        "INVERSE_STATES": 0,
+    },
+}
+"""Thresholds of size, and values with which small models are large. Smoothing must end before the
+horizon from which on Krylov subspaces are tried."""
+TOGETHER = {"KRYLOV_STEPS": "SMOOTHING_STEPS"}
+"""Thresholds that are lowered together with another one."""
 
 PATIENCE = (0.5,) * 19 + (5.0,)
 """The longest time of one check; one model of twenty has more."""
@@ -81,6 +148,19 @@ def random_case(seed: str) -> tuple[str, list[str]]:
         return text, [formula]
     model: Generated = wild_model(rng, kind)
     return model.text, [random_question(rng, model) for _ in range(4)]
+
+
+@contextmanager
+def large(seed: str) -> Iterator[None]:
+    """Lower some thresholds of size, so that methods for large models are used."""
+    rng = Random(f"{seed} large")
+    with ExitStack() as stack:
+        for module, values in SMALL.items():
+            names = [name for name in values if name not in TOGETHER and rng.random() < 0.5]
+            names += [name for name, other in TOGETHER.items() if other in names]
+            for name in names:
+                stack.enter_context(patch.object(module, name, values[name]))
+        yield
 
 
 def outcome(model: symcheck.Model, formula: PropertiesFile, seconds: float) -> Outcome:
@@ -414,13 +494,15 @@ def main() -> int:
     parser.add_argument(
         "--storm", type=float, default=0, metavar="SHARE", help="ask stormpy about these models"
     )
+    parser.add_argument("--large", action="store_true", help="lower thresholds of size")
     asked = parser.parse_args()
     if not asked.log.suffix:
         parser.error("the log needs an extension: differences are written into the folder without")
 
     storm, folder = Storm(), asked.log.with_suffix("")
     if asked.only:
-        line = run(asked.only, storm if asked.storm else None, folder)
+        with large(asked.only) if asked.large else nullcontext():
+            line = run(asked.only, storm if asked.storm else None, folder)
         print(json.dumps(line))
         return 1 if line["differences"] else 0
     counts = Summary()
@@ -437,7 +519,8 @@ def main() -> int:
                 break
             try:
                 sampled = Random(f"{seed} storm").random() < asked.storm
-                line = run(seed, storm if sampled else None, folder)
+                with large(seed) if asked.large else nullcontext():
+                    line = run(seed, storm if sampled else None, folder)
             except KeyboardInterrupt:
                 break
             except Exception as error:  # a run of days goes on

@@ -68,3 +68,21 @@ def test_a_few_models_agree_and_a_second_run_continues(tmp_path):
         lines = [json.loads(line) for line in log.read_text().splitlines()]
         assert [line["seed"] for line in lines] == [f"1-{i}" for i in range(runs)]
         assert f"{runs} models" in ran.stdout
+
+
+def test_methods_for_large_models_agree_on_small_ones(tmp_path):
+    before = vars(campaign.numerics).copy()
+    with campaign.large("1"):
+        lowered = {n for n, v in vars(campaign.numerics).items() if v != before[n]}
+    assert "KRYLOV_STEPS" not in lowered or "SMOOTHING_STEPS" in lowered
+    assert len(lowered) > 5
+    assert vars(campaign.numerics) == before
+    words = [
+        sys.executable,
+        BENCHMARKS / "campaign.py",
+        "--runs=4",
+        "--large",
+        f"--log={tmp_path}/x.jsonl",
+    ]
+    ran = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stdout + ran.stderr

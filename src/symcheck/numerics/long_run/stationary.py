@@ -131,6 +131,8 @@ def long_run_average(
         average = (rational.stationary_distribution(rates) * rewards).sum()
         return Average(average, average, 1, f"{rates.states} states: rational elimination")
     n = rates.states
+    if n == 1:
+        return Average(rewards[0], rewards[0], 1, "one state")
     limit = (
         tuning.STATIONARY_OPERATIONS
         if n <= tuning.SMALL_CHAIN_STATES
