@@ -27,7 +27,8 @@ def certify(const int64_t[::1] indptr, const int32_t[::1] indices, const double[
 
     Args:
         lower_b, upper_b: float64[rows], bounds on b.
-        x, weight: float64[states].
+        x: float64[states].
+        weight: float64[states]. One that is not positive proves nothing.
         policy: int64[states], a row per state (unused without groups).
     Returns:
         The two factors; infinity if this weight proves nothing.
@@ -41,6 +42,8 @@ def certify(const int64_t[::1] indptr, const int32_t[::1] indices, const double[
         for s in range(n):
             first = group_ptr[s] if grouped else s
             last = group_ptr[s + 1] if grouped else s + 1
+            if not weight[s] > 0.0:
+                low = high = INFINITY
             for r in range(first, last):
                 ax = 0.0
                 aw = 0.0

@@ -193,7 +193,7 @@ def solve_krylov(local: LocalSystem, goal: float) -> Bounds | None:
     if x is None or x.min() <= 0.0:
         return None
     weight = solver.solve(x, x, tuning.WEIGHT_RESIDUAL)
-    if weight is None:
+    if weight is None or not weight.min() > 0.0:  # almost singular: rounding decides
         return None
     # A residual of h x is an error of at most h weight / (1 - WEIGHT_RESIDUAL) of the solution.
     share = 0.1 * goal / max(float((weight / x).max()), 1.0)
