@@ -292,14 +292,14 @@ def _expected_steps(system: EpochSystem) -> Floats:
     )
     h = solution.upper
     state_of_row = np.repeat(h, np.diff(system.row_ptr))
-    rest = state_of_row - np.bincount(
-        np.repeat(numbers, count), data * h[matrix.indices], len(count)
-    )
     # h - A h is 1 up to rounding, which matters if h is large. It is made at least 1, with room for
     # the rounding of the kernel.
-    least = float((rest - (2.0 * count + 6.0) * tuning.UNIT_ROUNDOFF * state_of_row).min()) * (
-        1.0 - 1e-9
-    )
+    with np.errstate(invalid="ignore"):  # h may be infinite
+        rest = state_of_row - np.bincount(
+            np.repeat(numbers, count), data * h[matrix.indices], len(count)
+        )
+        rest -= (2.0 * count + 6.0) * tuning.UNIT_ROUNDOFF * state_of_row
+    least = float(rest.min()) * (1.0 - 1e-9)
     if not least > 1e-3:
         raise NumericalError(
             "cycles without reward are left too slowly for proved bounds\n  hint: use -exact"
