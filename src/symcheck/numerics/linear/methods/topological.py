@@ -292,10 +292,7 @@ def _accept(run: TopologicalRun, block: Block, goal: float, bounds: Bounds, name
         x[:, 1] = bounds.upper
     if bounds.policy is not None:
         block.policy[:] = bounds.policy
-    width = x[:, 1] - x[:, 0]
-    if run.settings.relative:
-        width = width / np.maximum(np.abs(x[:, 1]), tuning.SMALLEST_DIVISOR)
-    if float(width.max()) > goal:
+    if largest_width(x[:, 0], x[:, 1], run.settings.relative) > goal:
         return False
     run.note(name, block.n)
     return True
