@@ -292,7 +292,9 @@ def _accept(run: TopologicalRun, block: Block, goal: float, bounds: Bounds, name
         x[:, 1] = bounds.upper
     if bounds.policy is not None:
         block.policy[:] = bounds.policy
-    if largest_width(x[:, 0], x[:, 1], run.settings.relative) > goal:
+    # Where a successor has no upper bound, no method finds one.
+    bounded = np.isfinite(np.asarray(block.constant_high)[: block.rows]).all()
+    if bounded and largest_width(x[:, 0], x[:, 1], run.settings.relative) > goal:
         return False
     run.note(name, block.n)
     return True
