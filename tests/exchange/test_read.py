@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import symcheck
-from symcheck.errors import InputError, ModelFault, UsageError
+from symcheck.errors import InputError, MemoryLimitError, ModelFault, UsageError
 from symcheck.syntax.ast import ModelType
 
 DTMC = "3 4\n0 1 0.5\n0 2 0.5\n1 1 1\n2 2 1\n"
@@ -103,6 +103,13 @@ def test_several_reward_structures(tmp_path):
 def test_several_initial_states(tmp_path):
     model = load(tmp_path, tra=DTMC, lab='0="init"\n0: 0\n1: 0\n')
     assert model.check("P=? [ F x=1 ]").value == (0.5, 1)
+
+
+def test_more_states_than_there_is_memory_for(tmp_path, monkeypatch):
+    monkeypatch.setenv("SYMCHECK_MEMORY", "1m")
+    assert load(tmp_path, tra="3 0\n").check("filter(count, true)").value == 3
+    with pytest.raises(MemoryLimitError, match=r"m\.tra: 100,000 states take more than the free"):
+        load(tmp_path, tra="100000 0\n")
 
 
 FAULTS = [

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from symcheck.errors import Source, UsageError
+from symcheck.errors import MemoryLimitError, Source, UsageError
 from symcheck.exchange.column_reader import Columns, columns_of, read_source
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, row_rewards
 from symcheck.exchange.formats.combined_file import ModelParts, parts_of
+from symcheck.machine import available_memory
 from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.state_faults import SUM_TOLERANCE
@@ -23,6 +24,9 @@ from symcheck.whole_file import uncompressed_name
 __all__ = ["ModelFiles", "model_files", "read_files", "read_model"]
 
 _INT_LIMIT = 1 << 62
+_STATE_BYTES = 16
+"""The least memory of a state: the start of its row, and its variable. Memory that has not been
+touched seems to be free, so that too many states would get the process killed."""
 _KINDS = ("tra", "sta", "lab", "srew", "trew")
 _CHAIN_WORDS = "source, target, probability or rate"
 
@@ -185,6 +189,8 @@ def _read_transitions(part: Source, kind: ModelType | None, check_sums: bool) ->
         words = "source, choice, target"
     file.widths((action, action + 1), f"{words}, and perhaps an action")
     n = size[0]
+    if n > available_memory() // _STATE_BYTES:
+        raise MemoryLimitError(f"{part.name}: {n:,} states take more than the free memory")
     source, target = file.integers(0, n, "state"), file.integers(first, n, "state")
     weights = _weights(file, first + 1) if action > first + 1 else np.ones(len(source))
     choice = file.integers(1, _INT_LIMIT, "choice") if has_choices else np.zeros_like(source)
