@@ -125,6 +125,13 @@ def test_faults_have_their_place(old, new, message, tmp_path):
     assert message in str(error.value)
 
 
+def test_rates_that_do_not_sum_to_that_of_the_state_are_an_error_in_its_line(tmp_path):
+    text = "@type: CTMC\n@parameters\n\n@nr_states\n2\n@model\nstate 0 !0 init\nstate 1 !3\n"
+    for actions in "", "\taction 0\n\t\t0 : 2\n":
+        with pytest.raises(SyntaxFault, match=r"m\.drn:8:1: .* the rates of state 1 sum to"):
+            symcheck.load_explicit(written(tmp_path, text + actions))
+
+
 def test_a_type_that_differs_from_the_switch_is_an_error(tmp_path):
     with pytest.raises(SyntaxFault, match="the file holds a MDP, and a DTMC is asked for"):
         symcheck.load_explicit(written(tmp_path, SMALL), type="dtmc")

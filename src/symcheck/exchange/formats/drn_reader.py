@@ -36,10 +36,12 @@ _TYPES = {kind.name: kind for kind in ModelType}
 class _Parts:
     """What the lines of states, actions and transitions say.
 
-    rates: per state, NaN where none is told. first_rows: per state. first_entries: per row.
-    in_action: the targets in the last row.
+    state_lines: the line of each state, and lines that of each row. rates: per state, NaN where
+    none is told. first_rows: per state. first_entries: per row. in_action: the targets in the last
+    row.
     """
 
+    state_lines: list[int] = field(default_factory=list)
     rates: list[float] = field(default_factory=list)
     first_rows: list[int] = field(default_factory=list)
     first_entries: list[int] = field(default_factory=list)
@@ -220,6 +222,7 @@ class _Reader:
             raise self.fault(
                 line, f"state {number} is expected here" if number < n else "one state more"
             )
+        parts.state_lines.append(line)
         parts.first_rows.append(len(parts.first_entries))
         parts.rates.append(np.nan if match["rate"] is None else self._number(line, match["rate"]))
         parts.state_rewards.append(self._numbers(line, match["rewards"]))
@@ -292,9 +295,7 @@ class _Reader:
             differ = np.abs(rates - sums) > 1e-6 * np.maximum(rates, sums)
             for i in np.flatnonzero(differ)[:1].tolist():
                 message = f"the rates of state {i} sum to {sums[i]:g}, not to {rates[i]:g}"
-                raise self.fault(
-                    parts.lines[min(parts.first_rows[i], len(parts.lines) - 1)], message
-                )
+                raise self.fault(parts.state_lines[i], message)
         return matrix
 
     def _actions(
