@@ -181,6 +181,28 @@ def test_what_is_no_probability_is_refused(wrong, tmp_path):
         symcheck.load_explicit(str(tmp_path / "n.umb"))
 
 
+@pytest.mark.parametrize(
+    ("part", "place", "number"),
+    [
+        ("choice_to_branches", -1, 2**62),
+        ("choice_to_branches", -1, 2**70),
+        ("choice_to_branches", 1, 2**40),
+        ("state_to_choices", -1, 2**40),
+        ("state_to_choices", 0, 1),
+        ("branch_to_target", 0, 2**70),
+    ],
+)
+def test_numbers_that_no_part_can_have_are_refused(part, place, number, tmp_path, monkeypatch):
+    symcheck.export(symcheck.loads(MDP), str(tmp_path / "m.umb"))
+    raw = umbi.umb.read(tmp_path / "m.umb")
+    numbers = list(getattr(raw, part))
+    numbers[place] = number
+    setattr(raw, part, numbers)
+    monkeypatch.setattr(umbi.umb, "read", lambda _: raw)
+    with pytest.raises(UsageError, match="contradicts itself"):
+        symcheck.load_explicit(str(tmp_path / "m.umb"))
+
+
 def test_branches_of_probability_0_never_happen(tmp_path):
     text = "dtmc module m s:[0..1]; [] s=0 -> 0.5:(s'=1)+0.5:(s'=0); endmodule rewards \"r\" [] s=0 : 2; endrewards"
     symcheck.export(symcheck.loads(text), str(tmp_path / "m.umb"))

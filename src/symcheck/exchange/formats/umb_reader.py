@@ -38,7 +38,7 @@ def read_umb(path: Path, kind: ModelType | None = None, *, check_sums: bool = Tr
         raise UsageError(f"'{path}' holds a {model_type.name}, but -{kind.value} was given")
     try:
         return _given(raw, model_type, path, check_sums)
-    except (IndexError, KeyError, TypeError, ValueError) as error:
+    except (IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
         raise UsageError(f"'{path}' contradicts itself: {type(error).__name__}: {error}") from None
 
 
@@ -133,6 +133,8 @@ def _matrix(
     if (
         len(choices) != n + 1
         or len(values) != len(targets)
+        or _ends(choices) != (0, len(branches) - 1)
+        or _ends(branches) != (0, len(targets))
         or targets.min(initial=0) < 0
         or targets.max(initial=-1) >= n
     ):
@@ -159,6 +161,13 @@ def _matrix(
     data = np.bincount(entry, values[by], len(keys)).astype(np.float64)
     matrix = SparseMatrix(indptr, (keys % n).astype(np.int32), data, n, groups)
     return matrix, _Branches(by, entry, values[by])
+
+
+def _ends(starts: Int64s) -> tuple[int, int]:
+    """The first and the last of numbers that do not fall."""
+    if np.any(np.diff(starts) < 0):
+        raise ValueError("starts of choices or branches fall")
+    return int(starts[0]), int(starts[-1])
 
 
 def _check_sums(matrix: SparseMatrix, path: Path) -> None:
