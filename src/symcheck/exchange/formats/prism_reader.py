@@ -24,9 +24,9 @@ from symcheck.whole_file import uncompressed_name
 __all__ = ["ModelFiles", "model_files", "read_files", "read_model"]
 
 _INT_LIMIT = 1 << 62
-_STATE_BYTES = 16
-"""The least memory of a state: the start of its row, and its variable. Memory that has not been
-touched seems to be free, so that too many states would get the process killed."""
+_STATE_BYTES = 24
+"""The least memory of a state: the start of its row, its variable, and a temporary array. Linux
+promises more memory than there is, and kills a process that uses it."""
 _KINDS = ("tra", "sta", "lab", "srew", "trew")
 _CHAIN_WORDS = "source, target, probability or rate"
 
