@@ -500,8 +500,9 @@ def main() -> int:
         parser.error("the log needs an extension: differences are written into the folder without")
 
     storm, folder = Storm(), asked.log.with_suffix("")
+    lowered = large if asked.large else nullcontext
     if asked.only:
-        with large(asked.only) if asked.large else nullcontext():
+        with lowered(asked.only):
             line = run(asked.only, storm if asked.storm else None, folder)
         print(json.dumps(line))
         return 1 if line["differences"] else 0
@@ -519,7 +520,7 @@ def main() -> int:
                 break
             try:
                 sampled = Random(f"{seed} storm").random() < asked.storm
-                with large(seed) if asked.large else nullcontext():
+                with lowered(seed):
                     line = run(seed, storm if sampled else None, folder)
             except KeyboardInterrupt:
                 break

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 
@@ -138,8 +139,8 @@ def _iterated(
         change, x, taken, remaining = y - x, y, taken + 1, remaining * float(factor)
         if not exact:
             largest = max(largest, _largest(x))
-            margin = rounding.margin(largest)
         if steps is None:
+            margin = 0.0 if exact else rounding.margin(largest)
             lower, upper = x + later * change.min(), x + later * change.max()
             width = largest_width(lower, upper, options.relative)
         if context.observer is not None:
@@ -178,6 +179,11 @@ class _Rounding:
         """Whether a reward is negative."""
         return bool(self.rewards.min(initial=0.0) < 0)
 
+    @cached_property
+    def greatest_reward(self) -> float:
+        """The largest absolute reward of a step."""
+        return _largest(self.rewards)
+
     @property
     def relative(self) -> float:
         """The relative error of a step, whose terms have one sign."""
@@ -193,7 +199,7 @@ class _Rounding:
         horizon = 1 / float(1 - self.discount)
         if self.steps is not None:
             horizon = min(horizon, float(self.steps))
-        return self.relative * (largest + _largest(self.rewards)) * horizon
+        return self.relative * (largest + self.greatest_reward) * horizon
 
     def margins(self, upper: Numbers, largest: float) -> Floats:
         """A bound for each state. Without negative rewards, what is earned in step i has i times

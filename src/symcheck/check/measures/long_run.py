@@ -18,7 +18,6 @@ from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import largest_width
-from symcheck.numerics.tuning import SMALLEST_DIVISOR
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
 
@@ -124,10 +123,10 @@ def _component_average(context: Context, system: System, reward: Numbers) -> tup
             average.explanation,
         )
     )
-    width = largest_width(np.array([average.lower]), np.array([average.upper]), relative=False)
-    if context.options.relative:
-        # Averages of rewards of both signs may be 0, relative to which no bounds are close.
-        ends = np.abs(reward if reward.min() < 0 else np.array([average.lower, average.upper]))
-        width /= max(float(ends.max()), SMALLEST_DIVISOR)
+    bounds = np.array([average.lower]), np.array([average.upper])
+    relative, signed = context.options.relative, reward.min() < 0
+    width = largest_width(*bounds, relative and not signed)
+    if relative and signed:  # the average may be 0, relative to which no bounds are close
+        width /= float(np.abs(reward).max())
     context.warn_if_wide(width, average.explanation)
     return average.lower, average.upper

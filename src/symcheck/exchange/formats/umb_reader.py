@@ -131,10 +131,9 @@ def _matrix(
     values = np.array([float(p) for p in raw.branch_to_probability])
     counts = np.diff(choices)
     if (
-        len(choices) != n + 1
-        or len(values) != len(targets)
-        or _ends(choices) != (0, len(branches) - 1)
-        or _ends(branches) != (0, len(targets))
+        len(values) != len(targets)
+        or not _are_starts(choices, n, len(branches) - 1)
+        or not _are_starts(branches, len(branches) - 1, len(targets))
         or targets.min(initial=0) < 0
         or targets.max(initial=-1) >= n
     ):
@@ -163,11 +162,10 @@ def _matrix(
     return matrix, _Branches(by, entry, values[by])
 
 
-def _ends(starts: Int64s) -> tuple[int, int]:
-    """The first and the last of numbers that do not fall."""
-    if np.any(np.diff(starts) < 0):
-        raise ValueError("starts of choices or branches fall")
-    return int(starts[0]), int(starts[-1])
+def _are_starts(numbers: Int64s, groups: int, entries: int) -> bool:
+    """Whether they are the first entry of each group, and the number of entries at the end."""
+    ends = len(numbers) == groups + 1 and numbers[0] == 0 and numbers[-1] == entries
+    return bool(ends and np.all(np.diff(numbers) >= 0))
 
 
 def _check_sums(matrix: SparseMatrix, path: Path) -> None:

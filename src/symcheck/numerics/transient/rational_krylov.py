@@ -103,7 +103,7 @@ def krylov_values(
     fixed = rounding_error * greatest + 6.0 * tuning.UNIT_ROUNDOFF * time * float(
         np.max(np.abs(speed))
     )
-    growth = largest_growth(rates, exit_rates, time, rounding_error)
+    growth = _exponential(rounding_error + system.excess * time)
     if math.isinf(growth):
         return None
     space = _Space.of(system, speed, max(tuning.SUBSPACE_SIZES + tuning.LARGER_SUBSPACE_SIZES))
@@ -175,15 +175,17 @@ def importance(
     return relative_solution(rates, scale, reward_rate, guess, tuning.IMPORTANCE_RESIDUAL)
 
 
-def largest_growth(
-    rates: SparseMatrix, exit_rates: Floats, time: float, rounding_error: float = 0.0
-) -> float:
+def largest_growth(rates: SparseMatrix, exit_rates: Floats, time: float) -> float:
     """A bound on the factor by which exp(Q t) enlarges the largest entry; may be infinite.
 
     It follows from the largest excess of the sum of a row over its exit rate.
     """
+    return _exponential(_excess(rates, exit_rates) * time)
+
+
+def _exponential(x: float) -> float:
     with np.errstate(over="ignore"):
-        return float(np.exp(rounding_error + _excess(rates, exit_rates) * time))
+        return float(np.exp(x))
 
 
 def _excess(rates: SparseMatrix, exit_rates: Floats) -> float:
