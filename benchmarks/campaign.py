@@ -5,11 +5,11 @@ python benchmarks/campaign.py [--runs N] [--seconds S] [--seed TEXT] [--log FILE
 
 Each run checks four properties of one model in this process: with rationals (time-bounded ones of
 CTMCs by matrix exponentials in ball arithmetic) and on two engines, or on all four in one run of
-eight. Bounds have to contain the exact value, verdicts and errors have to agree. With --large,
-thresholds of size are lowered, half of them in each run, so that small models meet the methods for
-large ones. The log has one JSON object per line and run; a program that is started again continues
-after its last line. Each difference is written beside the log, as a model and a property with what
-every engine said, and its seed is printed; --only SEED repeats that run.
+eight. Bounds have to contain the exact value, verdicts and errors have to agree. With --large, a
+random half of the size thresholds is lowered in each run, so that methods for large models are used
+on small ones. The log has one JSON object per run and line; a campaign that is started again goes
+on after its last line. Each difference is written beside the log, as a model and a property with
+what every engine said, and its seed is printed; --only SEED repeats that run.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ VARIANTS: tuple[dict[str, object], ...] = (
 )
 """Options with which an engine has to give the same answers."""
 
-SMALL: Mapping[ModuleType, Mapping[str, float]] = {
+LOWERED: Mapping[ModuleType, Mapping[str, float]] = {
     check: {"LARGE_MODEL_STATES": 1, "DIAGRAMS_FIRST_STATES": 1},
     engines: {
         "STATES_PER_UNKNOWN": 1,
@@ -121,10 +121,10 @@ SMALL: Mapping[ModuleType, Mapping[str, float]] = {
         "INVERSE_STATES": 0,
     },
 }
-"""Thresholds of size, and values with which small models are large. Smoothing must end before the
-horizon from which on Krylov subspaces are tried."""
+"""Size thresholds and limits, with values at which even small models count as large."""
 TOGETHER = {"KRYLOV_STEPS": "SMOOTHING_STEPS"}
-"""Thresholds that are lowered together with another one."""
+"""Thresholds that are lowered exactly when another one is. SMOOTHING_STEPS must stay below
+KRYLOV_STEPS, from which on Krylov subspaces are tried."""
 
 PATIENCE = (0.5,) * 19 + (5.0,)
 """The longest time of one check; one model of twenty has more."""
@@ -152,10 +152,10 @@ def random_case(seed: str) -> tuple[str, list[str]]:
 
 @contextmanager
 def large(seed: str) -> Iterator[None]:
-    """Lower some thresholds of size, so that methods for large models are used."""
+    """Lower a random half of the size thresholds, by the seed, while the context lasts."""
     rng = Random(f"{seed} large")
     with ExitStack() as stack:
-        for module, values in SMALL.items():
+        for module, values in LOWERED.items():
             names = [name for name in values if name not in TOGETHER and rng.random() < 0.5]
             names += [name for name, other in TOGETHER.items() if other in names]
             for name in names:
@@ -494,7 +494,7 @@ def main() -> int:
     parser.add_argument(
         "--storm", type=float, default=0, metavar="SHARE", help="ask stormpy about these models"
     )
-    parser.add_argument("--large", action="store_true", help="lower thresholds of size")
+    parser.add_argument("--large", action="store_true", help="lower size thresholds")
     asked = parser.parse_args()
     if not asked.log.suffix:
         parser.error("the log needs an extension: differences are written into the folder without")

@@ -32,8 +32,8 @@ from symcheck.syntax.ast import ModelType
 __all__ = ["discounted_problem", "discounted_reward"]
 
 _HORIZONS = 64.0
-"""What is earned after so many times 1 / (1 - discount) steps is at most exp(-64) of the greatest
-value, 2e-28."""
+"""After 64 / (1 - discount) steps, the remaining reward is at most exp(-64) < 2e-28 of the largest
+value."""
 
 
 def discounted_reward(
@@ -130,7 +130,7 @@ def _iterated(
     factor = factors[0]
     later = full(1, discount / (1 - discount), exact=exact)[0]
     rounding = _Rounding(system, rewards, discount, steps)
-    # What is earned later changes nothing, also relative to small values.
+    # The omitted tail is below `later` in `_Rounding.margins`.
     negligible = 0.0 if exact else UNIT_ROUNDOFF**2 * float(1 - discount)
     x = lower = upper = system.full(0)
     remaining, taken, width, largest, margin = 1.0, 0, np.inf, 0.0, 0.0
@@ -186,7 +186,7 @@ class _Rounding:
 
     @property
     def relative(self) -> float:
-        """The relative error of a step, whose terms have one sign."""
+        """The relative error of a step if all its terms have the same sign."""
         return 2 * (self.system.operator.longest + 5) * UNIT_ROUNDOFF
 
     def margin(self, largest: float) -> float:
@@ -202,21 +202,22 @@ class _Rounding:
         return self.relative * (largest + self.greatest_reward) * horizon
 
     def margins(self, upper: Numbers, largest: float) -> Floats:
-        """A bound for each state. Without negative rewards, what is earned in step i has i times
-        the relative error of a step.
+        """A bound for each state. Without negative rewards, what is earned in step i has the
+        relative errors of i + 1 steps.
 
         Args:
             upper: upper bounds on the values.
             largest: as for `margin`.
         """
-        most = np.full(len(upper), self.margin(largest))
+        absolute = np.full(len(upper), self.margin(largest))
         if self.signed:
-            return most
-        steps = _HORIZONS / float(1 - self.discount)
+            return absolute
+        count = _HORIZONS / float(1 - self.discount)
         if self.steps is not None:
-            steps = min(steps, float(self.steps))
+            count = min(count, float(self.steps))
+        relative = math.expm1(min(count * self.relative, 700.0))
         later = math.exp(-_HORIZONS) * largest
-        return np.asarray(np.minimum(most, steps * self.relative * upper + later))
+        return np.asarray(np.minimum(absolute, relative * upper + later))
 
 
 def _lifted(

@@ -1,24 +1,24 @@
 """Transient values of stiff chains in a rational Krylov subspace, with a proved bound on the error.
 
-x(t) solves x' = Q x + reward_rate from x(0) = start. The basis V begins with Q start + reward_rate
-= V b; each vector v_j after the first is orthogonalised from (I - Q/ξ)^-1 v_(j-1), where ξ > 0 is a
-pole, the same for all vectors or one of several in turn. Such a space approximates slow and fast
-components alike, however large the rates are.
+x(t) solves x' = Q x + reward_rate from x(0) = start. The first vector of the orthonormal basis V is
+Q start + reward_rate divided by its norm β; v_(j+1) is orthogonalised from (I - Q/ξ_j)^-1 v_j,
+where ξ_j > 0 is a pole, the same for all vectors or one of several in turn. Such a space
+approximates slow and fast components equally well, however large the rates are.
 
-For vector v_j and its pole ξ_j, let V s_j approximate (I - Q/ξ_j)^-1 v_j, with the residual f_j =
-ξ_j (V s_j - v_j) - Q V s_j. S and F have the columns s_j and f_j, A the columns ξ_j (s_j - e_j).
-Then the defect of u = start + V S g is
+Let V s_j approximate (I - Q/ξ_j)^-1 v_j with the residual f_j = ξ_j (V s_j - v_j) - Q V s_j. With
+the unit vectors e_j, S has the columns s_j, F the columns f_j, A the columns ξ_j (s_j - e_j), and b
+= β e_1. Then the defect of u = start + V S g is
 
     u' - Q u - reward_rate = V (S g' - A g - b) + F g
 
-for any function g(t) with g(0) = 0. For a basis of m vectors S is cut to m rows; what the last
-solution has in vector m+1 belongs to the last column of F then. The error of u is at most the
-integral of the maximum norm of the defect, if exp(Q t) does not enlarge the largest entry, and else
-at most that times the bound on the growth. g is a polynomial on each interval of time, so that
-every term can be bounded.
+for any function g(t) with g(0) = 0, which is chosen so that S g' is about A g + b. With m vectors,
+s_m has a component in v_(m+1): S is cut to m rows, and that component goes into f_m. The error of u
+is at most the integral of the maximum norm of the defect if exp(Q t) is a contraction in this norm,
+and otherwise at most that times a bound on the norm of exp(Q t). g is a polynomial on each interval
+of time, so that every term can be bounded.
 
-The coefficients g of later vectors are small, so their residuals may be larger: they take fewer
-steps of BiCGStab.
+The coefficients g of later vectors are typically small, so that looser residuals suffice, which
+take fewer steps of BiCGStab.
 
 Sources: Moret & Novati (2004); van den Eshof & Hochbruck (2006); for several poles, Güttel (2013);
 for inexact solutions, Simoncini & Szyld (2003).
