@@ -157,30 +157,31 @@ class Model:
         program: the parsed text.
         given_constants: one value for each constant that the text leaves open.
         options: how the model is built and checked.
-        type: read the model as this type, whatever its keyword says.
+        given_type: read the model as this type, whatever its keyword says.
         observer: is told of the progress of building, and of the choice of an engine.
     """
 
     program: Program
     given_constants: GivenConstants
     options: Options
-    type: ModelType | None = None
+    given_type: ModelType | None = None
     observer: Observer | None = None
 
     def __repr__(self) -> str:
         given = "".join(f", {n}={v}" for n, v in self.given_constants.items())
         modules = " ".join(m.name for m in self.program.modules)
-        return f"<Model: {self._kind.value}, modules {modules}{given}>"
+        return f"<Model: {self.type.value}, modules {modules}{given}>"
 
     @property
-    def _kind(self) -> ModelType:
-        return self.type or self.program.type or ModelType.MDP
+    def type(self) -> ModelType:
+        """The model type: the given one, or that of the text, in which no keyword means MDP."""
+        return self.given_type or self.program.type or ModelType.MDP
 
     def _repr_html_(self) -> str:
         from symcheck.tables import Table
 
         facts = {
-            "type": [self._kind.value],
+            "type": [self.type.value],
             "modules": [m.name for m in self.program.modules],
             "constants": [f"{n}={v}" for n, v in self.given_constants.items()],
             "labels": [x.name for x in self.program.labels],
@@ -195,7 +196,7 @@ class Model:
     def bound(self) -> BoundModel:
         """Constants evaluated, names resolved, types checked. Raises InputError."""
         return bind(
-            self.program, self.given_constants, model_type=self.type, exact=self.options.exact
+            self.program, self.given_constants, model_type=self.given_type, exact=self.options.exact
         )
 
     def _within_limits(self, compute: Callable[[], T]) -> T:
@@ -288,7 +289,7 @@ class Model:
                 self.program,
                 self.given_constants,
                 self.options,
-                self.type,
+                self.given_type,
                 self.observer,
                 smaller,
                 reduction,
@@ -388,7 +389,7 @@ class Model:
         """
         everywhere = replace(self.options, everywhere=True, strategy=False)
         instance = PropertyInstance(_single_property(formula), 0, {})
-        satisfying = self.check_instance(instance, options=everywhere).satisfying
+        satisfying = self.check_instance(instance, options=everywhere).satisfying_or_none
         if satisfying is None:
             raise UsageError(f"a condition is expected, and {formula} is a number")
         return satisfying

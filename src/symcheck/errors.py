@@ -9,6 +9,7 @@ The tree::
     │   ├── TypeFault         an expression has the wrong type
     │   └── ModelFault        the model breaks a rule in some state (sums, ranges, rates, deadlocks)
     ├── UsageError            a switch, option, file name or argument is wrong
+    │   └── NotInResultError  a result has no such part (NoStrategyError: no strategy)
     ├── UnsupportedError      the request is meaningful, but not supported; the message says what is
     ├── NumericalError        a computation did not reach the requested accuracy
     ├── InternalError         a defect of symcheck
@@ -41,6 +42,7 @@ __all__ = [
     "MemoryLimitError",
     "ModelFault",
     "NameFault",
+    "NotInResultError",
     "NumericalError",
     "OutputError",
     "ResourceError",
@@ -200,7 +202,14 @@ class UsageError(SymcheckError):
     """A switch, option, file name or argument is wrong."""
 
 
-class NoStrategyError(UsageError, AttributeError):
+class NotInResultError(UsageError, AttributeError):
+    """A result has no such part, such as values per state; the message says which results do.
+
+    It is an AttributeError too, so that `hasattr(result, "values")` asks whether there are any.
+    """
+
+
+class NoStrategyError(NotInResultError):
     """A result has no strategy, or several; the message says why, and how to ask for one."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from itertools import zip_longest
+from itertools import islice, zip_longest
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 __all__ = ["SHOWN_ROWS", "Columns", "Table", "Tabular", "optional_package", "state_table"]
 
 SHOWN_ROWS = 10
-"""Rows of a table of states that are shown; its last line says how many there are."""
+"""Rows of a long table that are shown; a row of dots and its last line say that there are more."""
 
 _SHOWN_VARIABLES = 12
 """Columns of variables that are shown; there are hundreds in some models."""
@@ -88,9 +88,24 @@ class Table:
         return f"<table>{first}{rows}</table>{note}"
 
     @staticmethod
-    def of(head: Sequence[str], rows: Iterable[Sequence[object]], note: str = "") -> Table:
-        """A table of any values: floats have six significant digits, others are shown by str()."""
-        return Table(tuple(head), tuple(tuple(map(_text, row)) for row in rows), note)
+    def of(
+        head: Sequence[str],
+        rows: Iterable[Sequence[object]],
+        note: str = "",
+        most: int | None = None,
+    ) -> Table:
+        """A table of any values: floats have six significant digits, others are shown by str().
+
+        Args:
+            head: the names of the columns.
+            rows: the cells.
+            note: a line below the rows.
+            most: rows that are shown; one of dots follows if there are more. None for all.
+        """
+        shown = list(rows if most is None else islice(rows, most + 1))
+        if most is not None and len(shown) > most:
+            shown[most] = ["…"] * len(head)
+        return Table(tuple(head), tuple(tuple(map(_text, row)) for row in shown), note)
 
 
 def state_table(
@@ -99,7 +114,7 @@ def state_table(
     last: Sequence[str],
     note: str,
 ) -> Table:
-    """A table of states: number, the first variables, and more values.
+    """A table of the first states: number, the first variables, and more values.
 
     Args:
         names: the variables.
@@ -110,7 +125,7 @@ def state_table(
     n = _SHOWN_VARIABLES
     dots = ["…"] * (len(names) > n)
     body = ((i, *state[:n], *dots, *more) for i, state, *more in rows)
-    return Table.of(["state", *names[:n], *dots, *last], body, note)
+    return Table.of(["state", *names[:n], *dots, *last], body, note, SHOWN_ROWS)
 
 
 def _wrapped(row: tuple[str, ...], widest: int) -> list[tuple[str, ...]]:

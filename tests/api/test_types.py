@@ -29,7 +29,12 @@ REVEALED = {
     "next(iter(model.transitions)).target": "symcheck.engines.states.State",
     'model.rewards["r"]': "symcheck.api.StructureRewards",
     "result.bounds": "tuple[int | float | Fraction, int | float | Fraction]",
-    "result.values": "symcheck.engines.states.StateValues | None",
+    "result.values": "symcheck.engines.states.StateValues",
+    "result.satisfying": "symcheck.engines.states.States",
+    "result.front": "symcheck.check.pareto_front.ParetoFront",
+    "model.type": "symcheck.syntax.ast.ModelType",
+    "result.strategy[0]": "str",
+    "dict(result.strategy)": "dict[symcheck.engines.states.State | tuple[",
     "result.accuracy": "Exact | Certified | Estimate | Statistical",
     "result.strategy": "symcheck.engines.explicit.strategy.Strategy",
     "model.steady_state()": "symcheck.check.state_distributions.Distribution",
@@ -69,6 +74,39 @@ def test_mypy_knows_the_types(tmp_path: Path) -> None:
         assert plain(expected) in plain(lines[number]), text
     wrong = range(4 + len(REVEALED), 4 + len(REVEALED) + len(WRONG))
     assert all("error" in lines[n] for n in wrong), done.stdout
+
+
+DELIBERATE = 'Argument "engine" to "load" has incompatible type "Literal[\'sprase\']"'
+"""The only type error of the pages: an example of a misspelt option."""
+
+
+def test_examples_of_the_pages_are_typed(tmp_path: Path) -> None:
+    """Who copies an example into a typed program has no errors.
+
+    The tutorial is left out: it names frames of five types `frame`.
+    """
+    pytest.importorskip("mypy")
+    files = []
+    for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
+        blocks = re.findall(
+            r"^```python\n(.*?)^```", page.read_text("utf-8"), re.MULTILINE | re.DOTALL
+        )
+        lines = [text for block in blocks for text in block.splitlines()]
+        code = [text[4:] for text in lines if text.startswith((">>> ", "... "))]
+        if code and page.stem != "tutorial":
+            files.append(tmp_path / f"page_{page.stem}.py")
+            files[-1].write_text("\n".join(code) + "\n", "utf-8")
+    assert len(files) > 8
+    settings = tmp_path / "mypy.ini"
+    settings.write_text(
+        f"[mypy]\nmypy_path = {ROOT / 'src'}:{ROOT / 'build' / 'stubs'}\n"
+        "follow_imports = silent\nignore_missing_imports = true\nallow_redefinition = true\n"
+    )
+    command = [sys.executable, "-m", "mypy", "--config-file", str(settings), *map(str, files)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    errors = [line for line in done.stdout.splitlines() if " error: " in line]
+    assert [e for e in errors if DELIBERATE not in e] == []
+    assert len(errors) == 1  # mypy has read the pages
 
 
 def test_names_for_type_checkers_are_those_at_run_time() -> None:

@@ -8,20 +8,18 @@ from pathlib import Path
 
 import pytest
 
-MODULES = (
-    "symcheck.api",
-    "symcheck.check.result",
-    "symcheck.dd.cudd.extension",
-    "symcheck.dd.manager",
-    "symcheck.engines.states",
-    "symcheck.engines.transition_table",
-    "symcheck.exchange.python.from_function",
-    "symcheck.exchange.python.from_matrix",
-    "symcheck.explicit.build",
-    "symcheck.simulate.stepper",
-    "symcheck.symbolic.build",
-    "symcheck.symbolic.reachability.search",
+import symcheck
+
+SOURCES = Path(symcheck.__file__).parent
+MODULES = sorted(
+    ".".join(("symcheck", *path.relative_to(SOURCES).with_suffix("").parts))
+    for path in (*SOURCES.rglob("*.py"), *SOURCES.rglob("*.pyx"))
+    if ">>> " in path.read_text("utf-8")
 )
+
+
+def test_modules_with_examples_are_found() -> None:
+    assert len(MODULES) > 12
 
 
 @pytest.mark.parametrize("name", MODULES)

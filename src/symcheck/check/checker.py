@@ -133,7 +133,7 @@ def check(
         lines=tuple(log.lines),
         runs=tuple(log.runs),
         warnings=tuple(log.warnings),
-        witness=log.witness,
+        witness_or_none=log.witness,
         seconds=perf_counter() - started,
         engine=engine,
         explain=partial(_explanation, replace(context, log=CheckLog()), formula),
@@ -183,12 +183,12 @@ def _check_on_quotient(
 def _lift_result(result: Result, smaller: Quotient, engine: Engine) -> Result:
     """A result on the quotient, lifted to the states of the model."""
     satisfied = None
-    if result.values is not None:
+    if result.values_or_none is not None:
         lifted = StateValues(engine, smaller.lift(result.values.of_engine))
-        result = replace(result, values=lifted)
-    if result.satisfying is not None:
+        result = replace(result, values_or_none=lifted)
+    if result.satisfying_or_none is not None:
         satisfied = smaller.lift_set(result.satisfying.members)
-        result = replace(result, satisfying=States(engine, satisfied))
+        result = replace(result, satisfying_or_none=States(engine, satisfied))
     if _initial_count(engine, engine.all) == 1:
         return result
     if satisfied is not None:
@@ -241,11 +241,11 @@ def _initially(context: Context, values: Values, type: Type) -> Result:
     initial, state_values = context.engine.initial, StateValues(context.engine, values)
     if _initial_count(context.engine, initial) == 1:
         single, accuracy = _answer(context, values.minimum(initial), values.rounded(initial), type)
-        return Result(single, accuracy, "value in the initial state", values=state_values)
+        return Result(single, accuracy, "value in the initial state", values_or_none=state_values)
     value, accuracy = _range(
         context, (values.minimum(initial), values.maximum(initial)), values.rounded(initial), type
     )
-    return Result(value, accuracy, _range_over(context.engine), values=state_values)
+    return Result(value, accuracy, _range_over(context.engine), values_or_none=state_values)
 
 
 def _filter_result(
@@ -262,22 +262,21 @@ def _filter_result(
             value,
             accuracy,
             f"filter '{about}'",
-            satisfying=States(context.engine, condition.per_state),
+            satisfying_or_none=States(context.engine, condition.per_state),
         )
     number = applied.number()
     if number.value is None:
         return _initially(context, number.per_state, type)
     value, accuracy = _outcome(context, number, type)
-    return Result(
-        value, accuracy, f"filter '{about}'", values=StateValues(context.engine, number.per_state)
-    )
+    values = StateValues(context.engine, number.per_state)
+    return Result(value, accuracy, f"filter '{about}'", values_or_none=values)
 
 
 def _satisfied_result(context: Context, states: StateSet) -> Result:
     """Whether the initial states satisfy a formula."""
     text = _satisfied(context.engine, states)
     satisfying = States(context.engine, states)
-    return Result(context.engine.initial <= states, Exact(), text, satisfying=satisfying)
+    return Result(context.engine.initial <= states, Exact(), text, satisfying_or_none=satisfying)
 
 
 def _outcome(context: Context, outcome: Condition | Numeric, type: Type) -> tuple[Answer, Accuracy]:

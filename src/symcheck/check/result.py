@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import TYPE_CHECKING, assert_never
+from typing import TYPE_CHECKING, TypeVar, assert_never
 
 from symcheck.engines.base import Engine
 from symcheck.engines.states import States, StateValues
-from symcheck.errors import NoStrategyError, UnsupportedError, UsageError
+from symcheck.errors import NoStrategyError, NotInResultError, UnsupportedError, UsageError
 from symcheck.semantics.expressions.literals import format_state, format_value, to_float
 from symcheck.syntax.ast import ModelType
 from symcheck.tables import Table
@@ -34,6 +34,7 @@ __all__ = [
     "show_value",
 ]
 
+T = TypeVar("T")
 Number = int | float | Fraction
 Answer = bool | Number | tuple[Number, Number] | list[tuple[Number, ...]] | None
 
@@ -127,6 +128,14 @@ class SolverRun:
 NO_STRATEGY = "no strategy: "
 """How a warning begins that says why a strategy was not computed."""
 
+_PARTS = {
+    "values": ("values per state", "a numeric property has them, such as P=? [ F x=1 ]"),
+    "satisfying": ("satisfying states", "a property that is true or false has them"),
+    "witness": ("witness", "E [ … ] that is true has a path, and A [ … ] that is false"),
+    "front": ("Pareto front", "multi(Pmax=? [ … ], Pmax=? [ … ]) has one"),
+}
+"""Parts that only some results have: what they are, and which results have them."""
+
 _STORMPY = {
     "at": "result.value is that of the initial state, result.values[i] that of state i",
     "get_values": "numpy.asarray(result.values) has the value of each state",
@@ -148,12 +157,12 @@ class Result:
             filters as the outermost operator).
         accuracy: how close the value is to the true one.
         explanation: what the value refers to, such as the initial state.
-        satisfying: the states that satisfy a boolean formula.
-        values: the value in each state, of a numeric formula.
+        satisfying_or_none: `satisfying`; None if the formula is not boolean.
+        values_or_none: `values`; None if the formula is not numeric.
         lines: the lines of print filters.
         runs: the computations of solvers.
-        witness: a path that shows why E holds, or why A does not hold.
-        front: the Pareto front of a multi-objective query.
+        witness_or_none: `witness`; None if there is no such path.
+        front_or_none: `front`; None if no Pareto front was asked for.
         strategies: with the option `strategy`, one that attains the value; of a Pareto query, one
             for each point of the value. Empty if there is none.
         warnings: one sentence each.
@@ -165,12 +174,12 @@ class Result:
     value: Answer
     accuracy: Accuracy = field(default_factory=Exact)
     explanation: str = ""
-    satisfying: States | None = field(default=None, repr=False)
-    values: StateValues | None = field(default=None, repr=False)
+    satisfying_or_none: States | None = field(default=None, repr=False)
+    values_or_none: StateValues | None = field(default=None, repr=False)
     lines: tuple[Line, ...] = field(default=(), repr=False)
     runs: tuple[SolverRun, ...] = field(default=(), repr=False)
-    witness: Sequence[Mapping[str, int | bool]] | None = field(default=None, repr=False)
-    front: ParetoFront | None = field(default=None, repr=False)
+    witness_or_none: Sequence[Mapping[str, int | bool]] | None = field(default=None, repr=False)
+    front_or_none: ParetoFront | None = field(default=None, repr=False)
     strategies: tuple[Strategy, ...] = field(default=(), repr=False)
     warnings: tuple[str, ...] = ()
     seconds: float = field(default=0.0, repr=False)
@@ -181,8 +190,11 @@ class Result:
 
         def __getattr__(self, name: str) -> object:
             """Only called for what does not exist. Raises AttributeError."""
-            if name == "strategy":  # the property has raised this error already
+            # The property has raised its error already, and Python has dropped it.
+            if name == "strategy":
                 raise self._no_strategy()
+            if name in _PARTS:
+                raise self._has_no(name)
             hint = _STORMPY.get(name)
             raise AttributeError(
                 f"a result has no attribute '{name}'" + (f"\n  hint: {hint}" if hint else "")
@@ -211,6 +223,35 @@ class Result:
         if self.explain is None:
             raise UnsupportedError("an estimate has no counterexample")
         return self.explain(paths)
+
+    @property
+    def values(self) -> StateValues:
+        """The value in each state. Raises NotInResultError unless the formula is numeric."""
+        return self._part(self.values_or_none, "values")
+
+    @property
+    def satisfying(self) -> States:
+        """The satisfying states. Raises NotInResultError unless the formula is boolean."""
+        return self._part(self.satisfying_or_none, "satisfying")
+
+    @property
+    def witness(self) -> Sequence[Mapping[str, int | bool]]:
+        """A path that shows why E holds, or why A does not. Raises NotInResultError without one."""
+        return self._part(self.witness_or_none, "witness")
+
+    @property
+    def front(self) -> ParetoFront:
+        """The Pareto front of a multi-objective query. Raises NotInResultError without one."""
+        return self._part(self.front_or_none, "front")
+
+    def _part(self, part: T | None, name: str) -> T:
+        if part is None:
+            raise self._has_no(name)
+        return part
+
+    def _has_no(self, name: str) -> NotInResultError:
+        noun, which = _PARTS[name]
+        return NotInResultError(f"the result has no {noun}\n  hint: {which}")
 
     @property
     def strategy(self) -> Strategy:

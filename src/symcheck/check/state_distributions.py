@@ -27,7 +27,7 @@ from symcheck.numerics import graph
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.options import Options
 from symcheck.syntax.ast import ModelType
-from symcheck.tables import SHOWN_ROWS, Table, state_table
+from symcheck.tables import Table, state_table
 
 __all__ = ["Distribution", "initial_distribution", "steady_state", "transient"]
 
@@ -80,9 +80,7 @@ class Distribution(StateVector):
     def _table(self) -> Table:
         rows = sorted(self, key=lambda row: -row[2])
         note = f"{len(rows):,} of {len(self):,} states have positive probability"
-        return state_table(
-            variable_names(self.engine.model), rows[:SHOWN_ROWS], (self._noun,), note
-        )
+        return state_table(variable_names(self.engine.model), rows, (self._noun,), note)
 
 
 def initial_distribution(engine: Engine) -> Floats:

@@ -185,7 +185,7 @@ def _write_front(path: str, output: Output, result: Result) -> None:
     from symcheck.exchange.pareto_fronts import check_front_file, front_text
     from symcheck.exchange.text import write_text
 
-    if result.front is None:
+    if result.front_or_none is None:
         output.warn("-exportpareto: this property has no Pareto front")
         return
     write_text(path, [front_text(result.front, check_front_file(path))], output.out)
@@ -270,15 +270,15 @@ def _write_vector(path: str, output: Output, result: Result, precision: int) -> 
     from symcheck.exchange.text import lines, write_text
 
     engine = result.engine
-    if engine is None or (result.values is None and result.satisfying is None):
+    if engine is None or (result.values_or_none is None and result.satisfying_or_none is None):
         output.warn("-exportvector: this property has no value in each state")
         return
     order = state_order(engine)
-    if result.values is not None:
+    if result.values_or_none is not None:
         values = result.values.midpoints(engine.all)
         column = values if order is None else values[order]
         text = lines("%s", len(column), column, precision=precision)
-    elif result.satisfying is not None:
+    elif result.satisfying_or_none is not None:
         members = engine.to_bools(result.satisfying.members)
         names = np.where(members if order is None else members[order], "true", "false").tolist()
         text = lines("%s", len(names), names)

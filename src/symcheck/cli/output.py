@@ -171,7 +171,7 @@ class Output:
             self.warn(warning)
         if isinstance(result.accuracy, Estimate):
             self.warn("the result is an estimate: its error is unknown")
-        if result.witness:
+        if result.witness_or_none:
             self.line("Path that shows it:")
             for number, state in enumerate(result.witness):
                 self.line(f"  {number}: ({_state(state)})")
@@ -182,7 +182,7 @@ class Output:
         if method != "auto":
             for kind in dict.fromkeys(r.kind for r in result.runs if r.kind in _OWN_METHODS):
                 self.line(f"Note: -method {method} has no effect on {_OWN_METHODS[kind]}")
-        if result.front is not None:
+        if result.front_or_none is not None:
             self.line()
             self.line(str(result.front))
         self.line()

@@ -176,12 +176,11 @@ def _facts(
     a: Arguments, model: Model, properties: PropertiesInput, of_model: GivenTexts
 ) -> dict[str, bool]:
     """What the run has that switches may need."""
-    kind = model.type or model.program.type or ModelType.MDP
     checks = bool(properties.file.properties or properties.unparsed)
     return {
         PROPERTY: checks,
         BUILT: checks or a.needs_model or not (a.simpath or a.step),
-        MDP: kind is ModelType.MDP and a.importstrat is None,
+        MDP: model.type is ModelType.MDP and a.importstrat is None,
         VALUES: any(len(values) > 1 for values in of_model.values()),
     }
 

@@ -134,11 +134,9 @@ def _one(engine: Engine, key: object) -> StateSet:
     return states
 
 
-def _index(number: int, count: int) -> int:
-    """An index from 0, negative ones counted from the end. Raises IndexError."""
-    if not -count <= number < count:
-        raise IndexError(f"state {number} of {count:,} states, which have the numbers from 0")
-    return int(number) % count
+def _no_state(number: int, count: int) -> IndexError:
+    """The error for an index that is neither from 0 nor a negative one, counted from the end."""
+    return IndexError(f"state {number} of {count:,} states, which have the numbers from 0")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -210,7 +208,9 @@ class States(Tabular, Collection[State]):
             refuse_many(stop - start)
             return list(self._listed(start, max(start, stop)))
         if isinstance(key, int | np.integer) and not isinstance(key, bool):
-            index = _index(key, self.count)
+            if not -self.count <= key < self.count:
+                raise _no_state(key, self.count)
+            index = int(key) % self.count
             return next(self._listed(index, index + 1))
         result = self._with(self.members & _one(self.engine, key))
         if not result:
@@ -265,7 +265,7 @@ class States(Tabular, Collection[State]):
         return f"<States: {self.count:,} of {self.engine.states:,}>"
 
     def _table(self) -> Table:
-        shown = self[:SHOWN_ROWS] if self.engine.states <= maxsize else []
+        shown = self[: SHOWN_ROWS + 1] if self.engine.states <= maxsize else []
         rows = ((s.number, s.valuation) for s in shown)
         note = f"{self.count:,} of {self.engine.states:,} states"
         return state_table(variable_names(self.engine.model), rows, (), note)
@@ -328,7 +328,9 @@ class StateVector(Tabular):
         if isinstance(key, State) and key.engine is self.engine and _few(self.engine):
             key = key.number
         if isinstance(key, int | np.integer) and not isinstance(key, bool):
-            index = _index(key, self.engine.states)
+            if not -len(self) <= key < len(self):
+                raise _no_state(key, len(self))
+            index = int(key) % len(self)
             return _plain(self.array[index : index + 1])
         return _plain(self.midpoints(_one(self.engine, key)))
 
@@ -410,6 +412,6 @@ class StateValues(StateVector):
 
     def _table(self) -> Table:
         states = _all(self.engine)
-        rows = ((s.number, s.valuation, self[s]) for s in states[:SHOWN_ROWS])
+        rows = ((s.number, s.valuation, self[s]) for s in states[: SHOWN_ROWS + 1])
         names = variable_names(self.engine.model)
         return state_table(names, rows, (self._noun,), f"{states.count:,} states")

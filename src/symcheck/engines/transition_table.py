@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -105,10 +104,9 @@ class TransitionTable(Tabular):
         return f"<TransitionTable: {len(self):,} transitions>"
 
     def _table(self) -> Table:
-        rows = islice(self._rows(), SHOWN_ROWS)
-        texts = [(s, "" if a is None else a, t, p) for s, _, a, t, p in rows]
+        texts = ((s, "" if a is None else a, t, p) for s, _, a, t, p in self._rows())
         note = f"{self.engine.transitions:,} transitions between states of these numbers"
-        return Table.of(Transition._fields, texts, note)
+        return Table.of(Transition._fields, texts, note, SHOWN_ROWS)
 
     def columns(self) -> Columns:
         """Numbers of source, choice and target of each transition, its action and probability."""

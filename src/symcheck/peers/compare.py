@@ -265,8 +265,8 @@ def _question(model: Model, instance: PropertyInstance, folder: Path) -> Questio
     """The files and texts for a peer: the words of the user, as far as it can read them."""
     program, (formula, alone) = model.program, _standing_alone(model, instance)
     text = program.span.source.text
-    if _is_foreign(text) or model.type not in (None, program.type):
-        text = pretty(replace(program, type=model.type or program.type))
+    if _is_foreign(text) or model.type is not program.type:
+        text = pretty(replace(program, type=model.type))
     model_file, properties = folder / "model.prism", folder / "properties.props"
     model_file.write_text(text, encoding="utf-8")
     checked = instance.file.properties[instance.index]

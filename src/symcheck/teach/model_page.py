@@ -16,7 +16,7 @@ from symcheck.check.state_formulas import states_of
 from symcheck.constant_values import GivenConstants, constant_values
 from symcheck.direction import Direction
 from symcheck.engines.base import Engine, StateSet
-from symcheck.errors import MemoryLimitError, SymcheckError, UnsupportedError
+from symcheck.errors import MemoryLimitError, SymcheckError, UnsupportedError, UsageError
 from symcheck.options import MethodName, Options, OptionValues
 from symcheck.page.document import JsonObject, JsonValue, document, fragment
 from symcheck.semantics.model import BoundModel
@@ -154,8 +154,10 @@ def _properties(properties: str | Path | PropertiesFile | Sequence[str]) -> Prop
             return parse_properties_file(properties)
         case str():
             return parse_properties(properties)
-        case _:
+        case Sequence() if all(isinstance(text, str) for text in properties):
             return parse_properties("\n".join(properties))
+        case _:
+            raise UsageError(f"properties are texts or a file, not {properties!r}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,9 +248,9 @@ class _Writer:
     def _values(self, instance: PropertyInstance, result: Result) -> JsonObject | None:
         """What a result says about the states."""
         drawn = self.board.drawn
-        if result.satisfying is not None:
+        if result.satisfying_or_none is not None:
             return {"marks": self.board.marks("in", self.board.names(result.satisfying.mask))}
-        if result.values is None:
+        if result.values_or_none is None:
             return None
         frame: JsonObject = {"low": [plain(v) for v in result.values.array[drawn].tolist()]}
         if len(result.strategies) == 1 and result.strategy.memory is None:

@@ -267,9 +267,9 @@ class ChoiceGraph:
                 return result
             raise UsageError(f"{self.engine.states:,} values are expected, not {len(result):,}")
         on = values.engine or self.engine
-        if values.values is not None:
+        if values.values_or_none is not None:
             result = values.values.array.tolist()
-        elif values.satisfying is not None:
+        elif values.satisfying_or_none is not None:
             result = values.satisfying.mask.tolist()
         else:
             raise UsageError("this result has no values of states")

@@ -143,12 +143,12 @@ def _result(context: Context, result: QueryResult) -> Result:
         )
     )
     if not result.proved:
-        return Result(result.value, Estimate(), result.about, front=result.front)
+        return Result(result.value, Estimate(), result.about, front_or_none=result.front)
     whole = isinstance(result.value, bool) or (
         isinstance(result.value, float) and not isfinite(result.value)
     )
     accuracy = Exact(rounding=not whole and not context.engine.exact)
-    return Result(result.value, accuracy, result.about, front=result.front)
+    return Result(result.value, accuracy, result.about, front_or_none=result.front)
 
 
 def solve_query(context: Context, formula: MultiObjective, states_of: StatesOf) -> QueryResult:

@@ -7,20 +7,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import count, islice, pairwise
+from itertools import count, pairwise
 from typing import cast
 
 import numpy as np
 
 from symcheck.direction import Direction
+from symcheck.engines.base import erased
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.product import ProductModel
-from symcheck.engines.states import variable_names
+from symcheck.engines.states import State, StateKey, States, variable_names
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.semantics.expressions.literals import format_value
-from symcheck.tables import SHOWN_ROWS, Columns, Table, Tabular, state_table
+from symcheck.tables import Columns, Table, Tabular, state_table
 
 __all__ = ["Strategy"]
 
@@ -28,6 +29,16 @@ __all__ = ["Strategy"]
 @dataclass(frozen=True, eq=False)
 class Strategy(Tabular):
     """A strategy: one row of the matrix for each state, or a distribution over its rows.
+
+    `strategy[state]` is the action that it takes there, and `strategy[state, memory]` if it has
+    memory; `dict(strategy)` has them all. A state is given as in `model.states[…]`.
+
+    Examples:
+        >>> import symcheck
+        >>> game = symcheck.load("models/gambler/stakes.nm", strategy=True)
+        >>> strategy = game.check("Pmax=? [ F money=8 ]").strategy
+        >>> strategy[{"money": 3}], strategy[game.states[4]]
+        ('stake1', 'stake4')
 
     Attributes:
         engine: the model, or its product with an automaton if the strategy has memory.
@@ -135,7 +146,7 @@ class Strategy(Tabular):
         first = np.repeat(groups[:-1][self.origin], np.diff(self.starts))
         return self._texts((self._origin_rows - first).tolist())
 
-    @property
+    @cached_property
     def actions(self) -> list[str]:
         """The action of the choice in each state, '' for none; `0.5:go+0.5:stay` if randomised."""
         names = (*self.engine.model.actions, "")
@@ -161,6 +172,35 @@ class Strategy(Tabular):
         matrix = self.engine.matrix
         return self.memory[matrix.indices[matrix.indptr[:-1][self.taken]]]
 
+    def keys(self) -> Iterator[State | tuple[State, int]]:
+        """Each state, with each memory that it can have if the strategy has memory."""
+        if self.memory is None:
+            return iter(self._model_states)
+        pairs = zip(self.origin.tolist(), self.memory.tolist(), strict=True)
+        listed = list(self._model_states)
+        return ((listed[state], memory) for state, memory in pairs)
+
+    __iter__ = keys
+
+    def __len__(self) -> int:
+        return self.engine.states
+
+    def __getitem__(self, key: StateKey | tuple[StateKey, int]) -> str:
+        if self.memory is None:
+            state = self._model_states[cast(StateKey, key)]
+            return self.actions[state.number]
+        if not isinstance(key, tuple) or len(key) != 2:
+            raise TypeError(f"the strategy has memory: expected strategy[state, memory], not {key}")
+        state, memory = self._model_states[key[0]], key[1]
+        found = np.flatnonzero((self.origin == state.number) & (self.memory == memory)).tolist()
+        if not found:
+            raise KeyError(f"the state {state} never has the memory {memory}")
+        return self.actions[found[0]]
+
+    @property
+    def _model_states(self) -> States:
+        return States(erased(self.base), self.base.all)
+
     def states(self) -> Iterator[tuple[bool | int, ...]]:
         """The values of the variables in each state, followed by the memory if there is one."""
         values = self.engine.valuations(self.engine.all)
@@ -174,7 +214,7 @@ class Strategy(Tabular):
 
     def _table(self) -> Table:
         states = zip(count(), self.states(), self.actions, self.reachable.tolist(), strict=False)
-        shown = islice(((n, s, action) for n, s, action, there in states if there), SHOWN_ROWS)
+        shown = ((n, s, action) for n, s, action, there in states if there)
         note = f"{np.count_nonzero(self.reachable):,} of {self.engine.states:,} states are reached"
         return state_table(self._names(), shown, ("action",), note)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from symcheck.check.result import Result
 from symcheck.engines.base import erased
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.engines.transition_actions import state_columns
+from symcheck.errors import UsageError
 from symcheck.exchange.api_io import explicit_model
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards
 from symcheck.matrices.contributions import Contributions
@@ -36,6 +38,7 @@ def induced_chain(model: Model, strategy: Strategy | Result, *, reach: bool = Tr
 
     Raises:
         NoStrategyError: the result has no strategy, or several.
+        UsageError: it is no strategy.
 
     Examples:
         >>> import symcheck
@@ -46,6 +49,11 @@ def induced_chain(model: Model, strategy: Strategy | Result, *, reach: bool = Tr
         0.5
     """
     chosen = strategy.strategy if isinstance(strategy, Result) else strategy
+    if not isinstance(cast(object, chosen), Strategy):
+        raise UsageError(
+            f"a strategy is expected, or a result that has one, not {chosen!r}\n"
+            "  hint: model.check(…, with the option strategy=True).strategy"
+        )
     data = replace(induced_data(chosen, reach=reach), names=model.instantiated())
     chain = explicit_model(data, replace(model.options, strategy=False, fairness=False))
     return replace(chain, given_constants=model.given_constants)

@@ -174,7 +174,11 @@ def bind_properties(
             unique. The fault of a single property is its attribute `fault`.
 
     Examples:
-        >>> bind_properties(parse_properties('P=? [ F "done" ]'), model).properties[0].formula
+        >>> from symcheck import load, parse_properties, pretty
+        >>> die = load("models/die/die.pm").bound
+        >>> bound = bind_properties(parse_properties('P=? [ F "done" ]'), die)
+        >>> pretty(bound.properties[0].formula)
+        'P=? [ F "done" ]'
     """
     return _Properties(file, model, constants or {}).bind(range(len(file.properties)))
 
