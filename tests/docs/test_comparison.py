@@ -27,7 +27,7 @@ PROPERTIES = [
     for _, _, storm, own in ROWS
     if (found := re.fullmatch(r"yes: `(symcheck \S+ -pf '[^']*')`", own))
     and len(words := shlex.split(found[1])) == 4
-    and storm in ("yes", "no", "in the program, not in stormpy")
+    and storm in ("yes", "no", "of LTL formulas, in the program; not in stormpy")
 ]
 
 
