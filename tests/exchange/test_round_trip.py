@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import symcheck
 from exchange.models import some_model
 from generate import random_property
-from symcheck.errors import SymcheckError, UsageError
+from symcheck.errors import NumericalError, SymcheckError, UsageError
 from symcheck.exchange.explicit_export import explicit_export
 from symcheck.exchange.export import export, parse_target
 from symcheck.exchange.text import write_text
@@ -51,7 +51,13 @@ def test_answers_survive_a_round_trip(seed, kind, engine, tmp_path_factory):
             expected = model.check(formula).value
         except SymcheckError:
             continue
-        found = again.check(formula).value
+        try:
+            found = again.check(formula).value
+        except NumericalError:
+            # The digits of the file round the probabilities: a threshold that is the value cannot
+            # be decided, and is not guessed.
+            assert isinstance(expected, bool), (formula, expected)
+            continue
         assert _near(found, expected), (formula, found, expected)
 
 
