@@ -103,7 +103,9 @@ class _EndComponent:
         if self.matrix.exact:
             return 0
         return float(
-            (self.matrix.longest + 6) * 2.0**-52 * (np.abs(self.rewards).max() + 2.0 * np.abs(h).max())
+            (self.matrix.longest + 6)
+            * 2.0**-52
+            * (np.abs(self.rewards).max() + 2.0 * np.abs(h).max())
         )
 
 

@@ -275,7 +275,7 @@ def solve_rationally(local: LocalSystem, probability: bool) -> Bounds | None:
     )
 
 
-def _no_chooser(problem: LinearProblem, settings: Settings) -> Solution:
+def _no_chooser(_problem: LinearProblem, _settings: Settings) -> Solution:
     raise NumericalError("doubles have failed")
 
 
