@@ -92,7 +92,7 @@ class Mdp:
         return "\n".join(lines)
 
 
-@pytest.mark.parametrize("seed", [*range(16), 17, 20, 30, 31, 32, 37, 48, 53, 82, 91])
+@pytest.mark.parametrize("seed", [*range(16), 20, 30, 31, 32, 37, 48, 53, 82, 91])
 def test_the_induced_chain_attains_the_value(seed):
     mdp = Mdp(seed)
     model = symcheck.loads(mdp.text(), strategy=True, engine="explicit")
