@@ -196,7 +196,11 @@ class Model:
     def bound(self) -> BoundModel:
         """Constants evaluated, names resolved, types checked. Raises InputError."""
         return bind(
-            self.program, self.given_constants, model_type=self.given_type, exact=self.options.exact
+            self.program,
+            self.given_constants,
+            model_type=self.given_type,
+            exact=self.options.exact,
+            normalise=self.options.check_sums and not self.options.exact,
         )
 
     def _within_limits(self, compute: Callable[[], T]) -> T:

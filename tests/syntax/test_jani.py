@@ -176,6 +176,81 @@ def test_what_accumulates_is_what_is_asked(tmp_path):
     assert found == pytest.approx(kinds | {"both": 2.5}, abs=1e-6)
 
 
+@pytest.mark.parametrize("engine", ["explicit", "hybrid", "mtbdd"])
+def test_long_run_averages_without_accumulation_count_what_edges_earn(tmp_path, engine):
+    """Two states with the rates 2 and 3: each edge is taken 6/5 times per unit of time.
+
+    The state `l` has the share 3/5. Its edge assigns 1 to `jobs` and 5 to `cost`, which is 3 in it.
+    """
+    there = edge("l", ("k", {"jobs": 1, "cost": 5}), rate=2)
+    asked = {
+        "jobs": "jobs",
+        "cost": "cost",
+        "sum": binary("+", binary("*", 2, "jobs"), binary("+", 7, "cost")),
+    }
+    found = model(
+        "ctmc",
+        [automaton("m", [("l", {"cost": 3}), "k"], [there, edge("k", ("l", {}), rate=3)])],
+        variables=[variable(n, kind="real", transient=True) for n in ("jobs", "cost")],
+        properties={n: filtered({"op": "Smin", "exp": e}) for n, e in asked.items()},
+    )
+    jobs, cost = 6 / 5, 3 * 3 / 5 + 5 * 6 / 5
+    expected = {"jobs": jobs, "cost": cost, "sum": 2 * jobs + 7 + cost}
+    assert values(tmp_path, found, engine=engine) == pytest.approx(expected)
+
+
+def test_long_run_averages_in_discrete_time_count_what_edges_earn(tmp_path):
+    """A loop that earns 2 with each step, or 5 with another one."""
+    edges = [edge("l", ("l", {"won": w})) for w in (2, 5)]
+    found = model(
+        "mdp",
+        [automaton("m", ["l"], edges)],
+        variables=[variable("won", kind="real", transient=True)],
+        properties={o: filtered({"op": o, "exp": "won"}) for o in ("Smin", "Smax")},
+    )
+    assert values(tmp_path, found) == {"Smin": 2, "Smax": 5}
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        {"op": "Emax", "exp": "won", "step-instant": 3},
+        {"op": "Smax", "exp": binary("≥", "won", 1)},
+        {"op": "Smax", "exp": "lost"},
+        {"op": "Pmax", "exp": {"op": "F", "exp": "lost"}},
+        {"op": "Pmax", "exp": {"op": "U", "left": binary("≤", "won", 0), "right": "lost"}},
+        {"op": "Emax", "exp": "won", "accumulate": ["steps"], "reach": "lost"},
+        "won",
+    ],
+)
+def test_variables_that_have_values_on_edges_only_are_not_read_in_states(formula):
+    """They would be 0 or false in every state, and the result 0 whatever the edges say."""
+    found = model(
+        "mdp",
+        [automaton("m", ["l"], [edge("l", ("l", {"won": 1, "lost": True}))])],
+        variables=[
+            variable("won", kind="real", transient=True),
+            variable("lost", kind="bool", transient=True) | {"initial-value": False},
+        ],
+        properties={"p": filtered(formula)},
+    )
+    (fault,) = read_jani(text(found), "model.jani").faults.values()
+    assert "is read in states, and edges assign it" in str(fault)
+    assert "^" in str(fault)
+
+
+def test_long_run_averages_of_variables_that_are_not_0_at_first_are_refused():
+    won = variable("won", kind="real", transient=True) | {"initial-value": 1}
+    found = model(
+        "mdp",
+        [automaton("m", ["l"], [edge("l", ("l", {"won": 4}))])],
+        variables=[won],
+        properties={"p": filtered({"op": "Smax", "exp": "won"})},
+    )
+    (fault,) = read_jani(text(found), "model.jani").faults.values()
+    assert "whose initial value is not 0" in str(fault)
+
+
 @pytest.mark.parametrize(
     ("operator", "expected"), [("≥", True), (">", True), ("≤", False), ("<", False), ("=", False)]
 )

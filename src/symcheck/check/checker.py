@@ -93,7 +93,7 @@ def check(
     started = perf_counter()
     if isinstance(formula, Property):
         formula = formula.formula
-    log = CheckLog()
+    log = CheckLog(warnings=list(engine.model.warnings))
     context = Context(
         engine,
         options or Options(),

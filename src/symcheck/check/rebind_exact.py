@@ -37,7 +37,9 @@ def exactly_bound(model: BoundModel) -> BoundModel:
         for c in model.program.constants
         if c.value is None and c.name in model.constants
     }
-    exact = bind(model.program, given, model_type=model.type, exact=True)
+    # What is divided by its sum in the model is divided by it here, too.
+    normalise = bool(model.warnings)
+    exact = bind(model.program, given, model_type=model.type, exact=True, normalise=normalise)
     return exact if model.derivation is None else model.derivation(exact)
 
 
@@ -54,11 +56,12 @@ def _explored(context: Context) -> Engine:
     from symcheck.engines.rational.explore import explore_exactly
     from symcheck.engines.registry import build
 
-    quotient = context.engine.capability(HasRationalTwin)
-    if quotient is not None:
-        return quotient.rational()
-    if context.engine.model.builder is not None:  # there is no text to bind again
-        return build(context.engine.model, replace(context.options, exact=True))
+    engine = context.engine
+    if engine.model.builder is not None:  # there is no text to bind again
+        engine = build(engine.model, replace(context.options, engine="explicit", exact=False))
+    without_text = engine.capability(HasRationalTwin)
+    if without_text is not None:
+        return without_text.rational()
     model = exactly_bound(context.engine.model)
     orbits = None
     represents = context.engine.capability(RepresentsOrbits)

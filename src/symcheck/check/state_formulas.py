@@ -19,6 +19,7 @@ from symcheck.check.thresholds import decide
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
+from symcheck.matrices.numbers import Numbers
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.syntax.ast import (
     AnyMeasure,
@@ -252,7 +253,9 @@ def _measured(
         case ConditionalProbability():
             from symcheck.check.queries.conditional import conditional_probability
 
-            return lambda c: conditional_probability(c, formula, states_of(c), direction)
+            return lambda c: conditional_probability(
+                c, formula, states_of(c), direction, partial(_by_rationals, c, formula, direction)
+            )
         case ExpectedTime(_, _, path):
             return lambda c: expected_time(c, path, states_of(c), direction)
         case RewardOperator():
@@ -275,6 +278,25 @@ def _exactly(context: Context, formula: Expression, relevant: StateSet) -> State
     exact, twin = exact_twin(context, formula)
     states = exact.engine.from_bools(context.engine.to_bools(relevant))
     return context.engine.from_bools(exact.engine.to_bools(satisfying(exact, twin, states)))
+
+
+def _by_rationals(
+    context: Context,
+    formula: ConditionalProbability,
+    direction: Direction | None,
+    states: StateSet,
+) -> Numbers:
+    """A conditional probability at some states in rational arithmetic, in their order.
+
+    Raises UnsupportedError where the formula cannot be evaluated exactly.
+    """
+    from symcheck.check.queries.conditional import conditional_probability
+
+    exact, twin = exact_twin(context, formula)
+    members = exact.engine.from_bools(context.engine.to_bools(states))
+    assert isinstance(twin, ConditionalProbability)
+    values = conditional_probability(exact.relevant_at(members), twin, states_of(exact), direction)
+    return values.at(members)[0]
 
 
 def threshold_of(bound: Bound) -> Fraction:

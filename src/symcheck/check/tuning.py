@@ -23,6 +23,9 @@ QUANTILE_ROUNDS = 64
 steps as there are states. A limit that is approached more slowly is left open, with an error."""
 CONDITIONAL_STATES = 1000
 """The most states of an MDP for which conditional probabilities are computed, one by one."""
+CONDITIONAL_RATIONAL_STATES = 1000
+"""The most states of a model whose conditional probabilities are computed in rationals if doubles
+lose the digits of a condition that is improbable."""
 
 # Bounds on rewards (measures/reward_scaling.py).
 LARGEST_DENOMINATOR = 1_000_000

@@ -55,6 +55,7 @@ class Output:
         self.out = out or sys.stdout
         self.verbose = verbose
         self.warnings = 0
+        self.of_models: set[str] = set()  # the warnings of models, which their results repeat
 
     def line(self, text: str = "") -> None:
         """One line of output."""
@@ -85,6 +86,10 @@ class Output:
         self.line(f"Variables:   {' '.join(v.name for v in model.variables)}")
         if constants:
             self.line(f"Constants:   {_assignment(constants)}")
+        for warning in model.warnings:
+            if warning not in self.of_models:
+                self.of_models.add(warning)
+                self.warn(warning)
         self.out.flush()
 
     def built(
@@ -168,7 +173,8 @@ class Output:
         for line in result.lines:
             self.line(str(line))
         for warning in result.warnings:
-            self.warn(warning)
+            if warning not in self.of_models:
+                self.warn(warning)
         if isinstance(result.accuracy, Estimate):
             self.warn("the result is an estimate: its error is unknown")
         if result.witness_or_none:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from symcheck.engines.base import Engine, erased
-from symcheck.engines.capabilities import HasImportedStates
+from symcheck.engines.capabilities import HasImportedStates, HasRationalTwin
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.rational.explore import RationalModel, StateList
@@ -25,6 +25,7 @@ from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, 
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.state_faults import SUM_TOLERANCE, rounded_sum
 from symcheck.syntax.ast import Expression, Literal, ModelType, Name, Type
 from symcheck.syntax.declarations import (
     Label,
@@ -136,7 +137,7 @@ class _ImportedModel(BoundModel):
 
 
 @dataclass(frozen=True)
-class ImportedEngine(ExplicitEngine, HasImportedStates):
+class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
     """The explicit engine on a model that was read: labels are sets of states, not expressions.
 
     Attributes:
@@ -144,6 +145,7 @@ class ImportedEngine(ExplicitEngine, HasImportedStates):
         entry_rewards: per reward structure the reward of each transition, or None if the
             transitions of each row share one.
         given: matrix and rewards as they were given, deadlocks fixed.
+        divided: the rows that are divided by their sum, which is almost 1, bool[rows].
         contributions: what each action contributes to the transitions of a chain; None without
             actions.
     """
@@ -152,17 +154,21 @@ class ImportedEngine(ExplicitEngine, HasImportedStates):
     entry_rewards: Sequence[Numbers | None] = field(default=(), repr=False)
     given: tuple[SparseMatrix, Sequence[ExplicitRewards]] | None = field(default=None, repr=False)
     contributions: Contributions | None = field(default=None, repr=False)
+    divided: Bools = field(default_factory=lambda: np.zeros(0, np.bool_), repr=False)
 
     def where(self, expression: Expression) -> ArraySet:
         """The states that satisfy an expression over the variables, or that have a label."""
         known = self.members.get(expression)
         return super().where(expression) if known is None else ArraySet(known)
 
-    def rational(self) -> Engine:
+    def rational(self, *, strict: bool = False) -> Engine:
         """The same model in rational arithmetic.
 
         A double becomes the fraction with a denominator of at most 10**6 that rounds to it, if
         there is one. So 1/3 is 1/3 again after it was written as a decimal.
+
+        Args:
+            strict: refuse rows that are divided by their sum.
 
         Raises:
             UnsupportedError: the probabilities then do not sum to 1.
@@ -174,9 +180,13 @@ class ImportedEngine(ExplicitEngine, HasImportedStates):
         if of_actions is not None:  # the parts of a transition are rounded, not their sum
             of_actions = of_actions._replace(weight=_rationals(of_actions.weight))
             matrix = replace(matrix, data=of_actions.totals(matrix))
-        if self.model.type is not ModelType.CTMC and any(
-            s != 1 for s in sum_segments(matrix.data, matrix.indptr)
-        ):
+        sums = sum_segments(matrix.data, matrix.indptr)
+        if self.divided.any() and not strict:
+            sums[~self.divided] = Fraction(1)
+            matrix = replace(matrix, data=np.asarray(matrix.data / sums[matrix.row_of_entry]))
+            rewards = [_rewards_of(matrix, r) for r in rewards]
+            sums = sum_segments(matrix.data, matrix.indptr)
+        if self.model.type is not ModelType.CTMC and any(s != 1 for s in sums):
             raise UnsupportedError(
                 "the given probabilities are rounded, and do not sum to 1 exactly"
             )
@@ -223,9 +233,9 @@ def build_imported(given: ExplicitData, options: Options) -> Engine:
             engine is rational, and the probabilities do not sum to 1 exactly.
         ResourceError: a limit of memory or time was reached.
     """
-    engine = _explicit(given, options.fix_deadlocks)
+    engine = _explicit(given, options.fix_deadlocks, options.check_sums)
     if options.exact:
-        return engine.rational()
+        return engine.rational(strict=True)
     if options.engine in ("auto", "explicit"):
         return erased(engine)
     from symcheck.exchange.symbolic_import import symbolic_engine
@@ -233,23 +243,30 @@ def build_imported(given: ExplicitData, options: Options) -> Engine:
     return symbolic_engine(engine.explored, engine.members, options)
 
 
-def _explicit(given: ExplicitData, fix_deadlocks: bool) -> ImportedEngine:
+def _explicit(given: ExplicitData, fix_deadlocks: bool, check_sums: bool) -> ImportedEngine:
     fixed, row_actions, rewards, dead = _fixed(given, fix_deadlocks)
+    normal = given.type is not ModelType.CTMC and check_sums and not fixed.exact
+    divided, warning = _odd_rows(fixed) if normal else (np.zeros(fixed.rows, np.bool_), None)
+    matrix, earned = fixed.doubles(), rewards
+    if warning is not None:
+        sums = np.where(divided, _row_sums(matrix), 1.0)
+        matrix = replace(matrix, data=matrix.data / sums[matrix.row_of_entry])
+        earned = [_rewards_of(matrix, r) for r in rewards]
     members = dict(given.labels)
     initial = members.pop("init", None)
     deadlock = dead | members.pop("deadlock", np.zeros(given.matrix.states, bool))
     marks: dict[str, Expression] = {name: Name(f'"{name}"') for name in members}
-    model = _model(given, marks)
+    model = replace(_model(given, marks), warnings=() if warning is None else (warning,))
     layout = StateLayout.of(model.variables)
     explored = ExplicitModel(
         model,
         StateTable(layout, layout.pack([c for _, _, c in given.columns])),
-        fixed.doubles(),
+        matrix,
         row_actions,
         np.flatnonzero(initial) if initial is not None else np.zeros(1, np.int64),
         np.flatnonzero(deadlock),
-        [doubles(r.states) for r in rewards],
-        [doubles(r.rows) for r in rewards],
+        [doubles(r.states) for r in earned],
+        [doubles(r.rows) for r in earned],
     )
     return ImportedEngine(
         explored,
@@ -257,7 +274,40 @@ def _explicit(given: ExplicitData, fix_deadlocks: bool) -> ImportedEngine:
         entry_rewards=[None if r.entries is None else doubles(r.entries) for r in rewards],
         given=(fixed, rewards),
         contributions=given.contributions,
+        divided=divided,
     )
+
+
+def _row_sums(matrix: SparseMatrix) -> Floats:
+    sums: Floats = np.bincount(matrix.row_of_entry, matrix.data, matrix.rows).astype(np.float64)
+    return sums
+
+
+def _odd_rows(matrix: SparseMatrix) -> tuple[Bools, str | None]:
+    """The rows that sum to almost 1, by more than rounding, and a warning if there are some."""
+    sums = _row_sums(matrix)
+    odd = (np.abs(sums - 1) <= SUM_TOLERANCE) & ~rounded_sum(sums, matrix.lengths)
+    count = int(odd.sum())
+    if not count:
+        return odd, None
+    row = int(np.argmax(odd))
+    state = int(matrix.state_of_row[row])
+    of = f"choice {row - int(matrix.groups[state])} of " if matrix.groups is not None else ""
+    others = f", like {count - 1} others" * (count > 1)
+    return odd, (
+        f"the probabilities of {of}state {state} sum to {sums[row]:.15g}, not 1{others}: they are "
+        "divided by their sum"
+    )
+
+
+def _rewards_of(matrix: SparseMatrix, given: ExplicitRewards) -> ExplicitRewards:
+    """The rewards with those of rows for other probabilities."""
+    if given.entries is None:
+        return given
+    if matrix.exact:
+        of_entries = _rationals(matrix.data) * _rationals(given.entries)
+        return given._replace(rows=sum_segments(of_entries, matrix.indptr))
+    return given._replace(rows=row_rewards(ModelType.DTMC, matrix, doubles(given.entries)))
 
 
 def imported_program(given: ExplicitData) -> Program:

@@ -150,6 +150,7 @@ class BoundModel:
             represent all that a symmetry makes of it, or that agree on the variables that matter.
             The function gives what the properties read of a model, None if that is more than such
             values.
+        warnings: what its users should know, one sentence each.
     """
 
     program: Program
@@ -168,6 +169,7 @@ class BoundModel:
     observed: Callable[[BoundModel], Observations | None] | None = field(
         default=None, compare=False
     )
+    warnings: tuple[str, ...] = field(default=(), compare=False)
 
     def __repr__(self) -> str:
         """A summary on one line."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
+from typing import Any
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, ModelFault, Span
 from symcheck.semantics.expressions.literals import format_value
@@ -23,6 +24,7 @@ __all__ = [
     "negative_update",
     "no_initial_state",
     "reward_not_finite",
+    "rounded_sum",
     "sums_to_one",
     "update_not_finite",
     "update_range",
@@ -34,6 +36,14 @@ SUM_TOLERANCE = 1e-5
 
 _SHOWN = 3
 _MAX_VARIABLES = 10  # shown of an example state
+
+
+def rounded_sum(total: Any, terms: Any) -> Any:
+    """Whether sums (a number, or an array of them) of so many probabilities are 1 but for rounding.
+
+    Each term and each partial sum is rounded, to half a unit in the last place of 1 at most.
+    """
+    return abs(total - 1) <= (terms + 4) * 2.0**-52
 
 
 def sums_to_one(total: Value) -> bool:

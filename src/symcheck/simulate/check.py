@@ -101,7 +101,7 @@ def check_by_sampling(
         if plan.method == "sprt"
         else _estimate_by_interval(samples, plan, bound, probability)
     )
-    warnings = (_UNIFORM,) if model.type is ModelType.MDP else ()
+    uniform = (_UNIFORM,) if model.type is ModelType.MDP else ()
     explanation = (
         f"{result.explanation}; {samples.samples} paths of "
         f"{samples.steps / max(samples.samples, 1):.1f} steps on average, seed {seed}"
@@ -110,7 +110,7 @@ def check_by_sampling(
         result.value,
         result.accuracy,
         explanation,
-        warnings=warnings,
+        warnings=(*model.warnings, *uniform),
         seconds=perf_counter() - started,
     )
 

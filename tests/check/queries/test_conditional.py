@@ -247,3 +247,81 @@ def test_what_is_not_supported_says_what_is(text, message):
     with pytest.raises(UnsupportedError) as error:
         symcheck.loads(BRANCH).check(text)
     assert message in str(error.value)
+
+
+# ------------------------------------------------------------------------------ tiny probabilities
+
+TREE = """{kind}
+module tree
+  s : [0..6];
+  [] s=0 -> {p}:(s'=1) + 1-{p}:(s'=5);
+  {more}
+  [] s=1 -> {q}:(s'=2) + 1-{q}:(s'=5);
+  [] s=2 -> {r}:(s'=3) + {rest}:(s'=4);
+endmodule
+label "a" = s=3;
+label "b" = s=2;
+label "never" = s=6;
+"""
+"""The condition s=2 has the probability p q, and the target s=3 given it the probability r."""
+
+
+def close(result, value: Fraction) -> bool:
+    """Whether a result states an accuracy that is true, relative, and as good as requested."""
+    found = Fraction(result.value)
+    bounds = result.accuracy
+    if hasattr(bounds, "lower"):
+        assert bounds.lower <= value <= bounds.upper
+    return abs(found - value) <= Fraction(1, 10**6) * abs(value)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("kind", ["dtmc", "mdp"])
+@pytest.mark.parametrize(
+    ("p", "q", "r"),
+    [
+        ("1e-200", "1e-200", "0.25"),  # the condition underflows
+        ("1e-300", "1e-100", "1e-9"),
+        ("1e-200", "1", "1e-150"),  # the numerator does
+        ("1e-300", "0.5", "1e-300"),
+        ("0.5", "0.5", "1e-9"),  # 1 minus a probability
+        ("1e-12", "0.5", "1e-13"),
+        ("1e-16", "1", "0.999999999999"),
+    ],
+)
+def test_quotients_of_tiny_values_are_accurate(engine, kind, p, q, r):
+    more = "[] s=0 -> 1e-5:(s'=3) + 1-1e-5:(s'=5);" if kind == "mdp" else ""
+    rest = "1e-12" if r == "0.999999999999" else f"1-{r}"
+    model = symcheck.loads(
+        TREE.format(kind=kind, p=p, q=q, r=r, rest=rest, more=more), engine=engine
+    )
+    value = Fraction(r)
+    for operator in ("P",) if kind == "dtmc" else ("Pmin", "Pmax"):
+        asked = f'{operator}=? [ F "a" || F "b" ]', f'{operator}=? [ G !"a" || F "b" ]'
+        for text, expected in zip(asked, (value, 1 - value), strict=True):
+            result = model.check(text)
+            assert close(result, expected), (text, result)
+            assert not result.warnings
+    assert model.check('P>0 [ F "a" || F "b" ]').value is True
+    assert model.check('P<1 [ F "a" || F "b" ]').value is True
+    assert model.check(f'P>={r} [ F "a" || F "b" ]').value is True
+    assert model.check(f'P>{r} [ F "a" || F "b" ]').value is False
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("kind", ["dtmc", "mdp"])
+def test_a_condition_that_underflows_is_not_one_of_probability_zero(engine, kind):
+    text = TREE.format(kind=kind, p="1e-300", q="1e-300", r="1e-300", rest="1-1e-300", more="")
+    model = symcheck.loads(text, engine=engine)
+    operator = "P" if kind == "dtmc" else "Pmax"
+    assert close(model.check(f'{operator}=? [ F "a" || F "b" ]'), Fraction("1e-300"))
+    with pytest.raises(InputError, match="undefined"):
+        model.check(f'{operator}=? [ F "a" || F "never" ]')
+
+
+def test_a_quotient_that_no_arithmetic_gives_says_how_wide_its_bounds_are(monkeypatch):
+    monkeypatch.setattr("symcheck.check.tuning.CONDITIONAL_RATIONAL_STATES", 3)
+    text = TREE.format(kind="dtmc", p="1e-200", q="1e-200", r="0.25", rest="0.75", more="")
+    result = symcheck.loads(text).check('P=? [ F "a" || F "b" ]')
+    assert result.accuracy.lower <= 0.25 <= result.accuracy.upper
+    assert any("the condition is improbable" in w for w in result.warnings)

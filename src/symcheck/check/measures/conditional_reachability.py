@@ -26,6 +26,7 @@ from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, SparseMatrix, starts_of
+from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.linear.until import until_bounds
 
 __all__ = ["conditional_reachability"]
@@ -71,7 +72,11 @@ def conditional_reachability(
     for index in indices.tolist():
         low, high = reset.solve(context, index)
         if direction is Direction.MIN:
-            low, high = 1 - high, 1 - low
+            violation = low, high
+            least, greatest = 1 - high, 1 - low
+            # Outwards, unless the differences are exact.
+            low = least if 1 - least == violation[1] else np.nextafter(least, 0)
+            high = greatest if 1 - greatest == violation[0] else np.nextafter(greatest, 1)
         lower[index], upper[index] = low, high
     context.log.runs.append(
         SolverRun("linear", "reset", system.n, len(indices), f"{len(indices)} states with resets")
@@ -126,7 +131,7 @@ class _Reset:
             ),
             "reset": one.choose(undefined, misses_later),
         }
-        bounds = {name: system.one_step_values(values) for name, values in known.items()}
+        bounds = {name: _one_step(system, values) for name, values in known.items()}
         avoiding = system.restrict(engine.graph.prob0(engine.all, condition, Direction.MIN)) > 0
 
         def matrix(success: int) -> SparseMatrix:
@@ -163,6 +168,18 @@ class _Reset:
                 )
             )
         return bounds[0][0][index], bounds[-1][1][index]
+
+
+def _one_step(system: System, values: Values) -> tuple[Numbers, Numbers]:
+    """Bounds on the value after a step, per row; only what graph analysis says is 0 counts as 0."""
+    low, high = system.one_step_values(values)
+    if system.matrix.exact:
+        return low, high
+    zero, _ = values.compare("=", 0)
+    lost = (high < UNDERFLOW_MARGIN) & (system.one_step_probability(~zero) > 0)
+    if not lost.any():
+        return low, high
+    return np.where(lost, 0.0, low), np.where(lost, UNDERFLOW_MARGIN, high)
 
 
 def _with_ends(

@@ -28,7 +28,7 @@ from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.syntax.operators import OPERATOR_BY_TOKEN
 
-__all__ = ["complement_of", "probability", "qualitative"]
+__all__ = ["complement_of", "defined_bounds", "probability", "qualitative"]
 
 _SMALLEST_POSITIVE = 5e-324
 
@@ -67,20 +67,20 @@ def complement_of(context: Context, probabilities: Callable[[Context], Values]) 
         return values
     if states.count > tuning.MAX_COMPARED_STATES:
         return values
-    low, high = _defined(values, states)
+    low, high = defined_bounds(values, states)
     if largest_width(low, high, relative=True) <= epsilon:
         return values
     least = float(high[high > 0].min())
     finer = context.with_epsilon(max(epsilon * least / 4, ROUNDING))
     values = _complement(context, probabilities(finer))
     context.warn_if_wide(
-        largest_width(*_defined(values, states), relative=True),
+        largest_width(*defined_bounds(values, states), relative=True),
         "1 minus a probability has fewer digits",
     )
     return values
 
 
-def _defined(values: Values, states: StateSet) -> tuple[Numbers, Numbers]:
+def defined_bounds(values: Values, states: StateSet) -> tuple[Numbers, Numbers]:
     """The bounds at those of the states that have a value: conditional ones may have none."""
     low, high = values.at(states)
     known = ~np.isnan(low)

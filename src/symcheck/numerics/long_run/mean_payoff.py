@@ -24,7 +24,7 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.machine import require_memory_for_scipy
-from symcheck.matrices.numbers import Numbers, full
+from symcheck.matrices.numbers import Numbers, full, rationals, sum_segments
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, first_best, starts_of
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
@@ -90,13 +90,22 @@ class _EndComponent:
         """The greatest value of the rows of each state."""
         return np.asarray(np.maximum.reduceat(rows, self.groups[:-1]))
 
+    def rounding_errors(self, h: Numbers) -> Numbers:
+        """A bound on the rounding error of r + P h - h in each row, relative to its own terms."""
+        if self.matrix.exact:
+            return full(self.matrix.rows, 0, exact=True)
+        of_state = np.repeat(np.abs(h), np.diff(self.groups))
+        terms = np.abs(self.rewards) + self.matrix.multiply(np.abs(h)) + of_state
+        return np.asarray((self.matrix.longest + 6) * 2.0**-52 * terms)
+
     def rounding_error(self, h: Numbers) -> float:
         """A bound on the rounding error of T h - h; 0 in rational arithmetic."""
         if self.matrix.exact:
             return 0
-        longest = int(self.matrix.lengths.max())
         return float(
-            (longest + 6) * 2.0**-52 * (np.abs(self.rewards).max() + 2.0 * np.abs(h).max())
+            (self.matrix.longest + 6)
+            * 2.0**-52
+            * (np.abs(self.rewards).max() + 2.0 * np.abs(h).max())
         )
 
 
@@ -174,29 +183,111 @@ def gain_policy(
     Raises:
         NumericalError: a component is too large for policy iteration.
     """
-    signed = -rewards if direction is Direction.MIN else rewards
+    sign = -1 if direction is Direction.MIN else 1
+    signed = sign * rewards
     parts, owner = gains.parts, graph.Incidence(matrix).owner_of_rows
     sizes = np.bincount(parts.of[parts.of >= 0], minlength=parts.count)
     policy = np.full(matrix.states, -1, np.int64)
     inside = np.flatnonzero(parts.rows & (sizes[parts.of[owner]] == 1))
     order = inside[np.argsort(signed[inside], kind="stable")]
     policy[owner[order]] = order  # the greatest reward is the last
-    for _, part in _larger_components(matrix, signed, parts, sizes, owner):
-        n = part.matrix.states
-        if not matrix.exact and n > tuning.DIRECT_EVALUATION_STATES:
-            raise NumericalError(f"an end component has {n:,} states, too many for a strategy")
-        finest = Accuracy(epsilon=0.0, relative=settings.relative)
-        *_, chosen = _policies(part, full(n, 0, exact=matrix.exact), finest)
-        policy[part.states] = part.rows_of[chosen]
+    for c, part in _larger_components(matrix, signed, parts, sizes, owner):
+        gain = sign * gains.lower[c], sign * gains.upper[c]
+        policy[part.states] = part.rows_of[_best_policy(part, min(gain), max(gain), settings)]
     return policy
+
+
+def _best_policy(part: _EndComponent, low: float, high: float, settings: Settings) -> Int64s:
+    """A policy of an end component whose gain is within these bounds."""
+    policy, n = _top_policy(part), part.matrix.states
+    if policy is not None:
+        return policy
+    finest = Accuracy(epsilon=0.0, relative=settings.relative)
+    if not part.matrix.exact:
+        if n > tuning.DIRECT_EVALUATION_STATES:
+            raise NumericalError(f"an end component has {n:,} states, too many for a strategy")
+        *_, policy = _policies(part, np.zeros(n), finest)
+        if _attains(part, policy, low, high, settings):
+            return policy
+        if n > tuning.RATIONAL_GAIN_STATES:
+            raise NumericalError(
+                f"rounding hides which choices are best in an end component of {n:,} states"
+            )
+        part = _in_rationals(part)
+    *_, policy = _policies(part, full(n, 0, exact=True), finest)
+    return policy
+
+
+def _top_policy(part: _EndComponent) -> Int64s | None:
+    """A policy that earns the greatest reward at each step from some time on; None: none does."""
+    everywhere = np.ones(part.matrix.states, np.bool_)
+    greatest = part.rewards == part.rewards.max()
+    cycles = graph.maximal_end_components(part.matrix, everywhere, greatest)
+    if not cycles.count:
+        return None
+    goal = cycles.of >= 0
+    _, policy = graph.prob1e_strategy(part.matrix, everywhere, goal)
+    rows = np.flatnonzero(cycles.rows)
+    policy[part.matrix.state_of_row[rows]] = rows
+    return policy
+
+
+def _attains(
+    part: _EndComponent, policy: Int64s, low: float, high: float, settings: Settings
+) -> bool:
+    """Whether a policy earns a gain between these bounds wherever it may stay."""
+    from symcheck.numerics.long_run.stationary import long_run_average
+
+    chain, rewards = part.matrix.choose(policy), part.rewards[policy]
+    scale = max(abs(low), abs(high)) if settings.relative else 1.0
+    index = np.full(chain.states, -1, np.int32)
+    for states in graph.bsccs(chain):
+        index[states] = np.arange(len(states), dtype=np.int32)
+        inner = chain.select(states, index, len(states))
+        index[states] = -1
+        if long_run_average(inner, rewards[states], settings).lower < low - (
+            settings.epsilon * scale
+        ):
+            return False
+    return True
+
+
+def _in_rationals(part: _EndComponent) -> _EndComponent:
+    """The component with the rationals that its doubles are; the rows are divided by their sums."""
+    matrix = part.matrix
+    entries = rationals(matrix.data.tolist())
+    sums = sum_segments(entries, matrix.indptr)
+    exact = replace(matrix, data=np.asarray(entries / np.repeat(sums, matrix.lengths)))
+    return replace(part, matrix=exact, rewards=rationals(part.rewards.tolist()))
+
+
+def _rational_gain(part: _EndComponent) -> tuple[float, float]:
+    """Bounds on the gain from policy iteration in rational arithmetic.
+
+    Probabilities and rewards are rounded, each by a few units in the last place. That changes a
+    stationary probability relatively by at most 2n times as much, however small it is (O'Cinneide
+    1993), and so the average of the absolute rewards under each policy.
+    """
+    n, nothing = part.matrix.states, full(part.matrix.states, 0, exact=True)
+    exact, finest = _in_rationals(part), Accuracy(epsilon=0.0)
+    low, high, *_ = _policies(exact, nothing, finest)
+    if (part.rewards >= 0).all() or (part.rewards <= 0).all():
+        size = max(abs(low), abs(high))
+    else:
+        size = _policies(replace(exact, rewards=np.abs(exact.rewards)), nothing, finest)[1]
+    error = size * Fraction(8 * (n + part.matrix.longest)) * Fraction(tuning.UNIT_ROUNDOFF)
+    return (
+        float(np.nextafter(float(low - error), -np.inf)),
+        float(np.nextafter(float(high + error), np.inf)),
+    )
 
 
 def _gain(part: _EndComponent, settings: Settings, observer: Observer | None) -> Gain:
     """Bounds on the gain of an end component."""
-    top, n = part.rewards.max(), part.matrix.states
-    everywhere = np.ones(n, np.bool_)
-    if graph.maximal_end_components(part.matrix, everywhere, part.rewards == top).count:
-        return Gain(top, top)  # a cycle earns the greatest reward at each step
+    n = part.matrix.states
+    if _top_policy(part) is not None:
+        top = part.rewards.max()
+        return Gain(top, top)
     if part.matrix.exact:
         low, high, *_ = _policies(part, full(n, 0, exact=True), Accuracy(epsilon=0.0))
         if low < high:
@@ -205,11 +296,11 @@ def _gain(part: _EndComponent, settings: Settings, observer: Observer | None) ->
     low, high, h, count = -np.inf, np.inf, np.zeros(n), 0
     for count in range(1, settings.max_iterations + 1):
         following = part.best(part.rows(h))
-        low, high = _narrowed(part, h, following, low, high)
+        low, high = _narrowed(h, following, part.rounding_error(h), low, high)
         if observer is not None:
             observer(Progress("value iteration", count, high - low, n))
         if _close_enough(low, high, part.rounding_error(h), settings):
-            return Gain(low, high, count)
+            break
         if (
             count % tuning.VALUE_ITERATIONS_BEFORE_POLICIES == 0
             and n <= tuning.DIRECT_EVALUATION_STATES
@@ -224,18 +315,27 @@ def _gain(part: _EndComponent, settings: Settings, observer: Observer | None) ->
             continue
         h = tuning.APERIODIC_STAY * h + (1.0 - tuning.APERIODIC_STAY) * following
         h -= h[0]
+    if n <= tuning.RATIONAL_GAIN_STATES and not _close_enough(low, high, 0.0, settings):
+        try:
+            found = _rational_gain(part)
+        except OverflowError:  # beyond the doubles
+            return Gain(low, high, count)
+        low, high = max(low, found[0]), min(high, found[1])
     return Gain(low, high, count)
 
 
 def _narrowed(
-    part: _EndComponent, h: Numbers, following: Numbers, low: float, high: float
+    h: Numbers, following: Numbers, errors: Numbers | float, low: float, high: float
 ) -> tuple[float, float]:
-    change, rounding_error = following - h, part.rounding_error(h)
-    return max(low, change.min() - rounding_error), min(high, change.max() + rounding_error)
+    """The bounds from T h - h, whose rounding error is at most `errors` (of each state, or all)."""
+    change = following - h
+    return max(low, (change - errors).min()), min(high, (change + errors).max())
 
 
 def _close_enough(low: float, high: float, rounding_error: float, settings: Settings) -> bool:
     """Whether the bounds are as close as requested, or as close as rounding permits."""
+    if isinstance(low, Fraction):
+        return low == high
     scale = max(abs(low), abs(high)) if settings.relative else 1.0
     return high - low <= max(0.25 * settings.epsilon * scale, 4.0 * rounding_error)
 
@@ -259,8 +359,9 @@ def _policies(
         h = bias
         values = part.rows(h)
         best = part.best(values)
-        low, high = _narrowed(part, h, best, low, high)
-        better = best > values[policy] + 4.0 * part.rounding_error(h)
+        errors = part.rounding_errors(h)
+        low, high = _narrowed(h, best, part.best(errors), low, high)
+        better = best > values[policy] + 4 * part.best(errors)
         # The bounds hold for the policy that is greedy for h, not for the one that h belongs to.
         policy = np.where(better, first_best(values, part.groups), policy)
         if _close_enough(low, high, part.rounding_error(h), settings) or not better.any():

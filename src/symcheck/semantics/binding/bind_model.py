@@ -10,6 +10,7 @@ from symcheck.semantics.binding.composition import events
 from symcheck.semantics.binding.label_references import inline_labels
 from symcheck.semantics.binding.module_renaming import ModuleInstance
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable
+from symcheck.semantics.binding.probability_sums import normalised_modules
 from symcheck.semantics.binding.static_checks import (
     CheckedProgram,
     DeclaredVariable,
@@ -57,6 +58,7 @@ def bind(
     *,
     model_type: ModelType | None = None,
     exact: bool = False,
+    normalise: bool | None = None,
 ) -> BoundModel:
     """Evaluate the constants of a program, expand its formulas, and check names and types.
 
@@ -66,6 +68,8 @@ def bind(
         model_type: the model type, which overrides the keyword of the program; an MDP if neither
             is given.
         exact: keep decimal constants as fractions.
+        normalise: divide probabilities that almost sum to 1 by their sum, with a warning; by
+            default unless `exact`, because the engine for rationals refuses them.
 
     Raises:
         NameFault, TypeFault, InputError: all faults of the program, in the order of the text.
@@ -84,7 +88,8 @@ def bind(
     check_values_given(table, program.constants)
     checked = check_program(program, table)
     report.raise_all()
-    return _Builder(checked).build(model_type or program.type or ModelType.MDP)
+    kind = model_type or program.type or ModelType.MDP
+    return _Builder(checked).build(kind, not exact if normalise is None else normalise)
 
 
 class _Builder:
@@ -97,7 +102,7 @@ class _Builder:
         self.report = checked.table.report
         self.index = {name: i for i, name in enumerate(checked.declared)}
 
-    def build(self, kind: ModelType) -> BoundModel:
+    def build(self, kind: ModelType, normalise: bool) -> BoundModel:
         root = self.checked.root
         constants = {c.name: v for c in self.program.constants if (v := self._value(c)) is not None}
         self.report.raise_all()
@@ -115,6 +120,9 @@ class _Builder:
         if initial is not None:
             self._check_enumerable(variables)
         self.report.raise_all()
+        warnings: tuple[str, ...] = ()
+        if normalise and kind is not ModelType.CTMC:
+            modules, warnings = normalised_modules(modules, variables)
         return BoundModel(
             program=self.program,
             type=kind,
@@ -127,6 +135,7 @@ class _Builder:
             constants=constants,
             exact=self.table.exact,
             system=self.program.system,
+            warnings=warnings,
         )
 
     # --------------------------------------------------------------------------------------- values

@@ -187,6 +187,14 @@ class Network:
         locations = (values for element in self.elements for _, values in element.locations)
         return frozenset(name for values in locations for name in values)
 
+    @cached_property
+    def edges_only(self) -> frozenset[str]:
+        """The transient variables that edges assign and no location gives a value.
+
+        They have their initial value in every state; what they say is said on edges.
+        """
+        return (self.assigned & self.transients.keys()) - self.valued_in_states
+
     def in_states(self, expression: Expression) -> Expression:
         """An expression with the values that transient variables have in states."""
         return substitute(expression, self._state_values)

@@ -71,11 +71,11 @@ _STATES = {"initial": "init", "deadlock": "deadlock"}
 
 
 def state_labels(network: Network) -> tuple[Label, ...]:
-    """A label for each transient variable of type bool."""
+    """A label for each transient variable of type bool that has values in states."""
     return tuple(
         Label(_label(t.name), simplified(network.in_states(Name(t.name))))
         for t in network.transients.values()
-        if t.type is Type.BOOL
+        if t.type is Type.BOOL and t.name not in network.edges_only
     )
 
 
@@ -115,12 +115,26 @@ class PropertyReader(ExpressionReader):
         comment = node.get("comment")
         lines = tuple(comment.text.splitlines()) if comment is not None else ()
         formula = self.read(node["expression"])
+        self._check_read_in_states(node["expression"], formula)
         values: dict[str, Expression] = {}
         for name, transient in self.network.transients.items():
             label = LabelReference(_label(name))
             is_condition = transient.type is Type.BOOL
             values[name] = label if is_condition else self.network.in_states(Name(name))
         return Property(node["name"].text, substitute(formula, values), lines)
+
+    def _check_read_in_states(self, node: Json, expression: Expression) -> None:
+        """Refuse a value in states of a variable that has its values on edges."""
+        for part in nodes(expression):
+            if isinstance(part, Name) and part.name in self.network.edges_only:
+                place = node if not part.span.source.text else replace(node, span=part.span)
+                identifier = self.network.transients[part.name].identifier
+                raise place.unsupported(
+                    f"'{identifier}' is read in states, and edges assign it: no location gives it "
+                    "a value",
+                    '"accumulate": ["steps"] and the long-run averages Smin and Smax say what '
+                    "edges earn",
+                )
 
     def operation(self, node: Json, operator: str) -> Expression:
         """The formula of an object with an "op". Raises SyntaxFault, UnsupportedError."""
@@ -194,10 +208,29 @@ class PropertyReader(ExpressionReader):
         if is_boolean(value, self.network.types):
             return SteadyState(direction, bound, value, span=node.span)
         if kinds is None:
-            structure = self._structure(node, value, states=True, exits=False, steps=False)
+            structure = self._long_run_structure(node, value)
         else:
             structure = self._accumulated(node, value, kinds)
         return RewardOperator(direction, bound, structure, SteadyStateReward(), span=node.span)
+
+    def _long_run_structure(self, node: Json, value: Expression) -> str:
+        """The structure of a long-run average that does not say what accumulates.
+
+        States earn the value that it has in them, and edges what they assign: so the published
+        models mean it.
+        """
+        network = self.network
+        assigned = names(value) & network.assigned & network.transients.keys()
+        for name in sorted(assigned):
+            if not is_literal(network.transients[name].initial, 0):
+                raise node["exp"].unsupported(
+                    f"edges assign '{network.transients[name].identifier}', whose initial value is "
+                    "not 0: what accumulates is not plain",
+                    'give "accumulate": ["time"], ["steps"], or both',
+                )
+        return self._structure(
+            node, value, states=True, exits=False, steps=bool(assigned), assigned_only=True
+        )
 
     def _expected(self, node: Json, direction: str | None, bound: Bound | None) -> Expression:
         value, kinds = self.read(node["exp"]), node.get("accumulate")
@@ -214,6 +247,7 @@ class PropertyReader(ExpressionReader):
                     'an expected value needs "accumulate", or an instant at which it is read',
                     "Smin and Smax give the long-run average",
                 )
+            self._check_read_in_states(node["exp"], value)
             structure = self._structure(node, value, states=True, exits=False, steps=False)
             query = InstantaneousReward(instant)
         else:
@@ -265,7 +299,14 @@ class PropertyReader(ExpressionReader):
         )
 
     def _structure(
-        self, node: Json, value: Expression, *, states: bool, exits: bool, steps: bool
+        self,
+        node: Json,
+        value: Expression,
+        *,
+        states: bool,
+        exits: bool,
+        steps: bool,
+        assigned_only: bool = False,
     ) -> str:
         """The name of a reward structure."""
         network = self.network
@@ -280,7 +321,9 @@ class PropertyReader(ExpressionReader):
             raise node["exp"].unsupported(
                 "what accumulates on steps should be a sum of transient variables"
             )
-        request = self._effective(RewardRequest(value, states, exits, steps))
+        # A single variable that is 0 where nothing is assigned earns the same either way.
+        assigned_only = assigned_only and steps and not isinstance(value, Name)
+        request = self._effective(RewardRequest(value, states, exits, steps, assigned_only))
         for name, other in self.requests.items():
             if self._effective(other) == request:
                 return name

@@ -31,12 +31,15 @@ class RewardRequest:
         exits: its value in each state, earned by each transition from it. (In discrete time that is
             the reward of the state.)
         steps: its value on each transition.
+        assigned_only: with `steps`, transitions earn what their assignments add to the value
+            without them, and nothing where they assign nothing.
     """
 
     expression: Expression
     states: bool
     exits: bool
     steps: bool
+    assigned_only: bool = False
 
 
 @dataclass(frozen=True)
@@ -52,11 +55,12 @@ def state_reward(request: RewardRequest, network: Network) -> CommonRewards:
     value = simplified(network.in_states(request.expression))
     has_value = not is_literal(value, 0)
     start = simplified(substitute(request.expression, _initial_values(network)))
+    on_all_steps = request.steps and not request.assigned_only
     return CommonRewards(
         (value,) if request.states and has_value else (),
         (
             *((value,) if request.exits and has_value else ()),
-            *((start,) if request.steps and not is_literal(start, 0) else ()),
+            *((start,) if on_all_steps and not is_literal(start, 0) else ()),
         ),
     )
 

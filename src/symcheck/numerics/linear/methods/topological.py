@@ -11,18 +11,22 @@ optimistic value iteration.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from symcheck.direction import Direction
+from symcheck.errors import NumericalError
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.certificates import component_depths
 from symcheck.kernels.solve.component_bounds import Block, ComponentSolver
+from symcheck.matrices.numbers import doubles, rationals, sum_segments
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
+from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.extrapolation import solve_extrapolated
 from symcheck.numerics.linear.masked_problem import MaskedProblem
-from symcheck.numerics.linear.methods import policy
+from symcheck.numerics.linear.methods import policy, rational
 from symcheck.numerics.linear.problem import (
     LinearProblem,
     Observer,
@@ -37,7 +41,7 @@ from symcheck.numerics.linear.subsystem import (
     solve_direct,
     solve_krylov,
 )
-from symcheck.numerics.settings import Settings
+from symcheck.numerics.settings import Accuracy, Settings
 
 __all__ = ["TopologicalRun", "solve", "solve_in_order", "solve_masked"]
 
@@ -191,7 +195,11 @@ def _solve_large_scc(run: TopologicalRun, states: Int32s, goal: float) -> None:
     block = run.system.block(states, run.values)
     if not block.has_exit:
         _solve_closed(block)
-    elif not (_try_cheap_methods(run, block, goal) or _try_iterative_methods(run, block, goal)):
+    elif not (
+        _try_cheap_methods(run, block, goal)
+        or _try_iterative_methods(run, block, goal)
+        or _try_rationals(run, block, goal)
+    ):
         relaxed = block.mode != 0 and _relax_tolerance(run, block, goal)
         done = not relaxed and _sweep(run, block, goal, give_up=False)
         run.unfinished += not done
@@ -221,6 +229,54 @@ def _try_iterative_methods(run: TopologicalRun, block: Block, goal: float) -> bo
     return block.n <= tuning.ELIMINATION_STATES and _eliminate(
         run, block, goal, tuning.ELIMINATION_OPERATIONS
     )
+
+
+def _try_rationals(run: TopologicalRun, block: Block, goal: float) -> bool:
+    """Rational arithmetic for a small block, where the rounding of sums decides."""
+    if block.n > tuning.RATIONAL_BLOCK_STATES:
+        return False
+    bounds = solve_rationally(LocalSystem.of(block), run.probability)
+    return bounds is not None and _accept(run, block, goal, bounds, "rational arithmetic")
+
+
+def solve_rationally(local: LocalSystem, probability: bool) -> Bounds | None:
+    """Bounds from the exact solution of the equations that the doubles denote.
+
+    A row and what leaves it are divided by their sum, so that the probability of staying, which
+    doubles hold worst, follows from the others. These are rounded, each relatively, and then so is
+    the solution: it is a quotient of sums of products of at most n of them (O'Cinneide 1993).
+    None if a value is infinite or beyond the doubles.
+    """
+    m, constants = local.matrix, (local.low, local.high)
+    if not all(np.isfinite(c).all() for c in constants):
+        return None
+    entries, leave = rationals(m.data.tolist()), rationals(local.exit.tolist())
+    total = sum_segments(entries, m.indptr) + leave
+    matrix = replace(m, data=np.asarray(entries / np.repeat(total, m.lengths)))
+    direction = (None, Direction.MIN, Direction.MAX)[local.mode]
+    sides = []
+    try:
+        for constant in constants[: 1 if np.array_equal(*constants) else 2]:
+            exact = rationals(constant.tolist()) / total
+            problem = LinearProblem(
+                exact, matrix, exit=leave / total, direction=direction, probability=probability
+            )
+            sides.append(rational.solve(problem, Accuracy(), None, chooser=_no_chooser))
+        lower, upper = doubles(sides[0].lower), doubles(sides[-1].upper)
+    except (NumericalError, OverflowError, ZeroDivisionError):
+        return None
+    error = 4.0 * local.n * (m.longest + 8) * tuning.UNIT_ROUNDOFF
+    attained = sides[0 if local.mode == 2 else -1].strategy
+    policy = None if attained is None else (attained - local.block.groups[:-1]).astype(np.int32)
+    return Bounds(
+        lower * (1.0 - error),
+        np.where(upper > 0.0, upper * (1.0 + error) + UNDERFLOW_MARGIN, 0.0),
+        policy,
+    )
+
+
+def _no_chooser(_problem: LinearProblem, _settings: Settings) -> Solution:
+    raise NumericalError("doubles have failed")
 
 
 def _extrapolate(run: TopologicalRun, block: Block, goal: float) -> bool:
