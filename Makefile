@@ -32,7 +32,7 @@ check: $(STAMP)-check
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/mkdocs build --quiet
+	$(BIN)/mkdocs build
 	$(BIN)/python -m pytest -n auto -q --cov --cov-report=term:skip-covered
 
 docs: $(STAMP)-check
