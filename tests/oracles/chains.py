@@ -61,6 +61,16 @@ def can_reach(chain: Chain, left: States, right: States) -> set[int]:
         found |= more
 
 
+def reachable(chain: Chain, state: int) -> set[int]:
+    """The states that a state reaches, with itself."""
+    seen, queue = {state}, [state]
+    while queue:
+        for t in set(chain[queue.pop()]) - seen:
+            seen.add(t)
+            queue.append(t)
+    return seen
+
+
 def until(chain: Chain, left: States, right: States) -> Column:
     """The probability of left U right."""
     unknown = sorted(can_reach(chain, left, right) - set(right))
@@ -115,10 +125,9 @@ def until_within_cost(
 
 def components(chain: Chain) -> list[set[int]]:
     """The bottom strongly connected components."""
-    n = len(chain)
-    reach = [{t for t in range(n) if s in can_reach(chain, range(n), {t})} for s in range(n)]
+    reach = [reachable(chain, s) for s in range(len(chain))]
     found: list[set[int]] = []
-    for s in range(n):
+    for s in range(len(chain)):
         if all(s in reach[t] for t in reach[s]) and reach[s] not in found:
             found.append(reach[s])
     return found

@@ -97,7 +97,7 @@ def bounded_until(
     """The probability that `right` holds at a time from low to high, and `left` before it."""
     stopped = [row if s in left and s not in right else {} for s, row in enumerate(rates)]
     reached = [_point(s in right) for s in range(len(rates))]
-    later = _means(exponential(stopped, high - low)[0], reached)
+    later = _means(stopped, exponential(stopped, high - low)[0], reached)
     return _delayed(rates, left, later, low)
 
 
@@ -115,7 +115,7 @@ def _delayed(
         return list(values)
     inside = [row if s in left else {} for s, row in enumerate(rates)]
     kept = [v if s in left else _point(0) for s, v in enumerate(values)]
-    found = _means(exponential(inside, time)[0], kept)
+    found = _means(inside, exponential(inside, time)[0], kept)
     return [v if s in left else _point(0) for s, v in enumerate(found)]
 
 
@@ -124,7 +124,7 @@ def cumulated(
 ) -> list[Interval]:
     """The expected reward up to a time: that of states per time, and that of jumps."""
     earned = [s + e * j for s, e, j in zip(states, exits(rates), jumps, strict=True)]
-    found = _means(exponential(rates, time)[1], [(v, v) for v in earned])
+    found = _means(rates, exponential(rates, time)[1], [(v, v) for v in earned])
     return [(time * low, time * high) for low, high in found]
 
 
@@ -132,7 +132,7 @@ def instantaneous(
     rates: Sequence[Row], states: Sequence[Fraction], time: Fraction
 ) -> list[Interval]:
     """The expected reward of the state at a time."""
-    return _means(exponential(rates, time)[0], [(v, v) for v in states])
+    return _means(rates, exponential(rates, time)[0], [(v, v) for v in states])
 
 
 def _log2(x: Fraction) -> int:
@@ -163,16 +163,16 @@ def _point(value: int) -> Interval:
     return Fraction(value), Fraction(value)
 
 
-def _means(matrix: Matrix, values: Sequence[Interval]) -> list[Interval]:
-    """The expected values: what the lower bounds of a row lack of 1 is anywhere."""
+def _means(rates: Sequence[Row], matrix: Matrix, values: Sequence[Interval]) -> list[Interval]:
+    """The expected values: what the lower bounds of a row lack of 1 is in any reachable state."""
     found = []
-    for row in matrix:
+    for s, row in enumerate(matrix):
+        reachable = chains.reachable(rates, s)
         lacking = Fraction((1 << BITS) - sum(row), 1 << BITS)
-        shares = [Fraction(v, 1 << BITS) for v in row]
         low, high = (
-            sum((p * v[end] for p, v in zip(shares, values, strict=True)), Fraction(0))
+            sum((Fraction(row[t], 1 << BITS) * values[t][end] for t in reachable), Fraction(0))
             for end in (0, 1)
         )
-        least, most = min(v[0] for v in values), max(v[1] for v in values)
+        least, most = min(values[t][0] for t in reachable), max(values[t][1] for t in reachable)
         found.append((low + lacking * least, high + lacking * most))
     return found

@@ -240,13 +240,7 @@ def maximum(
 
 def _is_end_component(product: Processes, group: set[int]) -> bool:
     """Whether some strategy stays in these states and visits each of them again and again."""
-    inside = {s: {t for row in product[s] if set(row) <= group for t in row} for s in group}
-    for start in group:
-        seen, queue = set(), [start]
-        while queue:
-            for t in inside[queue.pop()] - seen:
-                seen.add(t)
-                queue.append(t)
-        if seen != group:
-            return False
-    return True
+    inside = [
+        {t: Fraction(1) for row in choices if set(row) <= group for t in row} for choices in product
+    ]
+    return all(inside[s] and chains.reachable(inside, s) == group for s in group)
