@@ -28,7 +28,7 @@ test: $(STAMP)-test
 	$(BIN)/python -m pytest -n auto -q
 
 check: $(STAMP)-check
-	$(BIN)/ruff check $(SOURCES)
+	$(BIN)/ruff check $(SOURCES) notebooks
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy
 	$(BIN)/lint-imports

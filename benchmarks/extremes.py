@@ -39,9 +39,10 @@ from symcheck.errors import (
 )
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
-from oracles.draw import Case, Truth, draw
+from oracles.draw import ACTIONS, Case, Question, Truth, draw
 
 ENGINES = ("default", "explicit", "sparse", "hybrid", "mtbdd", "exact")
+ENGINE_OF_STRATEGIES = "explicit"
 PATIENCE = 5.0
 """The longest time of one check, in seconds: its model has 8 states at most."""
 LONGEST = 200.0
@@ -92,6 +93,24 @@ def difference(found: campaign.Outcome, truth: Truth, *, silent: bool = False) -
         return "NaN"
     assert truth is not None
     return _number_differs(found, truth if isinstance(truth, tuple) else (truth, truth))
+
+
+def strategy_differs(found: campaign.Outcome, question: Question) -> tuple[str, str]:
+    """Whether a strategy does not attain the optimum, by the oracle's own evaluation."""
+    if not isinstance(found, Result) or not found.strategies:
+        return "", "none"
+    assert question.under is not None
+    # An action of each state where the choice matters; the oracle's others are the first ones.
+    actions = found.strategy.actions
+    chosen = [max(ACTIONS.find(action or "-"), 0) for action in actions]
+    value, truth = question.under(chosen), question.truth
+    shown_value = f"{' '.join(map(str, actions))}: {shown(value)}"
+    if value == truth:
+        return "", shown_value
+    if inf in (abs(value), abs(truth)):
+        return "not optimal", shown_value
+    near = abs(Fraction(value) - Fraction(truth)) <= Fraction(3, 10**6) * abs(truth)
+    return "" if near else "not optimal", shown_value
 
 
 def _is_nan(value: object) -> bool:
@@ -168,6 +187,13 @@ def run(seed: str, folder: Path, engines: tuple[str, ...] = ENGINES) -> dict[str
             silent = isinstance(outcome, SymcheckError) and may_refuse(outcome, name, case.kind)
             if kind := difference(outcome, question.truth, silent=silent):
                 kinds[name] = kind
+        if question.under is not None and ENGINE_OF_STRATEGIES in models:
+            model = models[ENGINE_OF_STRATEGIES].with_options(strategy=True)
+            words["strategies"] += 1
+            kind, answers["strategy"] = strategy_differs(
+                campaign.outcome(model, file, PATIENCE), question
+            )
+            kinds |= {"strategy": kind} if kind else {}
         if kinds:
             found.append(f"{i}: {kinds}")
             campaign.write(folder, f"{seed}.{i}", case.text, question.text, answers, kinds)

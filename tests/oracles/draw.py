@@ -27,6 +27,8 @@ REWARDS = ("0", "1", "2", "0.5", "3", "1/3")
 FAR_REWARDS = ("1e17", "1e-200", "1e10", "1e16", "1e-9")
 RATES = ("1", "2", "1/3", "0.5", "3")
 FAR_RATES = ("1e-9", "1e-6", "1e6", "1e9", "1e-100", "1e3")
+ACTIONS = "uv"
+"""Of the choices of each state, in their order."""
 STEPS = (0, 1, 2, 3, 7, 40)
 TIMES = ("0", "1e-9", "0.5", "3", "1000", "1e12")
 COMPARISONS: dict[str, Callable[[Value, Value], bool]] = {"<": lt, "<=": le, ">": gt, ">=": ge}
@@ -34,10 +36,14 @@ COMPARISONS: dict[str, Callable[[Value, Value], bool]] = {"<": lt, "<=": le, ">"
 
 @dataclass(frozen=True)
 class Question:
-    """A property and what it is in the initial state."""
+    """A property and what it is in the initial state.
+
+    `under` is the value under a memoryless strategy, one choice per state, if some are optimal.
+    """
 
     text: str
     truth: Truth
+    under: Callable[[Sequence[int]], Value] | None = None
 
 
 @dataclass(frozen=True)
@@ -56,6 +62,8 @@ class Asked:
     letter: str
     body: str
     values: Sequence[Value | Interval | None]
+    measure: Callable[[chains.Chain, Sequence[Fraction]], Sequence[Value]] | None = None
+    """Of the chain of a memoryless strategy with its rewards."""
 
 
 def fraction(text: str) -> Fraction:
@@ -134,7 +142,7 @@ class Model:
         else:
             lines.append(f"  s : [0..{self.n - 1}];")
         for s, choices in enumerate(self.texts):
-            for action, row in zip("uvw", choices, strict=False):
+            for action, row in zip(ACTIONS, choices, strict=False):
                 updates = " + ".join(f"{p} : {self._state(t, after=True)}" for p, t in row)
                 lines.append(f"  [{action}] {self._state(s)} -> {updates};")
         lines.append("endmodule")
@@ -143,7 +151,7 @@ class Model:
         lines.append('rewards "r"')
         lines += [f"  {self._state(s)} : {r};" for s, r in enumerate(self.state_rewards)]
         for s, rewards in enumerate(self.choice_rewards):
-            for action, r in zip("uvw", rewards, strict=False):
+            for action, r in zip(ACTIONS, rewards, strict=False):
                 lines.append(f"  [{action}] {self._state(s)} : {r};")
         lines += ["endrewards", 'rewards "c"']
         lines += [f"  {self._state(s)} : {c};" for s, c in enumerate(self.costs)]
@@ -185,6 +193,9 @@ def draw(seed: str, questions: int = 5) -> Case:
     ask = {"dtmc": _of_chain, "ctmc": _of_continuous, "mdp": _of_processes}[model.kind]
     found: list[Question] = []
     while len(found) < questions:
+        if model.kind == "dtmc" and rng.random() < 0.05:
+            found += _quantile(model)
+            continue
         asked = ask(model)
         if asked is None or (_is_trivial(asked.values[0]) and rng.random() < 0.75):
             continue
@@ -237,6 +248,23 @@ def _of_chain(model: Model) -> Asked | None:
         case _ if rng.random() < 0.2:
             return Asked('R{"r"}', "S", chains.long_run(chain, rewards))
     return _unbounded(model, chain, rewards)
+
+
+def _quantile(model: Model) -> list[Question]:
+    """The least number of steps within which a set is reached with some probability, if below 60."""
+    rng = model.rng
+    a, right = model.states()
+    everywhere = set(model.everywhere)
+    at = [
+        chains.bounded_until(model.chain, everywhere, right, 0, k)[0]
+        for k in range(rng.choice(STEPS) + 1)
+    ]
+    text, limit = _threshold(rng, "P", at[-1])
+    comparison = rng.choice((">", ">="))
+    enough = (k for k, v in enumerate(at) if _compared(comparison, v, limit))
+    steps = next(enough, None)
+    question = f"quantile(min B, P{comparison}{text} [ F<=B {a} ])"
+    return [] if steps is None else [Question(question, Fraction(steps))]
 
 
 def _unbounded(model: Model, chain: Sequence[Row], rewards: Sequence[Fraction]) -> Asked | None:
@@ -342,17 +370,18 @@ def _of_processes(model: Model) -> Asked | None:
     p, r, share = f"P{name}", f'R{{"r"}}{name}', [Fraction(s in right) for s in everywhere]
     factor = rng.choice(("0.5", "0.9", "0", "0.999"))
 
-    def unbounded(measure: Callable[..., Sequence[Value]]) -> list[Value]:
-        return decisions.over_rewards(rows, rewards, best, measure)
+    def unbounded(letter: str, body: str, measure: Callable[..., Sequence[Value]]) -> Asked:
+        values = decisions.over_rewards(rows, rewards, best, measure)
+        return Asked(letter, body, values, measure)
 
     match rng.randrange(16):
         case 0:
-            return Asked(p, f"F {a}", decisions.until(rows, best, everywhere, right))
+            return unbounded(p, f"F {a}", lambda c, _: chains.until(c, everywhere, right))
         case 1:
             wrong = decisions.until(rows, other, everywhere, everywhere - right)
             return Asked(p, f"G {a}", [1 - v for v in wrong])
         case 2:
-            return Asked(p, f"{b} U {a}", decisions.until(rows, best, left, right))
+            return unbounded(p, f"{b} U {a}", lambda c, _: chains.until(c, left, right))
         case 3:
             return Asked(p, f"X {a}", decisions.next_step(rows, best, right))
         case 4:
@@ -374,18 +403,17 @@ def _of_processes(model: Model) -> Asked | None:
             return Asked(r, f"I={k}", decisions.instantaneous(rows, states, best, k))
         case 10:
             discount = Fraction(factor)
-            values = unbounded(lambda chain, own: chains.discounted(chain, own, discount))
-            return Asked(r, f"C discount={factor}", values)
+            return unbounded(
+                r, f"C discount={factor}", lambda c, own: chains.discounted(c, own, discount)
+            )
         case 11:
-            long = [[v] * len(own) for v, own in zip(share, rewards, strict=True)]
             if rng.random() < 0.5:
-                return Asked(r, "S", unbounded(chains.long_run))
-            values = decisions.over_rewards(rows, long, best, chains.long_run)
-            return Asked(f"S{name}", a, values)
+                return unbounded(r, "S", chains.long_run)
+            return unbounded(f"S{name}", a, lambda c, _: chains.long_run(c, share))
         case 12 if not model.negative:
-            return Asked(r, f"F {a}", decisions.reach_reward(rows, rewards, best, right))
+            return unbounded(r, f"F {a}", lambda c, own: chains.reach_reward(c, own, right))
         case 13 if not model.negative:
-            return Asked(r, "C", unbounded(chains.total))
+            return unbounded(r, "C", chains.total)
         case 14:
             return Asked(p, f"F {a} || F {b}", decisions.conditional(rows, best, right, left))
     return _of_strategies_with_memory(model, name)
@@ -429,7 +457,7 @@ def _question(model: Model, asked: Asked) -> Question | None:
     rng, first = model.rng, asked.values[0]
     is_plain = rng.random() < 0.45
     if is_plain or not all(map(_is_known, asked.values)):
-        return Question(f"{asked.letter}=? [ {asked.body} ]", first)
+        return Question(f"{asked.letter}=? [ {asked.body} ]", first, _under(model, asked))
     if rng.random() < 0.5:
         found = _threshold(rng, asked.letter, first)
         comparison = rng.choice(list(COMPARISONS))
@@ -438,6 +466,19 @@ def _question(model: Model, asked: Asked) -> Question | None:
             return None
         return Question(f"{asked.letter}{comparison}{found[0]} [ {asked.body} ]", verdict)
     return _filtered(model, asked)
+
+
+def _under(model: Model, asked: Asked) -> Callable[[Sequence[int]], Value] | None:
+    """The initial state's value of a measure under a strategy."""
+    measure = asked.measure
+    if measure is None:
+        return None
+
+    def value(strategy: Sequence[int]) -> Value:
+        rewards = [own[c] for own, c in zip(model.earned(), strategy, strict=True)]
+        return measure(decisions.induced(model.rows, strategy), rewards)[0]
+
+    return value
 
 
 def _is_trivial(value: Value | Interval | None) -> bool:
