@@ -42,8 +42,11 @@ class Capable:
             kind: a protocol of this file, or the class of an engine.
 
         Examples:
+            >>> import symcheck
+            >>> engine = symcheck.load("models/die/die.pm").engine
             >>> rows = engine.capability(HasMatrix)
-            >>> entries = None if rows is None else rows.matrix.entries
+            >>> None if rows is None else rows.matrix.entries
+            20
         """
         return self if kind in type(self).__mro__ else None  # type: ignore[return-value]
 

@@ -33,6 +33,7 @@ def pretty(node: Printable) -> str:
         A text that parses to an equal tree. Comments are no part of a tree, so it has none.
 
     Examples:
+        >>> from symcheck.syntax.parse import parse_expression
         >>> pretty(parse_expression("(a&b)|!c"))
         'a & b | !c'
     """

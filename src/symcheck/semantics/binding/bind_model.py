@@ -71,7 +71,10 @@ def bind(
         NameFault, TypeFault, InputError: all faults of the program, in the order of the text.
 
     Examples:
-        >>> model = bind(parse_model(text), {"N": 3})
+        >>> from symcheck.syntax.parse import parse_model
+        >>> text = "dtmc const int N; module m x : [0..N]; [] x<N -> (x'=x+1); endmodule"
+        >>> bind(parse_model(text), {"N": "3"}).variables[0].high
+        3
     """
     report = DiagnosticCollector()
     program = inline_labels(program, report)

@@ -174,7 +174,11 @@ def bind_properties(
             unique. The fault of a single property is its attribute `fault`.
 
     Examples:
-        >>> bind_properties(parse_properties('P=? [ F "done" ]'), model).properties[0].formula
+        >>> from symcheck.semantics.binding.bind import bind
+        >>> from symcheck.syntax.parse import parse_model, parse_properties
+        >>> model = bind(parse_model("dtmc module m x : bool; endmodule"), {})
+        >>> bind_properties(parse_properties("P=? [ F x ]"), model).properties[0].formula.path
+        Eventually(operand=Name(name='x'), bound=None)
     """
     return _Properties(file, model, constants or {}).bind(range(len(file.properties)))
 
