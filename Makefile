@@ -28,11 +28,11 @@ test: $(STAMP)-test
 	$(BIN)/python -m pytest -n auto -q
 
 check: $(STAMP)-check
-	$(BIN)/ruff check $(SOURCES)
+	$(BIN)/ruff check $(SOURCES) notebooks
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/mkdocs build --quiet
+	$(BIN)/mkdocs build
 	$(BIN)/python -m pytest -n auto -q --cov --cov-report=term:skip-covered
 
 docs: $(STAMP)-check

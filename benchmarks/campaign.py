@@ -24,7 +24,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, nullcontext
 from fractions import Fraction
 from math import inf, isinf, isnan
@@ -226,7 +226,7 @@ def _values_differ(found: Result, true: Result) -> str:
     pairs = zip(_ends(found), _ends(true), strict=True)
     overlap = true.accuracy != Exact()  # its value lies between its bounds
     kinds = (_bounds_differ(*pair, overlap=overlap) for pair in pairs)
-    return next(filter(None, kinds), "" if _is_narrow(found) else "wide")
+    return next(filter(None, kinds), "" if is_narrow(found) else "wide")
 
 
 def _bounds_differ(found: Bounds, true: Bounds, *, overlap: bool) -> str:
@@ -258,7 +258,7 @@ def _ends(result: Result) -> list[Bounds]:
     return ends if pair else ends[:1]
 
 
-def _is_narrow(result: Result) -> bool:
+def is_narrow(result: Result) -> bool:
     """Whether bounds are as near as asked for, or a warning says that they are not.
 
     Values below the smallest normal double have bounds up to 1e-300 apart, and sums of them more.
@@ -406,7 +406,7 @@ def run(seed: str, storm: Storm | None, folder: Path) -> dict[str, object]:
                 kinds["storm"] = "differs"
         if kinds:
             found.append(f"{i}: {kinds}")
-            _write(folder, f"{seed}.{i}", text, formula, {"exact": said(true), **answers}, kinds)
+            write(folder, f"{seed}.{i}", text, formula, {"exact": said(true), **answers}, kinds)
     return {
         "seed": seed,
         "kind": text.split()[0],
@@ -437,7 +437,7 @@ def resident() -> int:
         return int(file.read().split()[1]) * resource.getpagesize() >> 20
 
 
-def _write(
+def write(
     folder: Path,
     name: str,
     text: str,
@@ -445,6 +445,7 @@ def _write(
     answers: Mapping[str, str],
     kinds: Mapping[str, str],
 ) -> None:
+    """Write a model and a property with the answers, and what is wrong with them."""
     folder.mkdir(parents=True, exist_ok=True)
     lines = [f"// {engine}: {' '.join(answer.split())}" for engine, answer in answers.items()]
     (folder / f"{name}.pm").write_text(text)
@@ -483,29 +484,24 @@ class Summary:
         return "\n".join([*out, *self.differing[-50:]])
 
 
-def main() -> int:
-    """Run what is left of the campaign."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser, log: Path) -> None:
+    """The arguments of each campaign that keeps a log."""
     parser.add_argument("--runs", type=int, default=100, help="models, with those of the log")
     parser.add_argument("--seconds", type=float, default=inf, help="no new model is begun after")
     parser.add_argument("--seed", default="1", help="a campaign: run I has the seed SEED-I")
     parser.add_argument("--only", metavar="SEED", help="repeat one run, and print its line")
-    parser.add_argument("--log", type=Path, default=Path("campaign.jsonl"))
-    parser.add_argument(
-        "--storm", type=float, default=0, metavar="SHARE", help="ask stormpy about these models"
-    )
-    parser.add_argument("--large", action="store_true", help="lower size thresholds")
-    asked = parser.parse_args()
-    if not asked.log.suffix:
-        parser.error("the log needs an extension: differences are written into the folder without")
+    parser.add_argument("--log", type=Path, default=log)
 
-    storm, folder = Storm(), asked.log.with_suffix("")
-    lowered = large if asked.large else nullcontext
-    if asked.only:
-        with lowered(asked.only):
-            line = run(asked.only, storm if asked.storm else None, folder)
-        print(json.dumps(line))
-        return 1 if line["differences"] else 0
+
+def folder_of(parser: argparse.ArgumentParser, log: Path) -> Path:
+    """The folder of the differences."""
+    if not log.suffix:
+        parser.error("the log needs an extension: differences are written into the folder without")
+    return log.with_suffix("")
+
+
+def continued(asked: argparse.Namespace, run: Callable[[str], dict[str, object]]) -> int:
+    """Do the runs that the log does not have, and print a summary; 1 if there is a difference."""
     counts = Summary()
     if asked.log.exists():
         with asked.log.open() as log:
@@ -519,9 +515,7 @@ def main() -> int:
             if time.monotonic() > end:
                 break
             try:
-                sampled = Random(f"{seed} storm").random() < asked.storm
-                with lowered(seed):
-                    line = run(seed, storm if sampled else None, folder)
+                line = run(seed)
             except KeyboardInterrupt:
                 break
             except Exception as error:  # a run of days goes on
@@ -537,6 +531,31 @@ def main() -> int:
         print(f"{memory[0]} MB after the first model, {memory[-1]} MB after the last of this start")
         print(f"{time.monotonic() - start:.0f} seconds since this start")
     return 1 if counts.differing else 0
+
+
+def main() -> int:
+    """Run what is left of the campaign."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    add_arguments(parser, Path("campaign.jsonl"))
+    parser.add_argument(
+        "--storm", type=float, default=0, metavar="SHARE", help="ask stormpy about these models"
+    )
+    parser.add_argument("--large", action="store_true", help="lower size thresholds")
+    asked = parser.parse_args()
+    storm, folder = Storm(), folder_of(parser, asked.log)
+    lowered = large if asked.large else nullcontext
+    if asked.only:
+        with lowered(asked.only):
+            line = run(asked.only, storm if asked.storm else None, folder)
+        print(json.dumps(line))
+        return 1 if line["differences"] else 0
+
+    def run_one(seed: str) -> dict[str, object]:
+        sampled = Random(f"{seed} storm").random() < asked.storm
+        with lowered(seed):
+            return run(seed, storm if sampled else None, folder)
+
+    return continued(asked, run_one)
 
 
 if __name__ == "__main__":

@@ -2,24 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from symcheck.check.checker import check
 from symcheck.check.result import Result
-from symcheck.check.testing.expected_results import Verdict, judge
+from symcheck.check.testing.expected_results import Verdict, expected_value, judge
 from symcheck.engines.base import Engine
 from symcheck.engines.registry import build
 from symcheck.errors import SymcheckError
 from symcheck.options import Options
-from symcheck.semantics.binding.bind import bind, bind_properties
+from symcheck.semantics.binding.bind import bind, bind_properties, split_constants
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, ModelType
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_properties
 
-__all__ = ["RESULTS", "Checked", "check_text", "engine_of", "judge_file"]
+__all__ = [
+    "RESULTS",
+    "Checked",
+    "check_text",
+    "engine_of",
+    "judge_file",
+    "lines_without_run",
+]
 
 RESULTS = Path(__file__).parent / "results"
 
@@ -108,3 +116,22 @@ def judge_file(
         verdict = judge(bound.comments, outcome, bound.constants, exact=options.exact)
         found.append(Checked(bound.span.text, outcome, verdict))
     return found
+
+
+def lines_without_run(properties: Path, runs: Iterable[tuple[Path, Mapping[str, str]]]) -> set[str]:
+    """The RESULT lines of a file that no run (a model and constants) compares with a result."""
+    lines = [line.strip() for line in properties.read_text().splitlines()]
+    left = {i for i, line in enumerate(lines) if re.match(r"// *RESULT *[(:]", line)}
+    file = parse_properties(properties.read_text(), properties.name)
+    for model, constants in runs:
+        program = parse_model(model.read_text(), model.name)
+        split = split_constants(program, file, constants)
+        bound = bind_properties(file, bind(program, split.of_model), split.of_properties)
+        for one in bound.properties:
+            line, _ = one.span.source.position(one.span.start)
+            first = line - len(one.comments) - 1
+            for i, comment in enumerate(one.comments):
+                if expected_value([comment], one.constants) is not None:
+                    left.discard(first + i)
+                    break
+    return {f"{properties.name}:{i + 1}: {lines[i]}" for i in left}

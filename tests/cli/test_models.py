@@ -6,17 +6,18 @@ from pathlib import Path
 
 import pytest
 
+from checking import lines_without_run
 from symcheck.cli import main
 
 MODELS = Path(__file__).parents[2] / "models"
 
 # What the models leave open, by the model's file.
 CONSTANTS = {
-    "crowds.pm": "TotalRuns=3,CrowdSize=5",
-    "kanban.sm": "t=1",
-    "multiplex.pm": "N=4,K=1",
-    "retransmission.pm": "N=16,MAX=2",
-    "tandem.sm": "c=5,T=1",
+    "crowds.pm": ["TotalRuns=3,CrowdSize=5"],
+    "kanban.sm": ["t=1"],
+    "multiplex.pm": ["N=4,K=1"],
+    "retransmission.pm": ["N=16,MAX=2", "N=8,MAX=3"],
+    "tandem.sm": ["c=5,T=1"],
 }
 ENGINES = ["", "-ex", "-s", "-h", "-m", "-exact"]
 # The study has tests of its own: its instances are large.
@@ -28,21 +29,32 @@ CASES = sorted(
 )
 
 
-def test_the_models_are_found():
-    assert {m.name for m, _ in CASES} >= {
-        "die.pm",
-        "crowds.pm",
-        "herman7.pm",
-        "queue.sm",
-        "dining.nm",
-        "contract.pm",
-    }
+STUDY = {"cell_injection.pm", "cell_injection.pctl"}
+OF_OTHER_TESTS = {"README.md", "die.jani", "generate.py", "study.py"}
+
+
+def test_every_file_is_run():
+    files = {p.name for p in MODELS.rglob("*") if p.is_file() and "__pycache__" not in p.parts}
+    assert files == {path.name for case in CASES for path in case} | STUDY | OF_OTHER_TESTS
+
+
+@pytest.mark.parametrize(("model", "properties"), CASES, ids=lambda p: p.name)
+def test_every_result_line_is_compared(model, properties):
+    runs = [
+        (model, dict(pair.split("=") for pair in given.split(",") if pair))
+        for given in CONSTANTS.get(model.name, [""])
+    ]
+    assert not lines_without_run(properties, runs)
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize(("model", "properties"), CASES, ids=lambda p: p.name)
-def test_results_are_as_published(model, properties, engine, capsys):
-    constants = ["-const", CONSTANTS[model.name]] if model.name in CONSTANTS else []
+@pytest.mark.parametrize(
+    ("model", "properties", "given"),
+    [(*case, given) for case in CASES for given in CONSTANTS.get(case[0].name, [""])],
+    ids=lambda value: value if isinstance(value, str) else value.name,
+)
+def test_results_are_as_published(model, properties, given, engine, capsys):
+    constants = ["-const", given] if given else []
     status = main(
         [str(model), str(properties), *constants, *([engine] if engine else []), "-testall"]
     )

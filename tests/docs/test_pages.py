@@ -75,6 +75,17 @@ def test_installations_name_existing_extras(page: str) -> None:
     assert {extra for extras in named for extra in extras.split(",")} <= set(known)
 
 
+@pytest.mark.parametrize("page", ["../README.md", "getting_started.md"])
+def test_all_extras_of_users_are_explained(page: str) -> None:
+    known = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    (whole,) = known["all"]
+    extras = set(known) - {"all", "test", "check", "docs"}
+    assert set(re.fullmatch(r"symcheck\[(.*)\]", whole)[1].split(",")) == extras
+    text = (DOCS / page).read_text()
+    assert ".[all]'" in text
+    assert all(re.search(rf"\b{extra}\b", text) for extra in extras)
+
+
 def test_every_switch_is_explained() -> None:
     """And no other: what the page names exists."""
     text = (DOCS / "command_line.md").read_text()

@@ -17,7 +17,8 @@ from symcheck.semantics.binding.bind import bind
 from symcheck.syntax.parse import parse_model
 
 SOURCE = Path(symcheck.__file__).parent
-ROOMS = ("check", "exchange", "cli", "simulate", "experiment", "view", "teach", "api.py")
+ENGINES = {"engines", "symbolic", "kernels", "dd"}
+"""Packages that engines are made of."""
 WORDS = ("engine", "matrix", "system", "graph")
 """What a name ends with that stands for an engine or a part of one."""
 
@@ -33,10 +34,23 @@ def side_doors(text: str) -> Iterator[str]:
                 yield ast.unparse(node)
 
 
+ROOMS = sorted(
+    path.name
+    for path in SOURCE.iterdir()
+    if path.name not in ENGINES and (path.suffix == ".py" or any(path.glob("*.py")))
+)
+
+
+def test_rooms_are_found() -> None:
+    assert {"api.py", "check", "cli", "distributed", "exchange", "experiments", "peers"} <= {*ROOMS}
+    assert all((SOURCE / name).is_dir() for name in ENGINES)
+
+
 @pytest.mark.parametrize("room", ROOMS)
 def test_nobody_asks_what_an_engine_is(room: str) -> None:
     place = SOURCE / room
     files = [place] if place.suffix else sorted(place.rglob("*.py"))
+    assert files
     found = {str(f): list(side_doors(f.read_text(encoding="utf-8"))) for f in files}
     assert not {file: calls for file, calls in found.items() if calls}
 

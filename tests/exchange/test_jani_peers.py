@@ -10,21 +10,21 @@ import os
 import sys
 from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
 
 import pytest
 
 import symcheck
+from peers_folder import PEERS, or_skipped
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.binding.bind import split_constants
 from symcheck.syntax.parse import parse_expression
 
-PEERS = Path(os.environ.get("SYMCHECK_PEERS", "SYMCHECK_PEERS is not set")) / "qcomp"
+SUITE = PEERS / "qcomp"
 LIMIT = int(os.environ.get("SYMCHECK_PEERS_STATES", "30000"))
 
 
 def _instances():
-    for reference in sorted(PEERS.glob("*/*/reference.json")):
+    for reference in sorted(SUITE.glob("*/*/reference.json")):
         for instance in json.loads(reference.read_text())["instances"]:
             states = instance["states"]
             if instance["props"] is not None and states and max(states) <= LIMIT:
@@ -51,8 +51,7 @@ def _given(program, file, constants):
     return ({n: texts[n] for n in names} for names in (split.of_model, split.of_properties))
 
 
-@pytest.mark.skipif(not PEERS.exists(), reason="needs the peers' models: set SYMCHECK_PEERS")
-@pytest.mark.parametrize(("folder", "instance"), list(_instances()))
+@pytest.mark.parametrize(("folder", "instance"), or_skipped(list(_instances()), 2))
 def test_states_and_values_through_jani(folder, instance, tmp_path):
     source = folder / instance["model"]
     expected = {

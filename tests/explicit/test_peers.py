@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import csv
 import os
-from pathlib import Path
 
 import pytest
 
+from peers_folder import PEERS, or_skipped
 from symcheck.explicit.build import explore
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.syntax.parse import parse_model_file
 
-PEERS = Path(os.environ.get("SYMCHECK_PEERS", "SYMCHECK_PEERS is not set")) / "prism-benchmarks"
+SUITE = PEERS / "prism-benchmarks"
 LIMIT = int(os.environ.get("SYMCHECK_PEERS_STATES", "30000"))
 
 
 def _instances():
-    for table in sorted(PEERS.glob("*/*/models.csv")):
+    for table in sorted(SUITE.glob("*/*/models.csv")):
         for row in csv.DictReader(table.read_text().splitlines()):
             path = table.parent / row["model_file"]
             if path.exists() and row["states"].isdigit() and int(row["states"]) <= LIMIT:
@@ -30,8 +30,7 @@ def _instances():
                 )
 
 
-@pytest.mark.skipif(not PEERS.exists(), reason="needs the peers' models: set SYMCHECK_PEERS")
-@pytest.mark.parametrize(("path", "constants", "states"), list(_instances()))
+@pytest.mark.parametrize(("path", "constants", "states"), or_skipped(list(_instances()), 3))
 def test_published_number_of_states(path, constants, states):
     given = dict(c.split("=") for c in constants.split(",") if c)
     assert len(explore(bind(parse_model_file(path), given), Options()).states) == states

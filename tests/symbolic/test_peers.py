@@ -5,17 +5,17 @@ missing).
 from __future__ import annotations
 
 import csv
-import os
 from pathlib import Path
 
 import pytest
 
+from peers_folder import PEERS, needs_peers
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.symbolic.build import construct
 from symcheck.syntax.parse import parse_model_file
 
-PEERS = Path(os.environ.get("SYMCHECK_PEERS", "SYMCHECK_PEERS is not set")) / "prism-benchmarks"
+SUITE = PEERS / "prism-benchmarks"
 
 INSTANCES = [
     ("dtmcs/crowds/crowds.pm", "TotalRuns=5,CrowdSize=20"),
@@ -35,16 +35,16 @@ INSTANCES = [
 ]
 
 
-@pytest.mark.skipif(not PEERS.is_dir(), reason="needs the peers' models: set SYMCHECK_PEERS")
+@needs_peers
 @pytest.mark.parametrize(("path", "constants"), INSTANCES)
 def test_published_numbers_of_states(path, constants):
-    with (PEERS / path).parent.joinpath("models.csv").open() as file:
+    with (SUITE / path).parent.joinpath("models.csv").open() as file:
         rows = [
             r
             for r in csv.DictReader(file)
             if r["model_file"] == Path(path).name and r["model_consts"] == constants
         ]
     given = dict(c.split("=") for c in constants.split(",")) if constants else {}
-    made = construct(bind(parse_model_file(PEERS / path), given), Options(time_limit=60))
+    made = construct(bind(parse_model_file(SUITE / path), given), Options(time_limit=60))
     assert made.space.count == int(rows[0]["states"])
     assert made.space.symbolic.manager.shared_size(made.roots) < 1_000_000

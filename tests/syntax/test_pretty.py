@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from fractions import Fraction
-from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from peers_folder import PEERS, needs_peers
 from symcheck.errors import SyntaxFault
 from symcheck.syntax import ast
 from symcheck.syntax import declarations as decl
@@ -299,15 +298,15 @@ def test_reserved_words_are_no_names() -> None:
             parse_model(f"const int {word} = 1;")
 
 
-PEERS = Path(os.environ.get("SYMCHECK_PEERS", "SYMCHECK_PEERS is not set"))
-
-
-@pytest.mark.skipif(not PEERS.exists(), reason="needs the peers' models: set SYMCHECK_PEERS")
+@needs_peers
 def test_peers() -> None:
-    models = [p for p in sorted(PEERS.rglob("*")) if p.suffix in (".prism", ".nm", ".pm", ".sm")]
-    files = [p for p in sorted(PEERS.rglob("*")) if p.suffix in (".props", ".pctl", ".csl")]
-    assert models
-    assert files
+    # The other folders have models of other types, and faulty ones.
+    folders = ("prism-tests", "prism-benchmarks", "qcomp")
+    paths = [p for folder in folders for p in sorted((PEERS / folder).rglob("*"))]
+    models = [p for p in paths if p.suffix in (".prism", ".nm", ".pm", ".sm")]
+    files = [p for p in paths if p.suffix in (".props", ".pctl", ".csl")]
+    assert len(models) > 200
+    assert len(files) > 200
     for path in models:
         program = parse_model(path.read_text(), path.name)
         assert parse_model(pretty(program)) == program, path

@@ -61,8 +61,9 @@ def prob0(
 
     Args:
         model: a model, or an engine with diagrams.
-        left, right: the sets of `left U right`: formulas such as "true" and "d=6", or sets of the
-            engine.
+        left: the states before those of `right` on the path of `left U right`: a formula such as
+            "true", or a set of the engine.
+        right: the states that it ends in: a formula such as "d=6", or a set of the engine.
         direction: minimise or maximise over strategies; None for a chain.
     """
     return _trace(model, "prob0", left, right, direction)

@@ -140,7 +140,8 @@ def until_trace(
 
     Args:
         model: the model, or an engine.
-        left, right: formulas such as "true" and "d=6", or sets of states of the engine.
+        left: a formula such as "true", or a set of states of the engine.
+        right: a formula such as "d=6", or a set of states of the engine.
         options: `options.method` names the method; 'interval' has both bounds, and 'policy' the
             policies of an MDP. None: 'interval'.
         direction: minimise or maximise over strategies; None for a chain.

@@ -218,7 +218,9 @@ def bind_expression(
 
     Args:
         expression: may refer to variables, constants, formulas and labels of the model.
-        labels, constants, formulas: further definitions.
+        labels: further labels.
+        constants: values of further constants.
+        formulas: further formulas.
 
     Returns:
         The simplified expression over variables and literals, and its type.
