@@ -182,10 +182,11 @@ def test_thresholds_on_rounded_numbers_are_decided_as_before(tmp_path):
 
 
 def test_a_threshold_on_numbers_that_are_no_distribution_is_left_open(tmp_path):
-    (tmp_path / "m.tra").write_text("3 4\n0 1 0.3333333\n0 2 0.6666666\n1 1 1\n2 2 1\n")
+    rounded = "0.333333333333333", "0.666666666666666"
+    (tmp_path / "m.tra").write_text("3 4\n0 1 {}\n0 2 {}\n1 1 1\n2 2 1\n".format(*rounded))
     model = symcheck.load_explicit(str(tmp_path / "m.tra"))
     with pytest.raises(SymcheckError, match="do not sum to 1 exactly"):
-        model.check("P>=0.3333333 [ F x=1 ]")
+        model.check(f"P>={rounded[0]} [ F x=1 ]")
 
 
 def test_paths_along_the_rows(tmp_path):

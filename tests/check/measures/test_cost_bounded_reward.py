@@ -213,7 +213,14 @@ rewards "c" [pay] true : 2; x=1 : 1; endrewards
 """In doubles, `go` never leads to x=1, and no upper bound is found for the reward without cost."""
 
 
-def test_a_reward_without_an_upper_bound_is_not_called_infinite():
+def test_a_component_that_rounding_hides_is_solved_in_rationals():
+    result = symcheck.loads(RARELY_LEFT).check('R{"r"}max=? [ C{"c"}<=3 ]')
+    exact = symcheck.loads(RARELY_LEFT, exact=True).check('R{"r"}max=? [ C{"c"}<=3 ]').value
+    assert result.accuracy.lower <= exact <= result.accuracy.upper < 1.001 * exact
+
+
+def test_a_reward_without_an_upper_bound_is_not_called_infinite(monkeypatch):
+    monkeypatch.setattr("symcheck.numerics.tuning.RATIONAL_BLOCK_STATES", 0)
     result = symcheck.loads(RARELY_LEFT).check('R{"r"}max=? [ C{"c"}<=3 ]')
     assert isfinite(result.value)
     assert result.accuracy.upper == inf
