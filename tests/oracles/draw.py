@@ -24,7 +24,7 @@ Truth = Value | Interval | bool | frozenset[int] | None
 ORDINARY = ("0.5", "0.25", "1/3", "0.1", "0.3", "1/7")
 TINY = ("1e-200", "1e-300", "1e-16", "1e-9", "1e-17", "1e-12")
 REWARDS = ("0", "1", "2", "0.5", "3", "1/3")
-FAR_REWARDS = ("1e17", "1e-200", "1e10", "1e16", "1e-9")
+FAR_REWARDS = ("1e17", "1e17", "1e-200", "1e10", "1e16", "1e-9")
 RATES = ("1", "2", "1/3", "0.5", "3")
 FAR_RATES = ("1e-9", "1e-6", "1e6", "1e9", "1e-100", "1e3")
 ACTIONS = "uv"
@@ -95,7 +95,7 @@ class Model:
                 break
         self.chain = [choices[0] for choices in self.rows]
         self.everywhere = range(self.n)
-        self.negative = kind != "ctmc" and rng.random() < 0.15
+        self.negative = kind != "ctmc" and rng.random() < 0.25
         self.state_rewards = [self._reward() for _ in range(self.n)]
         self.choice_rewards = [[self._reward(0.5) for _ in choices] for choices in self.rows]
         self.costs = [rng.choice((0, 1, 2)) for _ in range(self.n)]
