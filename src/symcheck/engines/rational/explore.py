@@ -1,7 +1,7 @@
 """Exploration in rational arithmetic, state by state, by the interpreter of the semantics.
 
-It shares no code with the compiled exploration or with diagrams, so that it is their oracle in
-tests.
+It shares no code with the search of the compiled exploration or with diagrams, so that it is their
+oracle in tests.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symcheck.errors import ModelFault, UnsupportedError
+from symcheck.explicit.initial import initial_states
 from symcheck.matrices.numbers import Numbers, Rationals, rationals
 from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix
 from symcheck.semantics import state_faults
@@ -21,7 +22,6 @@ from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.interpreter import (
     Row,
     State,
-    initial_states,
     state_rewards,
     transitions,
     valuation,
