@@ -17,7 +17,7 @@ from symcheck.check.testing.property_tests import PropertyTest, property_test
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import ConstantTexts, instance_path
 from symcheck.cli.run_state import RunState
-from symcheck.cli.simulation.sampling import in_switches
+from symcheck.cli.simulation.sampling import in_switches, with_switches
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import (
     InternalError,
@@ -72,6 +72,8 @@ def check_property(
     try:
         if plan is not None:
             outcome = model.estimate_instance(instance, plan, state.workers)
+            warnings = tuple(map(with_switches, outcome.warnings))
+            outcome = replace(outcome, warnings=warnings)
         else:
             outcome = model.check_instance(instance, shared=shared, observer=iterations)
     except (ResourceError, OutputError, MemoryError):

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Mapping
-from math import isinf
+from fractions import Fraction
+from math import inf, isinf
 from time import perf_counter
 from typing import assert_never
 
@@ -21,10 +22,11 @@ from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Time, operator_reward
+from symcheck.simulate.intervals import IntervalEstimate
 from symcheck.simulate.monitors import Monitor, path_monitor, reward_monitor
 from symcheck.simulate.path import used_seed
 from symcheck.simulate.samples import SampledProperty, Samples
-from symcheck.simulate.statistics import IntervalEstimate, Plan, estimate, sequential_test
+from symcheck.simulate.statistics import Plan, estimate, sequential_test
 from symcheck.syntax.ast import (
     Bound,
     ConditionalProbability,
@@ -101,7 +103,7 @@ def check_by_sampling(
         if plan.method == "sprt"
         else _estimate_by_interval(samples, plan, bound, probability)
     )
-    warnings = (_UNIFORM,) if model.type is ModelType.MDP else ()
+    warnings = (*((_UNIFORM,) if model.type is ModelType.MDP else ()), *result.warnings)
     explanation = (
         f"{result.explanation}; {samples.samples} paths of "
         f"{samples.steps / max(samples.samples, 1):.1f} steps on average, seed {seed}"
@@ -142,18 +144,36 @@ def _read_operator(
 def _estimate_by_interval(
     samples: Samples, plan: Plan, bound: Bound | None, probability: bool
 ) -> Result:
+    if samples.support.low == inf:
+        return _infinite("paths that never reach the target have a positive probability", bound)
     interval = estimate(samples, plan, probability=probability)
     method = f"estimated by {plan.method.upper()}"
     if isinf(interval.mean):
-        explanation = "a sampled path never reaches the target"
-        return Result(
-            _compare(interval.mean, bound) if bound else interval.mean, Exact(), explanation
-        )
-    accuracy = Statistical(interval.confidence, interval.lower, interval.upper, interval.samples)
+        return _infinite("a sampled path never reaches the target", bound)
+    accuracy = _accuracy(interval)
     if bound is None:
-        return Result(interval.mean, accuracy, method)
+        return Result(interval.mean, accuracy, method, warnings=interval.warnings)
     return Result(
-        _verdict(interval, bound), accuracy, f"{method}: {format_value(interval.mean)} ({accuracy})"
+        _verdict(interval, bound),
+        accuracy,
+        f"{method}: {format_value(interval.mean)} ({accuracy})",
+        warnings=interval.warnings,
+    )
+
+
+def _infinite(explanation: str, bound: Bound | None) -> Result:
+    """The result of a reward that some paths accumulate without end."""
+    return Result(_compare(inf, bound) if bound else inf, Exact(), explanation)
+
+
+def _accuracy(interval: IntervalEstimate) -> Statistical:
+    return Statistical(
+        interval.confidence,
+        interval.lower,
+        interval.upper,
+        interval.samples,
+        interval.bound,
+        interval.approximate,
     )
 
 
@@ -164,20 +184,22 @@ def _compare(value: float, bound: Bound) -> bool:
     return bool(comparison(value, _threshold(bound)))
 
 
-def _threshold(bound: Bound) -> float:
-    return float(evaluate(bound.threshold, {}))
+def _threshold(bound: Bound) -> Fraction | float:
+    value = evaluate(bound.threshold, {}, exact=True)
+    return value if isinstance(value, float) else Fraction(value)
 
 
 def _verdict(interval: IntervalEstimate, bound: Bound) -> bool:
-    """Compare the interval with the threshold. Raises NumericalError if it is inside."""
-    threshold = _threshold(bound)
-    if interval.lower <= threshold <= interval.upper:
+    """Compare the interval with the threshold. Raises NumericalError if it does not decide."""
+    verdict = _compare(interval.lower, bound)
+    if verdict != _compare(interval.upper, bound):
         raise NumericalError(
-            f"the threshold {threshold:g} lies within the interval [{interval.lower:.6g}, "
-            f"{interval.upper:.6g}] estimated from {interval.samples} samples, so it is not "
-            "decided; take more samples ('samples'), or check without sampling"
+            f"the threshold {float(_threshold(bound)):g} lies within the interval "
+            f"[{interval.lower:.6g}, {interval.upper:.6g}] estimated from {interval.samples} "
+            "samples, so it is not decided; take more samples ('samples'), or check without "
+            "sampling"
         )
-    return _compare(interval.mean, bound)
+    return verdict
 
 
 def _decide_by_test(samples: Samples, plan: Plan, bound: Bound | None, probability: bool) -> Result:
@@ -186,16 +208,17 @@ def _decide_by_test(samples: Samples, plan: Plan, bound: Bound | None, probabili
             "the method sprt decides thresholds on probabilities only (P>=0.5 [ … ]); ci, aci and "
             "apmc estimate values"
         )
-    threshold = _threshold(bound)
+    threshold = float(_threshold(bound))
     above, used = sequential_test(samples, plan, threshold)
     width, error = plan.width or 0.05, plan.error or 0.01
     explanation = (
         f"decided by SPRT after {used} samples; correct with probability {1 - error:g} unless the "
         f"value is within {width:g} of {threshold:g}"
     )
-    lower, upper = (threshold + width, 1.0) if above else (0.0, threshold - width)
+    # Within the indifference region the test may decide either way.
+    lower, upper = (threshold - width, 1.0) if above else (0.0, threshold + width)
     return Result(
         above is (bound.operator in (">", ">=")),
-        Statistical(1 - error, lower, upper, used),
+        Statistical(1 - error, lower, upper, used, "Wald's test"),
         explanation,
     )

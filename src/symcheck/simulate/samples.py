@@ -6,7 +6,7 @@ import pickle
 from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from math import ceil
 
 import numpy as np
@@ -18,6 +18,7 @@ from symcheck.parallel.workers import Lost, Workers
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.simulate import tuning
+from symcheck.simulate.intervals import Range
 from symcheck.simulate.monitors import Monitor
 from symcheck.simulate.sampling import Batch, Sampler
 from symcheck.simulate.sources import CommandSource, Source, TableSource
@@ -74,6 +75,11 @@ class Samples:
         self.steps = 0
         self._sampled, self._workers = sampled, workers
         self._sampler = sampled.sampler()
+
+    @cached_property
+    def support(self) -> Range:
+        """Bounds on the value of a path, which are infinite if none are known."""
+        return Range(0.0, 1.0) if self._sampled.reward is None else self._sampler.support
 
     def sample(self, count: int) -> Floats:
         """The values on the next `count` paths, float64[count]; infinite where a reward accumulates
