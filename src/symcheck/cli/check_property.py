@@ -33,8 +33,11 @@ from symcheck.whole_file import is_output_fault
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
+    from symcheck.cli.progress import Progress
     from symcheck.engines.explicit.strategy import Strategy
     from symcheck.exchange.iterations import IterationLog
+    from symcheck.numerics.linear.problem import Observer
+    from symcheck.numerics.linear.problem import Progress as Iteration
     from symcheck.simulate.statistics import Plan
 
 __all__ = ["check_property", "internal_error", "report_unbuilt_model", "report_unparsed"]
@@ -68,14 +71,16 @@ def check_property(
     state.output.property(instance.text, bound.name, of_model, of_property)
     row = row_of(instance, of_model)
     outcome: Result | SymcheckError
-    iterations = _iteration_log(state.arguments)
+    iterations, progress = _iteration_log(state.arguments), state.progress
     try:
         if plan is not None:
-            outcome = model.estimate_instance(instance, plan, state.workers)
+            samples = None if progress is None else progress.samples
+            outcome = model.estimate_instance(instance, plan, state.workers, samples)
             warnings = tuple(map(with_switches, outcome.warnings))
             outcome = replace(outcome, warnings=warnings)
         else:
-            outcome = model.check_instance(instance, shared=shared, observer=iterations)
+            observer = _observers(iterations, progress)
+            outcome = model.check_instance(instance, shared=shared, observer=observer)
     except (ResourceError, OutputError, MemoryError):
         raise
     except Exception as error:  # a defect in one property must not stop the others
@@ -95,6 +100,9 @@ def check_property(
             transitions=transitions,
             build_seconds=state.build_seconds,
         )
+    if progress is not None:
+        progress.clear()
+        progress.sampled = None
     state.rows.append(row)  # first: a signal may come while the text is printed
     if isinstance(outcome, Result):
         state.output.result(outcome, state.options.method)
@@ -201,6 +209,20 @@ def _iteration_log(a: Arguments) -> IterationLog | None:
     from symcheck.exchange.iterations import IterationLog
 
     return IterationLog()
+
+
+def _observers(log: IterationLog | None, progress: Progress | None) -> Observer | None:
+    """What is told of iterations, if anything wants to know of them."""
+    if progress is None or not progress.terminal:
+        return log
+    if log is None:
+        return progress.iteration
+
+    def both(event: Iteration) -> None:
+        log(event)
+        progress.iteration(event)
+
+    return both
 
 
 def _write_iterations(state: RunState, log: IterationLog, varying: ConstantTexts) -> None:

@@ -235,11 +235,22 @@ class _Session:
             self._export(error)
         except (UsageError, OutputError) as fault:
             fail(fault, status)
+        self._report_samples()
         count = len(self._state.rows) if self._state is not None else 0
         if count:
             verb = "results are" if count > 1 else "result is"
             error = type(error)(f"{error}\n  note: {count} finished {verb} above")
         return fail(error, status)
+
+    def _report_samples(self) -> None:
+        """Print what the samples of an unfinished property give."""
+        progress = None if self._state is None else self._state.progress
+        if self._state is None or progress is None:
+            return
+        progress.clear()
+        if progress.sampled is not None:
+            with self.signals.writing(), suppress(OSError, OutputError, MemoryError):
+                self._state.output.sampled(progress.sampled)
 
     def _export(self, error: SymcheckError | None = None) -> None:
         """Write the files of -exportresults and -exporttests. error: what ended the run."""

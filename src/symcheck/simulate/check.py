@@ -8,8 +8,10 @@ uniformly at random: the result is the value of that strategy, between the minim
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import partial
 from math import inf, isinf
 from time import perf_counter
 from typing import assert_never
@@ -23,10 +25,11 @@ from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.simulate.intervals import IntervalEstimate
+from symcheck.simulate.moments import Moments
 from symcheck.simulate.monitors import Monitor, path_monitor, reward_monitor
 from symcheck.simulate.path import used_seed
 from symcheck.simulate.samples import SampledProperty, Samples
-from symcheck.simulate.statistics import Plan, estimate, sequential_test
+from symcheck.simulate.statistics import Plan, estimate, interval_so_far, sequential_test
 from symcheck.syntax.ast import (
     Bound,
     ConditionalProbability,
@@ -39,12 +42,37 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.printer import pretty
 
-__all__ = ["check_by_sampling"]
+__all__ = ["SampledSoFar", "SamplesObserver", "check_by_sampling"]
 
 _UNIFORM = (
     "nondeterminism is resolved uniformly at random: this is the value of that strategy, not the "
     "minimum or maximum"
 )
+
+
+@dataclass(frozen=True, eq=False)
+class SampledSoFar:
+    """The samples so far, as an observer receives them.
+
+    Attributes:
+        samples: their number.
+        target: the number that was planned; None if it depends on the samples.
+        mean: their mean.
+    """
+
+    samples: int
+    target: int | None
+    mean: float
+    _interval: Callable[[], IntervalEstimate | None] = field(repr=False)
+
+    @property
+    def accuracy(self) -> Statistical | None:
+        """The interval of these samples; None if they give none."""
+        interval = self._interval()
+        return None if interval is None else _accuracy(interval)
+
+
+SamplesObserver = Callable[[SampledSoFar], None]
 
 
 @converts_memory_error("fewer samples need less")
@@ -57,6 +85,7 @@ def check_by_sampling(
     fix_deadlocks: bool = True,
     table: Engine | None = None,
     workers: Workers | None = None,
+    observer: SamplesObserver | None = None,
 ) -> Result:
     """Estimate the value of a property `P=?` or `R=?` in the initial state, or decide its
     threshold.
@@ -68,6 +97,7 @@ def check_by_sampling(
         fix_deadlocks: give deadlock states a loop; if False, a deadlock raises ModelFault.
         table: the explicit engine of a model without commands, whose rows are sampled.
         workers: sample the paths; None: this process. The result is the same.
+        observer: is told of the samples so far, and may raise to end the sampling.
 
     Returns:
         A result whose accuracy is `Statistical`.
@@ -96,8 +126,15 @@ def check_by_sampling(
     sampled = SampledProperty(
         model, table, monitor, reward, labels or {}, seed, plan.max_steps, fix_deadlocks
     )
-    samples = Samples(sampled, workers or Workers())
     probability = reward is None
+
+    def report(moments: Moments, target: int) -> None:
+        assert observer is not None
+        planned = None if plan.method == "sprt" else target
+        interval = partial(interval_so_far, moments, samples, plan, probability)
+        observer(SampledSoFar(moments.count, planned, moments.mean, interval))
+
+    samples = Samples(sampled, workers or Workers(), None if observer is None else report)
     result = (
         _decide_by_test(samples, plan, bound, probability)
         if plan.method == "sprt"

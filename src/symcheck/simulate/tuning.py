@@ -8,6 +8,12 @@ PATHS_PER_BATCH = 1 << 14
 all of them, also for those that are decided, which costs less up to this size.
 """
 
+FIRST_BATCH = 256
+"""Number of paths that are sampled at first: soon there is an estimate that can be shown."""
+
+STEPS_PER_BATCH = 1 << 22
+"""Steps of a batch up to which the next one has four times as many paths: about a second."""
+
 MIN_PATHS_ON_WORKERS = 4096
 """Sample fewer paths in this process: they take less time than to start another."""
 
