@@ -140,6 +140,19 @@ def test_iterations_are_shown(tmp_path: Path) -> None:
     run.end()
 
 
+def test_a_computation_that_reports_nothing_shows_its_time(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("symcheck.cli.progress._PATIENCE", 0.01)
+    progress = Progress(Output())
+    progress.terminal = True
+    seen = ""
+    with progress.checking():
+        while "checking (0 s)" not in seen:
+            seen += capsys.readouterr().err
+    assert capsys.readouterr().err.endswith("\r\x1b[2K")
+
+
 def test_the_line_changes_some_times_a_second(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

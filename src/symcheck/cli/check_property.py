@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -73,14 +74,15 @@ def check_property(
     outcome: Result | SymcheckError
     iterations, progress = _iteration_log(state.arguments), state.progress
     try:
-        if plan is not None:
-            samples = None if progress is None else progress.samples
-            outcome = model.estimate_instance(instance, plan, state.workers, samples)
-            warnings = tuple(map(with_switches, outcome.warnings))
-            outcome = replace(outcome, warnings=warnings)
-        else:
-            observer = _observers(iterations, progress)
-            outcome = model.check_instance(instance, shared=shared, observer=observer)
+        with nullcontext() if progress is None else progress.checking():
+            if plan is not None:
+                samples = None if progress is None else progress.samples
+                outcome = model.estimate_instance(instance, plan, state.workers, samples)
+                warnings = tuple(map(with_switches, outcome.warnings))
+                outcome = replace(outcome, warnings=warnings)
+            else:
+                observer = _observers(iterations, progress)
+                outcome = model.check_instance(instance, shared=shared, observer=observer)
     except (ResourceError, OutputError, MemoryError):
         raise
     except Exception as error:  # a defect in one property must not stop the others
@@ -100,9 +102,6 @@ def check_property(
             transitions=transitions,
             build_seconds=state.build_seconds,
         )
-    if progress is not None:
-        progress.clear()
-        progress.sampled = None
     state.rows.append(row)  # first: a signal may come while the text is printed
     if isinstance(outcome, Result):
         state.output.result(outcome, state.options.method)

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from math import inf
+from threading import Event, Lock, Thread
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -18,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["Progress"]
 
 _INTERVAL = 0.2  # seconds between two versions of the line
+_PATIENCE = 1.0  # seconds after which the line changes also if nothing is reported
 
 
 @cache
@@ -45,6 +49,7 @@ class Progress:
         self.sampled: SampledSoFar | None = None
         self._shown = perf_counter()
         self._visible = False
+        self._lock = Lock()
 
     def __call__(self, event: object) -> None:
         """Take note of an event of a builder."""
@@ -55,13 +60,41 @@ class Progress:
         if not self.output.verbose and self._is_due():
             self._show(str(event).splitlines()[0])
 
+    @contextmanager
+    def checking(self) -> Iterator[None]:
+        """A context that checks a property: the line shows its time, and vanishes at the end."""
+        self.sampled = None
+        if not self.terminal:
+            yield
+            return
+        over = Event()
+        self._text, self._started, self._shown = "checking", perf_counter(), perf_counter()
+        Thread(target=self._tick, args=(over,), daemon=True).start()
+        try:
+            yield
+        finally:
+            over.set()
+            self.clear()
+        self.sampled = None
+
+    def _tick(self, over: Event) -> None:
+        """Show the time while a computation reports nothing."""
+        while not over.wait(_PATIENCE):
+            if perf_counter() - self._shown >= _PATIENCE:
+                with self._lock:
+                    if not over.is_set():
+                        self._show(f"{self._text} ({perf_counter() - self._started:.0f} s)")
+
     def iteration(self, event: Iteration) -> None:
         """Take note of an iteration of a numerical method."""
         if not self._is_due():
             return
         what = "last change" if event.method in _estimates() else "bounds apart by"
         width = f", {what} {event.width:.1E}" if 0 < event.width < inf else ""
-        self._show(f"{event.method}: iteration {event.iteration:,}{width}, {event.states:,} states")
+        self._text = (
+            f"{event.method}: iteration {event.iteration:,}{width}, {event.states:,} states"
+        )
+        self._show(self._text)
 
     def samples(self, event: SampledSoFar) -> None:
         """Take note of samples."""
@@ -75,7 +108,8 @@ class Progress:
             half = max(accuracy.upper - event.mean, event.mean - accuracy.lower)
             estimate = f"{event.mean:.6g} +/- {half:.1E}"
         target = "" if event.target is None else f" of {event.target:,}"
-        self._show(f"{event.samples:,}{target} samples: {estimate}")
+        self._text = f"{event.samples:,}{target} samples: {estimate}"
+        self._show(self._text)
 
     def _is_due(self) -> bool:
         """Whether the line may change."""
@@ -87,6 +121,7 @@ class Progress:
 
     def clear(self) -> None:
         """Remove the line."""
-        if self._visible:
-            print("\r\x1b[2K", end="", file=sys.stderr, flush=True)
-            self._visible = False
+        with self._lock:
+            if self._visible:
+                print("\r\x1b[2K", end="", file=sys.stderr, flush=True)
+                self._visible = False
