@@ -201,7 +201,10 @@ class _Session:
         if isinstance(error, TimeLimitError):
             self.signals.tell_time()
         if self.signals.signal is not None:  # whatever the interrupted code has made of it
-            return self._stopped(self.signals.error, self.signals.status)
+            stopped = self.signals.error
+            if isinstance(error, ResourceError) and error.note is not None:
+                stopped = type(stopped)(f"{stopped}\n  note: {error.note}")
+            return self._stopped(stopped, self.signals.status)
         if memory_ended(error):
             error.__traceback__ = error.__context__ = None  # their frames hold the memory
             return self._stopped(out_of_memory(), 3)

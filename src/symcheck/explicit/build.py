@@ -33,6 +33,7 @@ from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateLayout, StateTable
 from symcheck.explicit.tables import tables, total_reward
+from symcheck.explicit.unbounded import growth, reached
 from symcheck.kernels.explore.breadth_first import CsrBuilder, Explorer, Outcome, malloc_trim
 from symcheck.machine import available_memory
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
@@ -225,6 +226,8 @@ class Exploration:
                     self._check_limits()
         except KeyboardInterrupt:
             self._stop(Interrupted, "interrupted")
+        except MemoryError:
+            self._stop(MemoryLimitError, "out of memory", SMALLER_ENGINES)
         finally:
             self._explorer.forget_blocks()
         if observer is not None:
@@ -273,10 +276,15 @@ class Exploration:
             )
 
     def _stop(self, error: type[ResourceError], why: str, hint: str | None = None) -> NoReturn:
-        raise error(
+        grows = growth(self.model, reached(self.layout, self._explorer.states.view_rows()))
+        hint = grows.hint if grows else hint
+        stopped = error(
             f"explicit exploration: {why}, after {self.progress}"
+            + (f"\n  note: {grows.note}" if grows else "")
             + (f"\n  hint: {hint}" if hint else "")
         )
+        stopped.note = grows.note if grows else None
+        raise stopped
 
     def _fault(self) -> NoReturn:
         """Raise the fault of the state in which the search stopped."""
