@@ -71,7 +71,7 @@ def test_a_run_that_is_stopped_names_it(
     engine: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "m.sm").write_text(GROWING)
-    assert main([str(tmp_path / "m.sm"), "-pf", PROPERTY, engine, "-timeout", "3"]) == 3
+    assert main([str(tmp_path / "m.sm"), "-pf", PROPERTY, engine, "-timeout", "8"]) == 3
     assert "m.sm:3:3) has no bounds, and has reached 0.." in capfd.readouterr().err
 
 

@@ -33,7 +33,7 @@ from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateLayout, StateTable
 from symcheck.explicit.tables import tables, total_reward
-from symcheck.explicit.unbounded import growth, reached
+from symcheck.explicit.unbounded import ReachedValues, growth
 from symcheck.kernels.explore.breadth_first import CsrBuilder, Explorer, Outcome, malloc_trim
 from symcheck.machine import available_memory
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
@@ -176,6 +176,7 @@ class Exploration:
             tables(self.model, self.layout, check_sums=self.options.check_sums),
             None if self.orbits is None else self.orbits.compiled,
         )
+        self._reached = ReachedValues(self.layout)
         self._explorer.add(self._initial)
         if self.seed is not None:
             self._explorer.add(np.ascontiguousarray(self.seed, np.uint64))
@@ -265,6 +266,7 @@ class Exploration:
         )
 
     def _check_limits(self) -> None:
+        self._reached.note(self._explorer.states.view_rows())
         limit, memory = self.options.time_limit, self._max_memory
         if limit is not None and self._seconds >= limit:
             self._stop(TimeLimitError, f"the time limit of {limit:g} s is reached")
@@ -276,7 +278,7 @@ class Exploration:
             )
 
     def _stop(self, error: type[ResourceError], why: str, hint: str | None = None) -> NoReturn:
-        grows = growth(self.model, reached(self.layout, self._explorer.states.view_rows()))
+        grows = growth(self.model, self._reached.values)
         hint = grows.hint if grows else hint
         stopped = error(
             f"explicit exploration: {why}, after {self.progress}"

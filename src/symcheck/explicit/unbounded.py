@@ -9,7 +9,7 @@ from symcheck.explicit.states import Rows, StateLayout
 from symcheck.semantics.expressions.evaluate import INT_MAX, INT_MIN
 from symcheck.semantics.model import BoundModel
 
-__all__ = ["Growth", "growth", "reached"]
+__all__ = ["Growth", "ReachedValues", "growth"]
 
 _SHOWN = 3
 _ROWS_AT_A_TIME = 1 << 16
@@ -51,15 +51,26 @@ def growth(model: BoundModel, reached: Mapping[int, tuple[int, int]]) -> Growth 
     return Growth("; ".join(parts), hint)
 
 
-def reached(layout: StateLayout, rows: Rows) -> dict[int, tuple[int, int]]:
-    """The least and the largest value of each variable without bounds in packed states."""
-    result: dict[int, tuple[int, int]] = {}
-    for i, variable in enumerate(layout.variables):
-        if variable.low is not None or not len(rows):
-            continue
-        low, high = INT_MAX, INT_MIN
-        for begin in range(0, len(rows), _ROWS_AT_A_TIME):  # memory is short
-            values = layout.column(rows[begin : begin + _ROWS_AT_A_TIME], i)
-            low, high = min(low, int(values.min())), max(high, int(values.max()))
-        result[i] = low, high
-    return result
+class ReachedValues:
+    """The least and the largest value of each variable without bounds in the states of a search.
+
+    They are noted on the way: a search that is stopped has neither time nor memory for it.
+    """
+
+    def __init__(self, layout: StateLayout) -> None:
+        self.values: dict[int, tuple[int, int]] = {}
+        self._layout = layout
+        self._unbounded = [i for i, v in enumerate(layout.variables) if v.low is None]
+        self._noted = 0
+
+    def note(self, rows: Rows) -> None:
+        """Take note of the packed states that were not there before."""
+        if not self._unbounded:
+            return
+        while self._noted < len(rows):
+            part = rows[self._noted : self._noted + _ROWS_AT_A_TIME]
+            for i in self._unbounded:
+                values = self._layout.column(part, i)
+                low, high = self.values.get(i, (INT_MAX, INT_MIN))
+                self.values[i] = min(low, int(values.min())), max(high, int(values.max()))
+            self._noted += len(part)
