@@ -79,6 +79,7 @@ if TYPE_CHECKING:
     from symcheck.parallel.dask import Cluster
     from symcheck.parallel.workers import Workers
     from symcheck.semantics.reduction.reset_dead_variables import Reduction
+    from symcheck.simulate.check import SamplesObserver
     from symcheck.simulate.path import Path as RandomPath
     from symcheck.simulate.statistics import Method, Plan
     from symcheck.simulate.stepper import Simulator
@@ -710,7 +711,11 @@ class Model:
 
     @_limited
     def estimate_instance(
-        self, instance: PropertyInstance, plan: Plan, workers: Workers | None = None
+        self,
+        instance: PropertyInstance,
+        plan: Plan,
+        workers: Workers | None = None,
+        observer: SamplesObserver | None = None,
     ) -> Result:
         """Estimate a property from random paths, sampled as planned. Raises SymcheckError."""
         from symcheck.simulate.check import check_by_sampling
@@ -718,7 +723,13 @@ class Model:
         bound, labels = instance.bind(self.bound)
         fixed = self.options.fix_deadlocks
         return check_by_sampling(
-            self.bound, bound.formula, plan, labels=labels, fix_deadlocks=fixed, workers=workers
+            self.bound,
+            bound.formula,
+            plan,
+            labels=labels,
+            fix_deadlocks=fixed,
+            workers=workers,
+            observer=observer,
         )
 
 

@@ -230,7 +230,13 @@ class OutputError(SymcheckError):
 
 
 class ResourceError(SymcheckError):
-    """The computation was stopped before its end: by a limit or by the user."""
+    """The computation was stopped before its end: by a limit or by the user.
+
+    Attributes:
+        note: what grows without bounds; None if that is not known.
+    """
+
+    note: str | None = None
 
 
 class MemoryLimitError(ResourceError):

@@ -10,7 +10,7 @@ from time import monotonic
 from types import FrameType
 from typing import Protocol, TypeVar
 
-from symcheck.errors import TimeLimitError
+from symcheck.errors import ResourceError, TimeLimitError
 from symcheck.operating_system import ALARM, can_repeat_alarm, set_alarm
 
 __all__ = ["PATIENCE", "ThreadTimer", "limit_time", "seconds_left", "within"]
@@ -95,6 +95,8 @@ def within(seconds: float | None, compute: Callable[[], T]) -> T:
         # What computes may have noticed the end of the time before the timer.
         if timer.expired or isinstance(error, TimeLimitError):
             message = f"the time limit of {seconds:g} s was reached"
+            note = error.note if isinstance(error, ResourceError) else None
+            message += f"\n  note: {note}" if note else ""
             raise TimeLimitError(f"{message}\n  hint: time_limit gives more") from None
         raise
 

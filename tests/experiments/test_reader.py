@@ -22,6 +22,9 @@ ROWS = Experiment(
         Row("a", {"N": 2, "value": 0.5}, Fraction(1, 3), Exact()),
         Row("a", {"N": 3, "value": 0.5}, float("inf"), Estimate()),
         Row("a", {"N": 4, "value": 0.5}, 0.5, Statistical(0.99, 0.25, 0.75, 100)),
+        Row(
+            "a", {"N": 5, "value": 0.5}, 0.5, Statistical(0.99, 0.25, 0.75, 9, "Student's t", True)
+        ),
         Row("b", {"N": 1}, (0.25, 0.75), Exact(rounding=True)),
         Row("b", {"N": 2}, [(0.0, 1.0), (1.0, 0.5)], Exact()),
         Row("b", {"N": 3}, error='no, "such" label'),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from fractions import Fraction
 
 import pytest
@@ -316,7 +317,7 @@ def test_a_chain_is_broken_by_another_operator() -> None:
     assert tree == parse_expression("(((a + b) - c) + d) + e")
 
 
-def calls(text: str) -> int:
+def calls(text: str, parse: Callable[[str], object] = parse_expression) -> int:
     """The number of function calls that parsing a text takes, whether it has faults or not."""
     count = 0
 
@@ -326,7 +327,7 @@ def calls(text: str) -> int:
 
     sys.setprofile(counting)
     try:
-        parse_expression(text)
+        parse(text)
     except SyntaxFault:
         pass
     finally:
@@ -351,6 +352,42 @@ def test_work_grows_linearly(opening: str, closing: str) -> None:
     calls(closing)
     short, long = (calls(opening * n + closing) for n in (1000, 2000))
     assert long < 2.1 * short
+
+
+def large_model(commands: int = 500, *, guard: str = "x<3") -> str:
+    lines = (f"  [] x={i} & {guard} -> 0.5:(x'={i + 1}) + 0.5:(x'=0);" for i in range(commands))
+    return "\n".join(("dtmc", "module m", "  x:[0..9999];", *lines, "endmodule", ""))
+
+
+@pytest.mark.parametrize(
+    "faulty",
+    [
+        lambda text: text.replace("dtmc", "dtmc hole p;"),
+        lambda text: text.replace("dtmc", "evolve"),
+        lambda text: text.replace("x=200 ", "x==700 "),
+        lambda text: text.replace("[] x=200", "hole 3; [] x=200"),
+        lambda text: text.replace("endmodule", "endmodul"),
+        lambda text: text + "hole p;",
+        lambda text: text.replace("\n", " ") + "hole p;",
+        lambda text: text.replace("\n", " ").replace("dtmc", "dtmc hole"),
+        lambda text: text.replace(";", ""),
+    ],
+    ids=range(9),
+)
+def test_a_large_text_with_a_fault_is_read_once(faulty: Callable[[str], str]) -> None:
+    text = large_model()
+    with pytest.raises(SyntaxFault):
+        parse_model(faulty(text))  # also imports what describes faults
+    assert calls(faulty(text), parse_model) < 1.1 * calls(text, parse_model)
+
+
+def test_a_fault_behind_a_long_guard_does_not_have_the_guard_read_again() -> None:
+    guard = " | ".join(f"x={i}" for i in range(2000))
+    text = large_model(1, guard=guard)
+    faulty = text.replace("->", "hole ->")
+    with pytest.raises(SyntaxFault, match=r"unexpected 'hole'; expected an operator or '->'"):
+        parse_model(faulty)
+    assert calls(faulty, parse_model) < 1.1 * calls(text, parse_model)
 
 
 def test_short_chains_lean_to_the_left() -> None:

@@ -75,17 +75,27 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Statistical:
-    """The interval [lower, upper] contains the true value with probability `confidence`."""
+    """The interval [lower, upper] contains the true value with probability `confidence`.
+
+    Attributes:
+        bound: by whose theorem.
+        approximate: the probability is that of the limit of many samples.
+    """
 
     confidence: float
     lower: float
     upper: float
     samples: int
+    bound: str = ""
+    approximate: bool = False
 
     def __str__(self) -> str:
+        about = "about " if self.approximate else ""
         return (
-            f"in [{self.lower:.6g}, {self.upper:.6g}] with probability {self.confidence:.6g}, "
-            f"{self.samples} samples"
+            f"in [{self.lower:.6g}, {self.upper:.6g}] with probability {about}"
+            f"{self.confidence:.6g}, {self.samples} samples"
+            + (f", by {self.bound}" if self.bound else "")
+            + (", an approximation" if self.approximate else "")
         )
 
 

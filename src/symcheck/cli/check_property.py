@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +18,7 @@ from symcheck.check.testing.property_tests import PropertyTest, property_test
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import ConstantTexts, instance_path
 from symcheck.cli.run_state import RunState
-from symcheck.cli.simulation.sampling import in_switches
+from symcheck.cli.simulation.sampling import in_switches, with_switches
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import (
     InternalError,
@@ -33,8 +34,11 @@ from symcheck.whole_file import is_output_fault
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
+    from symcheck.cli.progress import Progress
     from symcheck.engines.explicit.strategy import Strategy
     from symcheck.exchange.iterations import IterationLog
+    from symcheck.numerics.linear.problem import Observer
+    from symcheck.numerics.linear.problem import Progress as Iteration
     from symcheck.simulate.statistics import Plan
 
 __all__ = ["check_property", "internal_error", "report_unbuilt_model", "report_unparsed"]
@@ -68,12 +72,17 @@ def check_property(
     state.output.property(instance.text, bound.name, of_model, of_property)
     row = row_of(instance, of_model)
     outcome: Result | SymcheckError
-    iterations = _iteration_log(state.arguments)
+    iterations, progress = _iteration_log(state.arguments), state.progress
     try:
-        if plan is not None:
-            outcome = model.estimate_instance(instance, plan, state.workers)
-        else:
-            outcome = model.check_instance(instance, shared=shared, observer=iterations)
+        with nullcontext() if progress is None else progress.checking():
+            if plan is not None:
+                samples = None if progress is None else progress.samples
+                outcome = model.estimate_instance(instance, plan, state.workers, samples)
+                warnings = tuple(map(with_switches, outcome.warnings))
+                outcome = replace(outcome, warnings=warnings)
+            else:
+                observer = _observers(iterations, progress)
+                outcome = model.check_instance(instance, shared=shared, observer=observer)
     except (ResourceError, OutputError, MemoryError):
         raise
     except Exception as error:  # a defect in one property must not stop the others
@@ -199,6 +208,20 @@ def _iteration_log(a: Arguments) -> IterationLog | None:
     from symcheck.exchange.iterations import IterationLog
 
     return IterationLog()
+
+
+def _observers(log: IterationLog | None, progress: Progress | None) -> Observer | None:
+    """What is told of iterations, if anything wants to know of them."""
+    if progress is None or not progress.terminal:
+        return log
+    if log is None:
+        return progress.iteration
+
+    def both(event: Iteration) -> None:
+        log(event)
+        progress.iteration(event)
+
+    return both
 
 
 def _write_iterations(state: RunState, log: IterationLog, varying: ConstantTexts) -> None:

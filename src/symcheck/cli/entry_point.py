@@ -201,7 +201,10 @@ class _Session:
         if isinstance(error, TimeLimitError):
             self.signals.tell_time()
         if self.signals.signal is not None:  # whatever the interrupted code has made of it
-            return self._stopped(self.signals.error, self.signals.status)
+            stopped = self.signals.error
+            if isinstance(error, ResourceError) and error.note is not None:
+                stopped = type(stopped)(f"{stopped}\n  note: {error.note}")
+            return self._stopped(stopped, self.signals.status)
         if memory_ended(error):
             error.__traceback__ = error.__context__ = None  # their frames hold the memory
             return self._stopped(out_of_memory(), 3)
@@ -235,11 +238,22 @@ class _Session:
             self._export(error)
         except (UsageError, OutputError) as fault:
             fail(fault, status)
+        self._report_samples()
         count = len(self._state.rows) if self._state is not None else 0
         if count:
             verb = "results are" if count > 1 else "result is"
             error = type(error)(f"{error}\n  note: {count} finished {verb} above")
         return fail(error, status)
+
+    def _report_samples(self) -> None:
+        """Print what the samples of an unfinished property give."""
+        progress = None if self._state is None else self._state.progress
+        if self._state is None or progress is None:
+            return
+        progress.clear()
+        if progress.sampled is not None:
+            with self.signals.writing(), suppress(OSError, OutputError, MemoryError):
+                self._state.output.sampled(progress.sampled)
 
     def _export(self, error: SymcheckError | None = None) -> None:
         """Write the files of -exportresults and -exporttests. error: what ended the run."""

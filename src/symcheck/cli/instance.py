@@ -62,7 +62,7 @@ def _check_instance(
     instances = model.instances(file, of_properties, indices)
     constants = {n: str(v) for n, v in model.given_constants.items()}
     try:
-        watch = Progress(state.output)
+        state.progress = watch = Progress(state.output)
         if a.importstrat is not None:
             model = _under_strategy(state, model, a.importstrat)
         model = _bound_model(state, model.with_observer(_observer(state, watch)), instances)

@@ -21,6 +21,7 @@ from symcheck.version import __version__
 
 if TYPE_CHECKING:
     from symcheck.distributed import DistributedModel
+    from symcheck.simulate.check import SampledSoFar
 
 __all__ = ["LAST_WORDS", "Output", "fail"]
 
@@ -195,6 +196,16 @@ class Output:
         self.line(f"Time for model checking: {result.seconds:.3f} seconds.")
         self.line()
         self.line(f"Result: {result}" + (f" ({result.explanation})" if result.explanation else ""))
+        self.out.flush()
+
+    def sampled(self, so_far: SampledSoFar) -> None:
+        """What the samples give that were taken before the run was stopped."""
+        target = "" if so_far.target is None else f" of {so_far.target}"
+        accuracy = so_far.accuracy or "no interval"
+        self.line()
+        self.line(
+            f"Result so far: {so_far.mean} ({accuracy}) (first {so_far.samples}{target} samples)"
+        )
         self.out.flush()
 
     def exported(self, path: str) -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from symcheck.check.testing.expected_results import VerdictKind
 from symcheck.check.testing.property_tests import PropertyTest, PropertyTests
 from symcheck.cli.output import Output
+from symcheck.cli.progress import Progress
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.experiments.rows import Row
 from symcheck.options import Options
@@ -29,7 +30,7 @@ class RunState:
 
     lost: number of instances whose process was killed. varying: the constants that were given
     several values. build_seconds: time of building the current model. workers: sample the paths of
-    -sim; None: this process.
+    -sim; None: this process. progress: what the current instance shows.
     """
 
     arguments: Arguments
@@ -41,6 +42,7 @@ class RunState:
     varying: tuple[str, ...] = ()
     build_seconds: float = 0.0
     workers: Workers | None = None
+    progress: Progress | None = None
 
     @cached_property
     def options(self) -> Options:

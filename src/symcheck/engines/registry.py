@@ -41,7 +41,10 @@ def _exact(model: BoundModel, options: Options, _: Observer | None) -> Engine:
     from symcheck.engines.rational.explore import explore_exactly
 
     explored = explore_exactly(
-        model, fix_deadlocks=options.fix_deadlocks, check_sums=options.check_sums
+        model,
+        fix_deadlocks=options.fix_deadlocks,
+        check_sums=options.check_sums,
+        max_memory=options.max_memory,
     )
     return erased(ExplicitEngine(explored, "exact"))
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from symcheck.check.property_instance import PropertyInstance
     from symcheck.check.result import Result
     from symcheck.parallel.workers import Workers
+    from symcheck.simulate.check import SamplesObserver
     from symcheck.simulate.statistics import Plan
     from symcheck.simulate.steps import Steps
 
@@ -81,14 +82,24 @@ class ImportedModel(Model):
         return TableSteps(self._table)
 
     def estimate_instance(
-        self, instance: PropertyInstance, plan: Plan, workers: Workers | None = None
+        self,
+        instance: PropertyInstance,
+        plan: Plan,
+        workers: Workers | None = None,
+        observer: SamplesObserver | None = None,
     ) -> Result:
         """Estimate a property from random paths along the rows. Raises SymcheckError."""
         from symcheck.simulate.check import check_by_sampling
 
         bound, labels = instance.bind(self.bound)
         return check_by_sampling(
-            self.bound, bound.formula, plan, labels=labels, table=self._table, workers=workers
+            self.bound,
+            bound.formula,
+            plan,
+            labels=labels,
+            table=self._table,
+            workers=workers,
+            observer=observer,
         )
 
 

@@ -32,7 +32,10 @@ _COLUMNS = tuple(records([Row("", {})])[0])
 _ROUNDED_UP = 1.05
 """The printed error of a value has two digits, and may be smaller by a twentieth of itself."""
 
-_STATISTICAL = re.compile(r"in \[(.+), (.+)\] with probability (.+), (\d+) samples")
+_STATISTICAL = re.compile(
+    r"in \[(.+), (.+)\] with probability (?:about )?([^ ]+), (\d+) samples"
+    r"(?:, by (.+?))?(, an approximation)?"
+)
 
 
 def read_rows(path: str | Path) -> list[Row]:
@@ -202,7 +205,9 @@ def _accuracy(said: str, value: Answer, lower: float | None, upper: float | None
     if match := _STATISTICAL.fullmatch(said):
         low, high, confidence = map(float, match.groups()[:3])
         low, high = low if lower is None else lower, high if upper is None else upper
-        return Statistical(confidence, low, high, int(match[4]))
+        return Statistical(
+            confidence, low, high, int(match[4]), match[5] or "", match[6] is not None
+        )
     start, plus, printed = said.partition("+/- ")
     if start != "certified: " or not plus:
         raise ValueError(f"'{said}' is no accuracy of a value")

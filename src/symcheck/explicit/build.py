@@ -33,6 +33,7 @@ from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateLayout, StateTable
 from symcheck.explicit.tables import tables, total_reward
+from symcheck.explicit.unbounded import ReachedValues, growth
 from symcheck.kernels.explore.breadth_first import CsrBuilder, Explorer, Outcome, malloc_trim
 from symcheck.machine import available_memory
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
@@ -175,6 +176,7 @@ class Exploration:
             tables(self.model, self.layout, check_sums=self.options.check_sums),
             None if self.orbits is None else self.orbits.compiled,
         )
+        self._reached = ReachedValues(self.layout)
         self._explorer.add(self._initial)
         if self.seed is not None:
             self._explorer.add(np.ascontiguousarray(self.seed, np.uint64))
@@ -225,6 +227,8 @@ class Exploration:
                     self._check_limits()
         except KeyboardInterrupt:
             self._stop(Interrupted, "interrupted")
+        except MemoryError:
+            self._stop(MemoryLimitError, "out of memory", SMALLER_ENGINES)
         finally:
             self._explorer.forget_blocks()
         if observer is not None:
@@ -262,6 +266,7 @@ class Exploration:
         )
 
     def _check_limits(self) -> None:
+        self._reached.note(self._explorer.states.view_rows())
         limit, memory = self.options.time_limit, self._max_memory
         if limit is not None and self._seconds >= limit:
             self._stop(TimeLimitError, f"the time limit of {limit:g} s is reached")
@@ -273,10 +278,15 @@ class Exploration:
             )
 
     def _stop(self, error: type[ResourceError], why: str, hint: str | None = None) -> NoReturn:
-        raise error(
+        grows = growth(self.model, self._reached.values)
+        hint = grows.hint if grows else hint
+        stopped = error(
             f"explicit exploration: {why}, after {self.progress}"
+            + (f"\n  note: {grows.note}" if grows else "")
             + (f"\n  hint: {hint}" if hint else "")
         )
+        stopped.note = grows.note if grows else None
+        raise stopped
 
     def _fault(self) -> NoReturn:
         """Raise the fault of the state in which the search stopped."""

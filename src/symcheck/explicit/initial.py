@@ -1,4 +1,9 @@
-"""The initial states: the one given by the declarations, or all that satisfy `init … endinit`."""
+"""The initial states: the one given by the declarations, or all that satisfy `init … endinit`.
+
+Conditions are evaluated with numpy. Where that cannot decide, the interpreter of expressions does:
+valuations in which a conjunct has no value, because another conjunct may rule them out, and real
+numbers in exact arithmetic.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +13,7 @@ from typing import cast
 
 import numpy as np
 
-from symcheck.errors import ModelFault
+from symcheck.errors import InputError, ModelFault
 from symcheck.explicit import tuning
 from symcheck.explicit.candidates import conjuncts, guard_masks
 from symcheck.explicit.states import Rows, StateLayout
@@ -16,32 +21,52 @@ from symcheck.matrices.rows import Bools
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
 from symcheck.semantics.model import BoundModel, Variable
-from symcheck.semantics.state_faults import no_initial_state
-from symcheck.syntax.ast import Binary, Expression, Literal, Name
-from symcheck.syntax.operators import Operator
-from symcheck.syntax.traversal import names
+from symcheck.semantics.state_faults import at_state, describe_state, no_initial_state
+from symcheck.syntax.ast import Binary, Call, Expression, Literal, Name, Type
+from symcheck.syntax.operators import Function, Operator
+from symcheck.syntax.traversal import names, nodes
 
-__all__ = ["initial_rows"]
+__all__ = ["initial_rows", "initial_states"]
 
 Columns = dict[str, Column]
+_UNDECIDED = ""
+"""The column of the valuations in which a conjunct has no value; no variable has this name."""
 
 
 def initial_rows(model: BoundModel, layout: StateLayout) -> Rows:
     """The initial states, packed, in lexicographic order: uint64[n, words].
 
+    Raises ModelFault if there is no initial state, or the condition has no value in some valuation.
+    """
+    return layout.pack(_initial_columns(model))
+
+
+def initial_states(model: BoundModel) -> list[tuple[bool | int, ...]]:
+    """The initial states as tuples of values. Order and errors are as for `initial_rows`."""
+    columns = _initial_columns(model)
+    return list(zip(*(c.tolist() for c in columns), strict=True)) if columns else [()]
+
+
+def _initial_columns(model: BoundModel) -> list[Column]:
+    """The values of each variable in the initial states, in lexicographic order.
+
     Variables are assigned one after the other, first those that complete a conjunct of the
-    condition, so that only products of domains that no conjunct restricts are enumerated. Raises
-    ModelFault if there is no initial state.
+    condition, so that only products of domains that no conjunct restricts are enumerated.
     """
     if model.initial is None:
-        values = [np.array([int(cast("bool | int", v.initial))], np.int64) for v in model.variables]
-        return layout.pack(values)
-    result = _Enumeration(model, model.initial).blocks()
-    blocks = [layout.pack([c[v.name] for v in model.variables]) for c in result]
+        return [np.array([cast("bool | int", v.initial)]) for v in model.variables]
+    blocks: list[Columns] = (
+        list(_Enumeration(model, model.initial).blocks())
+        if model.variables
+        else [{}] * bool(evaluate(model.initial, {}, exact=model.exact))
+    )
     if not blocks:
         raise ModelFault(no_initial_state(model.initial.span))
-    rows = np.concatenate(blocks)
-    return np.ascontiguousarray(rows[np.lexsort(rows.T[::-1])])
+    columns = [np.concatenate([block[v.name] for block in blocks]) for v in model.variables]
+    if not columns:
+        return []
+    order = np.lexsort(columns[::-1])
+    return [column[order] for column in columns]
 
 
 class _Enumeration:
@@ -54,9 +79,11 @@ class _Enumeration:
     """
 
     def __init__(self, model: BoundModel, condition: Expression) -> None:
+        self._model, self._condition = model, condition
         parts = conjuncts(condition)
         index = {v.name: i for i, v in enumerate(model.variables)}
-        allowed = guard_masks(condition, model.variables, index)
+        rounded = model.exact and any(map(_is_real, parts))
+        allowed = {} if rounded else guard_masks(condition, model.variables, index)
         self.domains = {
             v.name: _domain(v, parts, allowed.get(i)) for i, v in enumerate(model.variables)
         }
@@ -74,7 +101,7 @@ class _Enumeration:
         """Values per variable of the valuations that satisfy all conjuncts, in blocks."""
         columns = columns or {}
         if at == len(self.order):
-            yield columns
+            yield from self._decided(columns)
             return
         name = self.order[at]
         domain = self.domains[name]
@@ -85,19 +112,68 @@ class _Enumeration:
             extended = {n: np.repeat(c, len(values)) for n, c in columns.items()}
             extended[name] = np.tile(values, lanes)
             for part in self.checks[name]:
-                holds = _holds(part, extended)
-                extended = {n: c[np.broadcast_to(holds, c.shape)] for n, c in extended.items()}
+                extended = self._satisfying(part, extended)
             if len(extended[name]):
                 yield from self.blocks(extended, at + 1)
 
+    def _satisfying(self, part: Expression, columns: Columns) -> Columns:
+        """The valuations that a conjunct does not rule out; those without a value are noted."""
+        if self._model.exact and _is_real(part):
+            return _selected(columns, self._decide(part, columns))
+        lanes = evaluate_columns(part, columns)
+        if lanes.faults is None:
+            return _selected(columns, lanes.values)
+        noted = columns.get(_UNDECIDED, np.zeros(len(next(iter(columns.values()))), np.bool_))
+        columns = {**columns, _UNDECIDED: noted | lanes.faults}
+        return _selected(columns, lanes.values | lanes.faults)
 
-def _holds(part: Expression, columns: Columns) -> Bools:
-    """Where a conjunct holds. Raises the ModelFault of the first valuation without a value."""
-    lanes = evaluate_columns(part, columns)
-    if lanes.faults is not None:
-        at = int(np.flatnonzero(lanes.faults)[0])
-        evaluate(part, {name: column[at].item() for name, column in columns.items()})
-    return lanes.values
+    def _decided(self, columns: Columns) -> Iterator[Columns]:
+        """The initial states among complete valuations. Raises ModelFault."""
+        noted = columns.pop(_UNDECIDED, None)
+        if noted is None:
+            yield columns
+            return
+        holds = ~noted
+        holds[noted] = self._decide(self._condition, _selected(columns, noted))
+        if holds.any():
+            yield _selected(columns, holds)
+
+    def _decide(self, expression: Expression, columns: Columns) -> Bools:
+        """Where an expression holds, one valuation after the other. Raises ModelFault."""
+        read = sorted(names(expression)) or list(columns)[:1]
+        values = np.stack([np.asarray(columns[n], np.int64) for n in read])
+        distinct, inverse = np.unique(values, axis=1, return_inverse=True)
+        kinds = [columns[n].dtype.type for n in read]
+        holds = [
+            self._holds(
+                expression, {n: kind(x).item() for n, kind, x in zip(read, kinds, v, strict=True)}
+            )
+            for v in distinct.T
+        ]
+        return np.array(holds, np.bool_)[inverse.reshape(-1)]
+
+    def _holds(self, expression: Expression, values: dict[str, bool | int]) -> bool:
+        try:
+            return bool(evaluate(expression, values, exact=self._model.exact))
+        except InputError as fault:
+            read = [v for v in self._model.variables if v.name in values]
+            shown = describe_state(read, [values[v.name] for v in read])
+            raise at_state(fault, shown) from None
+
+
+def _selected(columns: Columns, holds: Bools) -> Columns:
+    """The valuations where a condition holds."""
+    return {n: c[np.broadcast_to(holds, c.shape)] for n, c in columns.items()}
+
+
+def _is_real(part: Expression) -> bool:
+    """Whether a real number occurs in an expression, so that doubles may round."""
+    return any(
+        (isinstance(node, Literal) and node.type is Type.DOUBLE)
+        or (isinstance(node, Binary) and node.operator is Operator.DIVIDE)
+        or (isinstance(node, Call) and node.function is Function.LOG)
+        for node in nodes(part)
+    )
 
 
 def _domain(variable: Variable, parts: list[Expression], allowed: Bools | None) -> Column:
@@ -110,5 +186,5 @@ def _domain(variable: Variable, parts: list[Expression], allowed: Bools | None) 
             case Binary(Operator.EQ, Name(name), Literal(value)) | Binary(
                 Operator.EQ, Literal(value), Name(name)
             ) if name == variable.name and value in variable.domain:
-                return np.array([value])
+                return np.array([value], np.bool_ if variable.type is Type.BOOL else np.int64)
     return np.asarray(variable.domain)

@@ -8,8 +8,11 @@ uniformly at random: the result is the value of that strategy, between the minim
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping
-from math import isinf
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import partial
+from math import inf, isinf
 from time import perf_counter
 from typing import assert_never
 
@@ -21,10 +24,12 @@ from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Time, operator_reward
+from symcheck.simulate.intervals import IntervalEstimate
+from symcheck.simulate.moments import Moments
 from symcheck.simulate.monitors import Monitor, path_monitor, reward_monitor
 from symcheck.simulate.path import used_seed
 from symcheck.simulate.samples import SampledProperty, Samples
-from symcheck.simulate.statistics import IntervalEstimate, Plan, estimate, sequential_test
+from symcheck.simulate.statistics import Plan, estimate, interval_so_far, sequential_test
 from symcheck.syntax.ast import (
     Bound,
     ConditionalProbability,
@@ -37,12 +42,37 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.printer import pretty
 
-__all__ = ["check_by_sampling"]
+__all__ = ["SampledSoFar", "SamplesObserver", "check_by_sampling"]
 
 _UNIFORM = (
     "nondeterminism is resolved uniformly at random: this is the value of that strategy, not the "
     "minimum or maximum"
 )
+
+
+@dataclass(frozen=True, eq=False)
+class SampledSoFar:
+    """The samples so far, as an observer receives them.
+
+    Attributes:
+        samples: their number.
+        target: the number that was planned; None if it depends on the samples.
+        mean: their mean.
+    """
+
+    samples: int
+    target: int | None
+    mean: float
+    _interval: Callable[[], IntervalEstimate | None] = field(repr=False)
+
+    @property
+    def accuracy(self) -> Statistical | None:
+        """The interval of these samples; None if they give none."""
+        interval = self._interval()
+        return None if interval is None else _accuracy(interval)
+
+
+SamplesObserver = Callable[[SampledSoFar], None]
 
 
 @converts_memory_error("fewer samples need less")
@@ -55,6 +85,7 @@ def check_by_sampling(
     fix_deadlocks: bool = True,
     table: Engine | None = None,
     workers: Workers | None = None,
+    observer: SamplesObserver | None = None,
 ) -> Result:
     """Estimate the value of a property `P=?` or `R=?` in the initial state, or decide its
     threshold.
@@ -66,6 +97,7 @@ def check_by_sampling(
         fix_deadlocks: give deadlock states a loop; if False, a deadlock raises ModelFault.
         table: the explicit engine of a model without commands, whose rows are sampled.
         workers: sample the paths; None: this process. The result is the same.
+        observer: is told of the samples so far, and may raise to end the sampling.
 
     Returns:
         A result whose accuracy is `Statistical`.
@@ -94,8 +126,15 @@ def check_by_sampling(
     sampled = SampledProperty(
         model, table, monitor, reward, labels or {}, seed, plan.max_steps, fix_deadlocks
     )
-    samples = Samples(sampled, workers or Workers())
     probability = reward is None
+
+    def report(moments: Moments, target: int) -> None:
+        assert observer is not None
+        planned = None if plan.method == "sprt" else target
+        interval = partial(interval_so_far, moments, samples, plan, probability)
+        observer(SampledSoFar(moments.count, planned, moments.mean, interval))
+
+    samples = Samples(sampled, workers or Workers(), None if observer is None else report)
     result = (
         _decide_by_test(samples, plan, bound, probability)
         if plan.method == "sprt"
@@ -110,7 +149,7 @@ def check_by_sampling(
         result.value,
         result.accuracy,
         explanation,
-        warnings=(*model.warnings, *uniform),
+        warnings=(*model.warnings, *uniform, *result.warnings),
         seconds=perf_counter() - started,
     )
 
@@ -142,18 +181,36 @@ def _read_operator(
 def _estimate_by_interval(
     samples: Samples, plan: Plan, bound: Bound | None, probability: bool
 ) -> Result:
+    if samples.support.low == inf:
+        return _infinite("paths that never reach the target have a positive probability", bound)
     interval = estimate(samples, plan, probability=probability)
     method = f"estimated by {plan.method.upper()}"
     if isinf(interval.mean):
-        explanation = "a sampled path never reaches the target"
-        return Result(
-            _compare(interval.mean, bound) if bound else interval.mean, Exact(), explanation
-        )
-    accuracy = Statistical(interval.confidence, interval.lower, interval.upper, interval.samples)
+        return _infinite("a sampled path never reaches the target", bound)
+    accuracy = _accuracy(interval)
     if bound is None:
-        return Result(interval.mean, accuracy, method)
+        return Result(interval.mean, accuracy, method, warnings=interval.warnings)
     return Result(
-        _verdict(interval, bound), accuracy, f"{method}: {format_value(interval.mean)} ({accuracy})"
+        _verdict(interval, bound),
+        accuracy,
+        f"{method}: {format_value(interval.mean)} ({accuracy})",
+        warnings=interval.warnings,
+    )
+
+
+def _infinite(explanation: str, bound: Bound | None) -> Result:
+    """The result of a reward that some paths accumulate without end."""
+    return Result(_compare(inf, bound) if bound else inf, Exact(), explanation)
+
+
+def _accuracy(interval: IntervalEstimate) -> Statistical:
+    return Statistical(
+        interval.confidence,
+        interval.lower,
+        interval.upper,
+        interval.samples,
+        interval.bound,
+        interval.approximate,
     )
 
 
@@ -164,20 +221,22 @@ def _compare(value: float, bound: Bound) -> bool:
     return bool(comparison(value, _threshold(bound)))
 
 
-def _threshold(bound: Bound) -> float:
-    return float(evaluate(bound.threshold, {}))
+def _threshold(bound: Bound) -> Fraction | float:
+    value = evaluate(bound.threshold, {}, exact=True)
+    return value if isinstance(value, float) else Fraction(value)
 
 
 def _verdict(interval: IntervalEstimate, bound: Bound) -> bool:
-    """Compare the interval with the threshold. Raises NumericalError if it is inside."""
-    threshold = _threshold(bound)
-    if interval.lower <= threshold <= interval.upper:
+    """Compare the interval with the threshold. Raises NumericalError if it does not decide."""
+    verdict = _compare(interval.lower, bound)
+    if verdict != _compare(interval.upper, bound):
         raise NumericalError(
-            f"the threshold {threshold:g} lies within the interval [{interval.lower:.6g}, "
-            f"{interval.upper:.6g}] estimated from {interval.samples} samples, so it is not "
-            "decided; take more samples ('samples'), or check without sampling"
+            f"the threshold {float(_threshold(bound)):g} lies within the interval "
+            f"[{interval.lower:.6g}, {interval.upper:.6g}] estimated from {interval.samples} "
+            "samples, so it is not decided; take more samples ('samples'), or check without "
+            "sampling"
         )
-    return _compare(interval.mean, bound)
+    return verdict
 
 
 def _decide_by_test(samples: Samples, plan: Plan, bound: Bound | None, probability: bool) -> Result:
@@ -186,16 +245,17 @@ def _decide_by_test(samples: Samples, plan: Plan, bound: Bound | None, probabili
             "the method sprt decides thresholds on probabilities only (P>=0.5 [ … ]); ci, aci and "
             "apmc estimate values"
         )
-    threshold = _threshold(bound)
+    threshold = float(_threshold(bound))
     above, used = sequential_test(samples, plan, threshold)
     width, error = plan.width or 0.05, plan.error or 0.01
     explanation = (
         f"decided by SPRT after {used} samples; correct with probability {1 - error:g} unless the "
         f"value is within {width:g} of {threshold:g}"
     )
-    lower, upper = (threshold + width, 1.0) if above else (0.0, threshold - width)
+    # Within the indifference region the test may decide either way.
+    lower, upper = (threshold - width, 1.0) if above else (0.0, threshold + width)
     return Result(
         above is (bound.operator in (">", ">=")),
-        Statistical(1 - error, lower, upper, used),
+        Statistical(1 - error, lower, upper, used, "Wald's test"),
         explanation,
     )

@@ -137,6 +137,11 @@ class LazyChain:
         ):
             self._expand(new)
 
+    @property
+    def is_complete(self) -> bool:
+        """Whether every known state is expanded, so that there are no other states."""
+        return bool((self._start.data[: len(self)] >= 0).all())
+
     def _expand(self, new: Int32s) -> None:
         rows = self.states(new)
         successors = self.source.successors(rows)
@@ -209,12 +214,22 @@ class LazyChain:
         """The known transitions, of weight 1, and which states are expanded (bool[states])."""
         n = len(self)
         expanded = self._start.data[:n] >= 0
+        indptr, branches = self._rows_of_branches()
+        indices = np.ascontiguousarray(self._targets.data[branches], np.int32)
+        return SparseMatrix(indptr, indices, np.ones(len(indices)), n), expanded
+
+    def earned(self) -> Floats:
+        """The rewards of the transitions in `graph`: float64[transitions]."""
+        return np.asarray(self._earned.data[self._rows_of_branches()[1]])
+
+    def _rows_of_branches(self) -> tuple[Int64s, Int64s]:
+        """Where the branches of each state begin in a list of all of them, and that list."""
+        n = len(self)
         indptr = np.concatenate([[0], np.cumsum(self._length.data[:n])]).astype(np.int64)
         branches = np.repeat(self._start.data[:n] - indptr[:-1], self._length.data[:n]) + np.arange(
             indptr[-1]
         )
-        indices = np.ascontiguousarray(self._targets.data[branches], np.int32)
-        return SparseMatrix(indptr, indices, np.ones(len(indices)), n), expanded
+        return indptr, branches
 
 
 def _cumulative(weights: Floats, offsets: Int64s) -> Floats:

@@ -27,7 +27,9 @@ from symcheck.semantics.path_normal_form import (
 )
 from symcheck.semantics.time_bounds import Window, bound_value, window
 from symcheck.simulate import tuning
+from symcheck.simulate.intervals import Range
 from symcheck.simulate.lazy_chain import LazyChain
+from symcheck.simulate.reward_range import StepRewards
 from symcheck.syntax.ast import (
     BinaryTemporal,
     CostBoundedReward,
@@ -84,6 +86,10 @@ class Monitor(ABC):
         after finitely many steps.
         """
         return None
+
+    def range_of(self, rewards: StepRewards) -> Range:  # noqa: ARG002
+        """Bounds on the value of a path."""
+        return Range(0.0, 1.0)
 
     @abstractmethod
     def decide(self, chain: LazyChain, paths: Paths) -> Decision:
@@ -189,6 +195,10 @@ class _CumulativeMonitor(Monitor):
         rest = np.maximum(self.time - paths.time, 0.0)
         return paths.leave >= self.time, paths.total + chain.reward(paths.ids) * rest
 
+    def range_of(self, rewards: StepRewards) -> Range:
+        """Bounds on the reward until the time."""
+        return rewards.until(self.time)
+
 
 @dataclass(frozen=True)
 class _InstantaneousMonitor(Monitor):
@@ -199,6 +209,10 @@ class _InstantaneousMonitor(Monitor):
     def decide(self, chain: LazyChain, paths: Paths) -> Decision:
         occupied = paths.leave > self.time if chain.continuous else paths.time >= self.time
         return occupied, chain.reward(paths.ids)
+
+    def range_of(self, rewards: StepRewards) -> Range:
+        """Bounds on the rewards of states."""
+        return rewards.of_states()
 
 
 @dataclass(frozen=True)
@@ -217,6 +231,10 @@ class _ReachabilityMonitor(Monitor):
     @property
     def goal(self) -> Goal | None:
         return Goal(0, None, np.inf)
+
+    def range_of(self, rewards: StepRewards) -> Range:
+        """Bounds on the rewards of paths to the target."""
+        return rewards.before(0)
 
 
 # --------------------------------------------------------------------------------- reading formulas

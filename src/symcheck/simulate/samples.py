@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from math import ceil
 
 import numpy as np
@@ -18,6 +18,8 @@ from symcheck.parallel.workers import Lost, Workers
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.simulate import tuning
+from symcheck.simulate.intervals import Range
+from symcheck.simulate.moments import Moments
 from symcheck.simulate.monitors import Monitor
 from symcheck.simulate.sampling import Batch, Sampler
 from symcheck.simulate.sources import CommandSource, Source, TableSource
@@ -64,16 +66,28 @@ class Samples:
     Args:
         sampled: the property.
         workers: sample many paths; this process samples few.
+        observer: is told of the moments of the samples so far, and how many there will be.
 
     Attributes:
         samples, steps: number of paths sampled so far, and the sum of their steps.
     """
 
-    def __init__(self, sampled: SampledProperty, workers: Workers) -> None:
+    def __init__(
+        self,
+        sampled: SampledProperty,
+        workers: Workers,
+        observer: Callable[[Moments, int], None] | None = None,
+    ) -> None:
         self.samples = 0
         self.steps = 0
-        self._sampled, self._workers = sampled, workers
+        self._sampled, self._workers, self._observer = sampled, workers, observer
+        self._moments: Moments | None = None
         self._sampler = sampled.sampler()
+
+    @cached_property
+    def support(self) -> Range:
+        """Bounds on the value of a path, which are infinite if none are known."""
+        return Range(0.0, 1.0) if self._sampled.reward is None else self._sampler.support
 
     def sample(self, count: int) -> Floats:
         """The values on the next `count` paths, float64[count]; infinite where a reward accumulates
@@ -86,10 +100,7 @@ class Samples:
             UsageError: the model cannot be sent to workers.
         """
         if self._workers.here or count < tuning.MIN_PATHS_ON_WORKERS:
-            batches = [
-                self._sampler.sample(begin, size)
-                for begin, size in _parts(self.samples, count, tuning.PATHS_PER_BATCH)
-            ]
+            batches = self._here(count)
         else:
             size = min(tuning.PATHS_PER_BATCH, ceil(count / tuning.BATCHES_ON_WORKERS))
             batches = self._on_workers(_parts(self.samples, count, size))
@@ -97,14 +108,39 @@ class Samples:
         self.steps += sum(batch.steps for batch in batches)
         return np.concatenate([batch.values for batch in batches]) if batches else np.empty(0)
 
+    def _here(self, count: int) -> list[Batch]:
+        """Batches that grow as long as they are sampled fast."""
+        batches: list[Batch] = []
+        size, done = tuning.FIRST_BATCH, 0
+        while done < count:
+            size = min(size, count - done)
+            batches.append(self._sampler.sample(self.samples + done, size))
+            done += size
+            self._report(batches[-1], self.samples + count)
+            if batches[-1].steps < tuning.STEPS_PER_BATCH:
+                size = min(4 * size, tuning.PATHS_PER_BATCH)
+        return batches
+
+    def _report(self, batch: Batch, target: int) -> None:
+        """Tell the observer of a batch, the next one by the numbers of paths."""
+        if self._observer is None:
+            return
+        moments = Moments.of(batch.values)
+        self._moments = moments if self._moments is None else self._moments.joined(moments)
+        self._observer(self._moments, target)
+
     def _on_workers(self, parts: list[tuple[int, int]]) -> list[Batch]:
         batches: list[Batch | None] = [None] * len(parts)
-        function = partial(_sample, self._pickled)
+        function, reported = partial(_sample, self._pickled), 0
         with closing(self._workers.completed(function, parts)) as completed:
             for i, batch in completed:
                 if isinstance(batch, Lost):
                     raise ResourceError(f"paths {parts[i][0]} and following: {batch}")
                 batches[i] = batch
+                # Batches that are finished first may be those with short paths.
+                while reported < len(parts) and (following := batches[reported]) is not None:
+                    self._report(following, parts[-1][0] + parts[-1][1])
+                    reported += 1
         return [batch for batch in batches if batch is not None]
 
     @property

@@ -10,9 +10,11 @@ from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.explicit.states import Rows
 from symcheck.matrices.rows import Floats, Int32s, Int64s
 from symcheck.simulate import tuning
+from symcheck.simulate.intervals import Range
 from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.simulate.monitors import Monitor, Paths
 from symcheck.simulate.random_numbers import PathNumbers, Stream
+from symcheck.simulate.reward_range import StepRewards
 from symcheck.simulate.sources import Source
 
 __all__ = ["Batch", "Sampler"]
@@ -62,6 +64,12 @@ class Sampler:
                 f"{len(self._initial)}; restrict init … endinit to one state, or check without "
                 "sampling, which gives the range over all initial states"
             )
+
+    @property
+    def support(self) -> Range:
+        """Bounds on the value of a path."""
+        self._chain.add(self._initial)
+        return self.monitor.range_of(StepRewards(self._chain))
 
     def sample(self, first: int, count: int) -> Batch:
         """Sample `count` paths, of which the first has this number.

@@ -20,8 +20,10 @@ from symcheck.explicit.successors import SuccessorGenerator, Successors
 from symcheck.matrices.rows import Bools, Floats, Int64s, spans, starts_of
 from symcheck.options import Options
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.rewards import Reward, Steps, Structure, Time
+from symcheck.semantics.rewards import Reward, Steps, Structure, Time, reward_items
 from symcheck.semantics.state_faults import describe_state
+from symcheck.simulate.intervals import Range
+from symcheck.simulate.item_ranges import sum_range
 from symcheck.simulate.state_predicates import StatePredicate, compile_predicate
 from symcheck.syntax.ast import Expression, ModelType
 
@@ -54,6 +56,10 @@ class Source(Protocol):
         """The state rewards of some states, float64[n]. Raises ModelFault."""
         ...
 
+    def reward_ranges(self) -> tuple[Range, Range]:
+        """Bounds on the rewards of states and of transitions, over more states than are reached."""
+        ...
+
     def predicate(self, formula: Expression) -> StatePredicate:
         """A state formula as a predicate. Raises NameFault, UnsupportedError."""
         ...
@@ -79,6 +85,7 @@ class CommandSource:
         labels: Mapping[str, Expression] | None = None,
     ) -> None:
         self.model, self._labels = model, {**model.labels, **(labels or {})}
+        self._reward = reward
         self.layout = StateLayout.of(model.variables)
         self.words = self.layout.words
         generator = SuccessorGenerator(model, self.layout, reward)
@@ -88,6 +95,16 @@ class CommandSource:
     def initial(self) -> Rows:
         """The initial states."""
         return initial_rows(self.model, self.layout)
+
+    def reward_ranges(self) -> tuple[Range, Range]:
+        """Bounds on the rewards of states and of transitions, by the ranges of variables."""
+        items = () if self._reward is None else reward_items(self._reward, self.model)
+        states = sum_range([i for i in items if i.on_states], self.model)
+        transitions = [
+            sum_range([i for i in items if not i.on_states and i.action == action], self.model)
+            for action in (None, *self.model.actions)
+        ]
+        return states, Range(min(r.low for r in transitions), max(r.high for r in transitions))
 
     def predicate(self, formula: Expression) -> StatePredicate:
         """A state formula as a predicate. Raises NameFault, UnsupportedError."""
@@ -177,6 +194,13 @@ class TableSource:
     def state_rewards(self, rows: Rows) -> Floats:
         """The state rewards of some states, float64[n]."""
         return self._rewards[0][rows[:, 0].astype(np.int64)]
+
+    def reward_ranges(self) -> tuple[Range, Range]:
+        """Bounds on the rewards of states and of transitions."""
+        states, transitions = (
+            Range(float(r.min(initial=0.0)), float(r.max(initial=0.0))) for r in self._rewards
+        )
+        return states, transitions
 
     def predicate(self, formula: Expression) -> StatePredicate:
         """A state formula as a predicate. Raises SymcheckError."""

@@ -1,4 +1,4 @@
-"""Confidence intervals (CI, ACI, APMC) and Wald's sequential probability ratio test (SPRT).
+"""Estimates with a confidence interval (CI, ACI, APMC), and Wald's sequential test (SPRT).
 
 The confidence of an interval is the probability with which it contains the true value; `error` is 1
 minus the confidence, and is the parameter `error`.
@@ -6,7 +6,7 @@ minus the confidence, and is the parameter `error`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, exp, isfinite, log, sqrt
 from numbers import Integral
 from typing import Literal
@@ -14,12 +14,12 @@ from typing import Literal
 import numpy as np
 
 from symcheck.errors import NumericalError, UsageError
-from symcheck.machine import require_memory_for_scipy
-from symcheck.matrices.rows import Floats
 from symcheck.simulate import tuning
+from symcheck.simulate.intervals import IntervalEstimate, Range, error_within, interval
+from symcheck.simulate.moments import Moments
 from symcheck.simulate.samples import Samples
 
-__all__ = ["METHODS", "IntervalEstimate", "Plan", "estimate", "sequential_test"]
+__all__ = ["METHODS", "Plan", "estimate", "interval_so_far", "sequential_test"]
 
 Method = Literal["ci", "aci", "apmc", "sprt"]
 METHODS: tuple[Method, ...] = ("ci", "aci", "apmc", "sprt")
@@ -33,17 +33,19 @@ class Plan:
 
     Attributes:
         method: 'ci' (default): for probabilities the interval of Clopper and Pearson (Biometrika
-            1934), whose coverage is at least its confidence for any number of samples; for rewards
-            Student's t. 'aci': the normal approximation, valid for many samples only. 'apmc': the
-            bound of Okamoto (1958) on the number of samples, as Hérault et al. (VMCAI 2004) use it.
-            'sprt': Wald's test, for thresholds on probabilities only.
+            1934); for rewards whose range is known from the model or `most`, the intervals of
+            Hoeffding (1963) and of Maurer and Pontil (COLT 2009). They hold for any number of
+            samples; for other rewards, Student's t is an approximation. 'aci': the normal
+            approximation, valid for many samples only. 'apmc': the bound of Okamoto (1958) on the
+            number of samples, as Hérault et al. (VMCAI 2004) use it. 'sprt': Wald's test, for
+            thresholds on probabilities only.
         samples: number of paths (default 1000).
         error: probability that the interval or the verdict is wrong (default 0.01).
         width: half the width of the interval; for 'sprt' and 'apmc' half the width of the
             indifference region (default 0.05).
         pilot: number of samples from which the variance is estimated if `width` determines the
             number of samples.
-        most: an upper bound on the reward of a path, for 'apmc'.
+        most: an upper bound on the reward of a path, which is not negative; 'apmc' needs it.
         max_steps: maximal length of a path (see `Sampler.sample`).
         seed: seed of the random numbers; None draws one.
     """
@@ -63,17 +65,6 @@ class Plan:
             given = getattr(self, name)
             if given is not None and not (isinstance(given, Integral) and int(given) >= least):
                 raise UsageError(f"{name}={given!r}: expected a whole number from {least}")
-
-
-@dataclass(frozen=True, slots=True)
-class IntervalEstimate:
-    """A sample mean and an interval that contains the true value with probability `confidence`."""
-
-    mean: float
-    lower: float
-    upper: float
-    confidence: float
-    samples: int
 
 
 def estimate(samples: Samples, plan: Plan, *, probability: bool) -> IntervalEstimate:
@@ -97,8 +88,26 @@ def estimate(samples: Samples, plan: Plan, *, probability: bool) -> IntervalEsti
     if plan.method == "apmc":
         return _apmc(samples, plan, probability)
     if plan.width is None or plan.samples is not None:
-        return _interval(samples.sample(plan.samples or _BLOCK_SIZE), plan, probability)
+        moments = Moments.of(samples.sample(plan.samples or _BLOCK_SIZE))
+        return _interval(moments, plan, _support(samples, plan, probability), probability)
     return _estimate_to_width(samples, plan, plan.width, probability)
+
+
+def interval_so_far(
+    moments: Moments, samples: Samples, plan: Plan, probability: bool
+) -> IntervalEstimate | None:
+    """The interval of some of the samples that a plan asks for; None if they give none."""
+    if moments.count < 2 or not isfinite(moments.mean):
+        return None
+    part = Plan(method="aci" if plan.method == "aci" else "ci", error=plan.error, most=plan.most)
+    return _interval(moments, part, _support(samples, part, probability), probability)
+
+
+def _support(samples: Samples, plan: Plan, probability: bool) -> Range:
+    """What is known of the range of the samples."""
+    if probability or plan.most is None:
+        return samples.support
+    return Range(*samples.support.clipped(0.0, plan.most))
 
 
 def _estimate_to_width(
@@ -106,75 +115,56 @@ def _estimate_to_width(
 ) -> IntervalEstimate:
     """Sample until the half width of the interval is at most `width`.
 
-    The variance of a pilot sample determines the number of samples; a wider interval than expected
-    repeats the computation (rarely).
+    The interval of a pilot sample determines how many others are taken; if theirs is still too
+    wide, these determine the next number. The interval is that of the last of these samples alone,
+    whose number does not depend on their values, and each has half of the error that is left, so
+    that all of them together are wrong with probability `error` at most.
     """
-    values = samples.sample(plan.pilot)
+    support = _support(samples, plan, probability)
+    error, count, total = plan.error or 0.01, plan.pilot, plan.error or 0.01
     while True:
-        result = _interval(values, Plan(method=plan.method, error=plan.error), probability)
-        half = max(result.upper - result.mean, result.mean - result.lower)
-        if not isfinite(half) or half <= width:
-            return result
-        needed = ceil(len(values) * min(100.0, 1.02 * (half / width) ** 2)) + 1
-        if needed > _MAX_SAMPLES:
+        error /= 2
+        part = Plan(method=plan.method, error=error, most=plan.most)
+        result = _interval(Moments.of(samples.sample(count)), part, support, probability)
+        if not isfinite(result.half) or result.half <= width:
+            return replace(result, confidence=1 - total)
+        count = ceil(count * min(100.0, 1.2 * (result.half / width) ** 2)) + 1
+        if count > _MAX_SAMPLES:
             raise NumericalError(
                 f"a half width of {width:g} needs more than {_MAX_SAMPLES:,} samples; choose a "
                 "larger 'width'"
             )
-        values = np.concatenate([values, samples.sample(needed - len(values))])
 
 
-def _interval(values: Floats, plan: Plan, probability: bool) -> IntervalEstimate:
+def _interval(moments: Moments, plan: Plan, support: Range, probability: bool) -> IntervalEstimate:
     """The interval of CI or ACI."""
-    n = len(values)
+    n, mean = moments.count, moments.mean
     if n < 2:
         raise UsageError("an interval needs at least two samples: choose a larger 'samples'")
-    mean = float(np.mean(values))
     if not isfinite(mean):
-        return IntervalEstimate(mean, mean, mean, 1.0, n)
+        return IntervalEstimate(mean, mean, mean, 1.0, n, "")
+    _check_range(moments, support, plan.most)
     if plan.width is not None:
-        error = _error_probability(values, plan.width, plan.method, probability)
-        return IntervalEstimate(mean, mean - plan.width, mean + plan.width, 1 - error, n)
-    error = plan.error or 0.01
-    if probability and plan.method == "ci":
-        lower, upper = _clopper_pearson(int(np.sum(values)), n, error)
-    else:
-        half = _quantile(plan.method, n, error) * float(np.std(values, ddof=1)) / sqrt(n)
-        lower, upper = mean - half, mean + half
-    return IntervalEstimate(mean, lower, upper, 1 - error, n)
+        t = plan.method == "ci"
+        error, approximate = error_within(moments, plan.width, support, t=t)
+        bound = ("Student's t" if t else "the normal distribution") if approximate else "Hoeffding"
+        ends = support.clipped(mean - plan.width, mean + plan.width)
+        return IntervalEstimate(mean, *ends, 1 - error, n, bound, approximate)
+    limit: Literal["normal"] | None = "normal" if plan.method == "aci" else None
+    return interval(moments, plan.error or 0.01, support, probability=probability, limit=limit)
 
 
-def _error_probability(values: Floats, width: float, method: Method, probability: bool) -> float:
-    """The probability that the sample mean is farther than `width` from the true mean."""
-    require_memory_for_scipy()
-    from scipy import special
-
-    n, deviation = len(values), float(np.std(values, ddof=1))
-    hoeffding = min(1.0, 2 * exp(-2 * n * width * width)) if probability else 1.0
-    if deviation == 0.0:
-        # All samples are equal and say nothing about the variance; Hoeffding's bound needs none.
-        return hoeffding
-    t = width * sqrt(n) / deviation
-    tail = float(special.stdtr(n - 1, -t)) if method == "ci" else float(special.ndtr(-t))
-    return min(1.0, 2 * tail)
-
-
-def _quantile(method: Method, n: int, error: float) -> float:
-    require_memory_for_scipy()
-    from scipy import special
-
-    return float(
-        special.stdtrit(n - 1, 1 - error / 2) if method == "ci" else special.ndtri(1 - error / 2)
-    )
-
-
-def _clopper_pearson(hits: int, n: int, error: float) -> tuple[float, float]:
-    require_memory_for_scipy()
-    from scipy import special
-
-    lower = 0.0 if hits == 0 else float(special.betaincinv(hits, n - hits + 1, error / 2))
-    upper = 1.0 if hits == n else float(special.betaincinv(hits + 1, n - hits, 1 - error / 2))
-    return lower, upper
+def _check_range(moments: Moments, support: Range, most: float | None) -> None:
+    """Raises NumericalError if samples are outside of the range that `most` gives."""
+    if most is None:
+        return
+    slack = tuning.ROUNDING * most
+    for value in (moments.greatest, moments.least):
+        if not support.low - slack <= value <= support.high + slack:
+            raise NumericalError(
+                f"a sampled path has reward {value:g}, outside of [0, {most:g}] given by 'most': "
+                "the error bound does not hold"
+            )
 
 
 def _apmc(samples: Samples, plan: Plan, probability: bool) -> IntervalEstimate:
@@ -204,16 +194,14 @@ def _apmc(samples: Samples, plan: Plan, probability: bool) -> IntervalEstimate:
         raise NumericalError(
             f"this accuracy needs {count:,} samples; choose a larger 'width' or 'error'"
         )
-    values = samples.sample(count)
-    mean = float(np.mean(values))
+    moments = Moments.of(samples.sample(count))
+    mean = moments.mean
     if not isfinite(mean):
-        return IntervalEstimate(mean, mean, mean, 1.0, count)
-    if float(np.max(values)) > scale or float(np.min(values)) < 0:
-        raise NumericalError(
-            f"a sampled path has reward {float(np.max(values)):g}, outside of [0, {scale:g}] given "
-            "by 'most': the error bound does not hold"
-        )
-    return IntervalEstimate(mean, mean - width * scale, mean + width * scale, 1 - error, count)
+        return IntervalEstimate(mean, mean, mean, 1.0, count, "")
+    support = Range(0.0, scale)
+    _check_range(moments, support, plan.most)
+    ends = support.clipped(mean - width * scale, mean + width * scale)
+    return IntervalEstimate(mean, *ends, 1 - error, count, "Okamoto")
 
 
 def sequential_test(samples: Samples, plan: Plan, threshold: float) -> tuple[bool, int]:
@@ -221,7 +209,8 @@ def sequential_test(samples: Samples, plan: Plan, threshold: float) -> tuple[boo
     `threshold` - width.
 
     The verdict is wrong with probability at most `error` if the true probability is not within
-    `width` of the threshold.
+    `width` of the threshold. This holds for the limits 1 / `error` and `error` of the likelihood
+    ratio, by Ville's inequality; Wald's are approximations.
 
     Returns:
         The verdict (True: above), and the number of samples used.
@@ -242,7 +231,7 @@ def sequential_test(samples: Samples, plan: Plan, threshold: float) -> tuple[boo
         )
     hit_term = log(high / low) if low > 0 else np.inf
     miss_term = log((1 - high) / (1 - low)) if high < 1 else -np.inf
-    accept, reject = log((1 - error) / error), log(error / (1 - error))
+    accept, reject = -log(error), log(error)
     ratio, used = 0.0, 0
     while plan.samples is None or used < plan.samples:
         block = min(max(_BLOCK_SIZE, used // 2), tuning.MAX_SEQUENTIAL_BLOCK)

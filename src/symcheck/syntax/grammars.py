@@ -34,10 +34,14 @@ _STARTS = {
 
 @dataclass(frozen=True)
 class Language:
-    """A parser, and the builder that it calls. A builder serves one text at a time."""
+    """A parser, and the builder that it calls. A builder serves one text at a time.
+
+    is_compiled: whether lark-cython runs the parser.
+    """
 
     parser: lark.Lark
     builder: Builder
+    is_compiled: bool
 
     @cached_property
     def spelling(self) -> dict[str, str]:
@@ -92,7 +96,7 @@ def _load(name: str, compiled: bool) -> Language:
         )
         if path is not None:
             _save(parser, path)
-    return Language(parser, cast(Builder, parser.options.transformer))
+    return Language(parser, cast(Builder, parser.options.transformer), compiled)
 
 
 def grammar_text(name: str) -> str:

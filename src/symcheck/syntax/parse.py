@@ -1,7 +1,7 @@
 """Parses models, properties and expressions.
 
-Lark reads the text and calls a builder, which makes the tree. A text that does not follow the
-grammar is read again to describe its faults.
+Lark reads the text and calls a builder, which makes the tree. A text is read once, whether it has
+faults or not. Only the compiled parts of Lark cannot go on after a fault: it is read again.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from lark import UnexpectedInput
 from symcheck.errors import NO_SPAN, Diagnostic, Source, SyntaxFault, UsageError
 from symcheck.syntax.ast import Expression, Name
 from symcheck.syntax.declarations import Program, PropertiesFile, Property
-from symcheck.syntax.grammars import load, load_interactive
+from symcheck.syntax.grammars import Language, load, load_interactive
 from symcheck.syntax.operators import CTL_HINTS
+from symcheck.syntax.recovery import Fault, read_text
 from symcheck.whole_file import read_whole, uncompressed_name
 
 if TYPE_CHECKING:
@@ -212,18 +213,12 @@ def _collector_paused() -> Iterator[None]:
 
 def _parse(name: str, start: str, source: Source) -> Any:
     """The value of the start symbol of a grammar."""
-    result: list[Diagnostic] = []
     with _ONE_AT_A_TIME, _collector_paused():
-        language = load(name)
+        language, value, faults = _read_text(name, start, source)
         builder = language.builder
-        builder.begin(source)
-        try:
-            value = language.parser.parse(source.text, start=start)
-            if start == "state":
-                builder.measure(value)
-            result += builder.diagnostics.values()
-        except UnexpectedInput:
-            result += _faults(name, start, source)
+        if start == "state" and not faults:
+            builder.measure(value)
+        result = _diagnostics(faults, source, language)
         deepest = builder.deepest
         builder.begin(NO_SPAN.source)
     if result:
@@ -235,16 +230,25 @@ def _parse(name: str, start: str, source: Source) -> Any:
     return value
 
 
-def _faults(name: str, start: str, source: Source) -> list[Diagnostic]:
-    """The diagnostics of a text that does not follow the grammar."""
-    from symcheck.syntax.diagnostics import diagnose
-    from symcheck.syntax.recovery import find_faults
-
-    language = load_interactive(name)
+def _read_text(name: str, start: str, source: Source) -> tuple[Language, Any, list[Fault]]:
+    """The language that has read a text, the value of its start symbol, and the faults."""
+    language = load(name)
     language.builder.begin(source)
-    result = [
-        diagnose(fault, source, language) for fault in find_faults(language, start, source.text)
-    ]
-    if result and result[0].code == "model":  # the text is of another kind
-        return result[:1]
-    return [*result, *language.builder.diagnostics.values()]
+    if language.is_compiled:
+        try:
+            return language, language.parser.parse(source.text, start=start), []
+        except UnexpectedInput:
+            language = load_interactive(name)
+            language.builder.begin(source)
+    return language, *read_text(language, start, source.text)
+
+
+def _diagnostics(faults: list[Fault], source: Source, language: Language) -> list[Diagnostic]:
+    """What is wrong with a text: its faults, and what the builder has noted."""
+    noted = list(language.builder.diagnostics.values())
+    if not faults:
+        return noted
+    from symcheck.syntax.diagnostics import diagnose
+
+    result = [diagnose(fault, source, language) for fault in faults]
+    return result[:1] if result[0].code == "model" else [*result, *noted]  # of another kind

@@ -1,9 +1,9 @@
-"""Finds the faults of a text that does not follow the grammar: several in one run.
+"""Reads a text once, and finds several faults of one that does not follow the grammar.
 
-Lark's interactive parser reads the text word by word. After a fault, reading goes on in one of
-three ways: a missing word is put in; a repeated sign is left out; or the words up to the next
-semicolon or keyword are left out, and the parser returns to its state at the last complete part of
-the text.
+Lark's interactive parser reads the text word by word, and its state at the last complete part of
+the text is kept. After a fault, reading goes on in one of three ways: a missing word is put in; a
+repeated sign is left out; or the words up to the next semicolon or keyword are left out, and the
+parser returns to that state.
 
 Source: panic mode, Aho, Lam, Sethi and Ullman, Compilers (2007), 4.8.3.
 """
@@ -12,9 +12,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass
 from itertools import chain, islice
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from lark import Token, UnexpectedToken
 
@@ -23,7 +24,7 @@ from symcheck.syntax.grammars import Language
 if TYPE_CHECKING:
     from lark.parsers.lalr_interactive_parser import InteractiveParser
 
-__all__ = ["FOREIGN", "RESERVED", "Fault", "find_faults"]
+__all__ = ["FOREIGN", "RESERVED", "Fault", "read_text"]
 
 FOREIGN = "FOREIGN"
 """The terminal of a character that starts no word of the language."""
@@ -40,10 +41,17 @@ _MISSING = (
 )
 """The words that are put in where one of them is missing, in the order in which they are tried."""
 
+_MOST_WORDS_AROUND = 1000
+"""At most so many words before a fault are read again, to find what was expected, and so many
+behind it are looked at.
+"""
+
 _BLOCKS = {"MODULE": "ENDMODULE", "REWARDS": "ENDREWARDS"}
 _ENDS = frozenset({"SEMICOLON", "ENDMODULE", "ENDREWARDS", "ENDINIT", "ENDSYSTEM"}) | {
     *("DTMC", "CTMC", "MDP", "PROBABILISTIC", "STOCHASTIC", "NONDETERMINISTIC")
 }
+_LANDMARKS = _ENDS | {*_BLOCKS}
+"""The words after which it is noted where reading is, as it is after the names of modules."""
 _BEGINNINGS = frozenset(
     {
         *("CONST", "RATE", "PROB", "FORMULA", "GLOBAL", "LABEL", "MODULE", "ENDMODULE", "REWARDS"),
@@ -59,8 +67,8 @@ class Fault:
     """`token` does not fit: one of the terminals `expected` should stand there.
 
     `before` has the words since the last semicolon, which is the first of them. `after` has the
-    words that follow, up to the next semicolon. `mended` is the terminal that was put in before
-    `token`.
+    words that follow, up to the next semicolon, but not too many. `mended` is the terminal that was
+    put in before `token`.
     """
 
     token: Token
@@ -90,9 +98,14 @@ class Fault:
         return str(self.before[-1].value) if self.before else ""
 
 
-def find_faults(language: Language, start: str, text: str) -> list[Fault]:
-    """The faults of a text, in its order. The language's builder notes what else is wrong."""
-    return _Recovery(language, start, text).run()
+def read_text(language: Language, start: str, text: str) -> tuple[Any, list[Fault]]:
+    """The value of a text, and its faults, in its order; with faults, the value has no meaning.
+
+    The language's builder notes what else is wrong.
+    """
+    reading = _Reading(language, start, text)
+    faults = reading.run()
+    return reading.value, faults
 
 
 class _Words:
@@ -116,81 +129,95 @@ class _Words:
         return self._ahead[0] if self._ahead else None
 
     def statement(self) -> tuple[Token, ...]:
-        """The next words up to a semicolon. They stay ahead."""
+        """The next words up to a semicolon, if there are not too many. They stay ahead."""
         result: list[Token] = []
         while self.peek() and not (result and result[-1].type == _SEMICOLON):
+            if len(result) == _MOST_WORDS_AROUND:
+                break
             result.append(self.next())
         self._ahead.extendleft(reversed(result))
         return tuple(result)
 
 
-class _Recovery:
-    """One reading of a text that has faults."""
+class _Reading:
+    """One reading of a text, which may have faults.
+
+    value: that of the text, once it is complete.
+    """
 
     def __init__(self, language: Language, start: str, text: str) -> None:
-        self._language = language
+        self.value: Any = None
         self._text = text
         self._words = _Words(language, text)
         self._parser = language.parser.parse_interactive(start=start)
         self._resumes = start != "state"
-        # The parser at the last complete part of the text and at the last one outside of blocks,
-        # and the words that were read since the former.
-        self._part = self._outside = self._copy()
-        self._since: list[Token] = []
+        # The parser at the last complete part of the text and at the last one outside of blocks.
+        self._part = self._outside = _copied(self._parser)
         self._in_block = False
+        # The words since the last semicolon, and the parser before those from a position on.
         self._before: list[Token] = []
+        self._anchor, self._anchored = self._part, 0
 
     def run(self) -> list[Fault]:
         faults: list[Fault] = []
-        while len(faults) < _MOST_FAULTS:
-            token = self._words.next()
-            try:
-                self._parser.feed_token(token)
-            except UnexpectedToken:
-                fault = self._fault(token)
-                faults.append(fault)
-                if not self._mend(fault):
-                    break
-            else:
-                if token.type == _END:
-                    break
-                self._read(token)
+        while len(faults) < _MOST_FAULTS and (token := self._read()) is not None:
+            fault = self._fault(token)
+            faults.append(fault)
+            if not self._mend(fault):
+                break
         return faults
 
-    def _copy(self) -> InteractiveParser:
-        return _copied(self._parser)
+    def _read(self) -> Token | None:
+        """Read up to a word that does not fit, and return it; None if the text is complete."""
+        next_word, feed = self._words.next, self._parser.parser_state.feed_token
+        before, is_name = self._before, False
+        while True:
+            token = next_word()
+            kind = token.type
+            try:
+                value = feed(token, kind == _END)
+            except UnexpectedToken:
+                return token
+            if kind == _END:
+                self.value = value
+                return None
+            before.append(token)
+            if kind in _LANDMARKS or is_name or len(before) - self._anchored >= _MOST_WORDS_AROUND:
+                self._note(kind)
+                before = self._before
+            is_name = kind in _BLOCKS
 
     def _pass(self, token: Token) -> None:
         """Note a word as one of those before the next fault."""
         if token.type == _SEMICOLON:
             self._before = []
         self._before.append(token)
+        self._anchored = len(self._before)
 
-    def _read(self, token: Token) -> None:
-        """Note a word that was read. Keep the state of the parser if the word completes a part."""
-        self._pass(token)
-        self._since.append(token)
-        kind = token.type
+    def _note(self, kind: str) -> None:
+        """Keep the state of the parser, also as that of a part that the last word completes."""
         previous = self._before[-2].type if len(self._before) > 1 else ""
+        if kind == _SEMICOLON:
+            self._before = self._before[-1:]
         if kind in _BLOCKS:
             self._in_block = True
         elif kind in _BLOCKS.values():
             self._in_block = False
+        self._anchor, self._anchored = _copied(self._parser), len(self._before)
         if (
             kind in _ENDS
             or kind == "REWARDS"
             or (previous, kind) in (("MODULE", "NAME"), ("REWARDS", "STRING"))
         ):
-            self._part = self._copy()
-            self._since = []
+            self._part = self._anchor
             if not self._in_block:
                 self._outside = self._part
 
     def _fault(self, token: Token) -> Fault:
         # Lark has reduced symbols before it refused `token`, which hides some of the expected
-        # words: read the part once more to have the state before that.
-        parser = _copied(self._part)
-        for word in self._since:
+        # words: read the last words once more to have the state before that.
+        parser = _without_values(self._anchor)
+        for word in self._before[self._anchored :]:
             parser.feed_token(word)
         expected = _accepted(parser)
         after = self._words.statement()
@@ -211,16 +238,12 @@ class _Recovery:
 
     def _fits(self, words: tuple[Token, ...]) -> bool:
         """Whether these words can come next."""
-        builder = self._language.builder
-        noted = dict(builder.diagnostics)
-        parser = self._copy()
+        parser = _without_values(self._parser)
         try:
             for word in words:
                 parser.feed_token(word)
         except UnexpectedToken:
             return False
-        finally:
-            builder.diagnostics = noted
         return True
 
     def _mend(self, fault: Fault) -> bool:
@@ -266,23 +289,31 @@ class _Recovery:
         """Go back to the first of these states in which the word can come next, if there is one."""
         for parser, accepted in states:
             if token.type in accepted:
-                self._part = parser
+                self._part = self._anchor = parser
+                self._anchored = len(self._before)
                 self._parser = _copied(parser)
-                self._since = []
                 self._in_block = self._in_block and parser is not self._outside
                 return True
         return False
 
     def _is_first(self, token: Token) -> bool:
-        """Whether only white space stands before this word on its line."""
-        start = cast(int, token.start_pos)
-        return not self._text[self._text.rfind("\n", 0, start) + 1 : start].strip()
+        """Whether no other word stands before this one on its line."""
+        previous = cast(int, self._before[-1].end_pos) if self._before else 0
+        return not self._before or "\n" in self._text[previous : token.start_pos]
 
 
 def _copied(parser: InteractiveParser) -> InteractiveParser:
     """A parser in the same state. Both share the values, which a text with faults does not need."""
     copied = parser.copy(deepcopy_values=False)  # type: ignore[no-untyped-call]
     return cast("InteractiveParser", copied)
+
+
+def _without_values(parser: InteractiveParser) -> InteractiveParser:
+    """A parser in the same state that calls no builder: it only tells which words fit."""
+    copied = _copied(parser)
+    copied.parser_state.parse_conf = copy(copied.parser_state.parse_conf)
+    copied.parser_state.parse_conf.callbacks = {}
+    return copied
 
 
 def _accepted(parser: InteractiveParser) -> frozenset[str]:

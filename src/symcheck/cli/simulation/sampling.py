@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # the simulator is imported where it is used: most runs do wi
     from symcheck.simulate.path_options import PathOptions
     from symcheck.simulate.statistics import Plan
 
-__all__ = ["in_switches", "sampling_plan", "write_path"]
+__all__ = ["in_switches", "sampling_plan", "with_switches", "write_path"]
 
 _SWITCHES = {
     "samples": "-simsamples",
@@ -40,8 +40,12 @@ def in_switches(error: SymcheckError) -> SymcheckError:
     """An error of sampling with the names of switches for those of parameters."""
     if not isinstance(error, UsageError | NumericalError):
         return error
-    message = re.sub(rf"'({'|'.join(_SWITCHES)})'", lambda name: _SWITCHES[name[1]], str(error))
-    return type(error)(message)
+    return type(error)(with_switches(str(error)))
+
+
+def with_switches(message: str) -> str:
+    """A message with the names of switches for those of parameters."""
+    return re.sub(rf"'({'|'.join(_SWITCHES)})'", lambda name: _SWITCHES[name[1]], message)
 
 
 def sampling_plan(a: Arguments) -> Plan:

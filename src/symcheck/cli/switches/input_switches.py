@@ -151,7 +151,7 @@ def add_simulation(parser: SwitchParser) -> None:
         needs=_SAMPLING,
         metavar="X",
         type=positive_number,
-        help="the largest reward that a path can earn, for apmc",
+        help="the largest reward that a path can earn, if none is negative; apmc needs it",
     )
     parser.add(
         "simpathlen",

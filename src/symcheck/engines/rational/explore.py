@@ -1,7 +1,7 @@
 """Exploration in rational arithmetic, state by state, by the interpreter of the semantics.
 
-It shares no code with the compiled exploration or with diagrams, so that it is their oracle in
-tests.
+It shares no code with the search of the compiled exploration or with diagrams, so that it is their
+oracle in tests.
 """
 
 from __future__ import annotations
@@ -13,7 +13,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symcheck.errors import ModelFault, UnsupportedError
+from symcheck.errors import (
+    Interrupted,
+    MemoryLimitError,
+    ModelFault,
+    ResourceError,
+    UnsupportedError,
+)
+from symcheck.explicit import tuning
+from symcheck.explicit.initial import initial_states
+from symcheck.explicit.unbounded import growth
+from symcheck.machine import available_memory, used_data
 from symcheck.matrices.numbers import Numbers, Rationals, rationals
 from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix
 from symcheck.semantics import state_faults
@@ -21,7 +31,6 @@ from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.interpreter import (
     Row,
     State,
-    initial_states,
     state_rewards,
     transitions,
     valuation,
@@ -31,6 +40,9 @@ from symcheck.syntax.ast import Expression, ModelType
 
 if TYPE_CHECKING:
     from symcheck.explicit.orbits import StateOrbits
+
+_STATES_BETWEEN_CHECKS = 1024
+"""States that are explored between two checks of the memory."""
 
 __all__ = ["RationalModel", "StateList", "explore_exactly"]
 
@@ -87,6 +99,7 @@ def explore_exactly(
     fix_deadlocks: bool = True,
     check_sums: bool = True,
     limit: int | None = None,
+    max_memory: int | None = None,
     observer: Callable[[int], None] | None = None,
     orbits: StateOrbits | None = None,
 ) -> RationalModel:
@@ -97,12 +110,14 @@ def explore_exactly(
         fix_deadlocks: give deadlock states a self-loop; else a deadlock is an error.
         check_sums: check that probabilities sum to 1.
         limit: the greatest number of states; None for any number.
+        max_memory: bytes that the states may take; None: most of what is available.
         observer: is told the number of explored states now and then.
         orbits: if given, one state of each is explored.
 
     Raises:
         ModelFault: the model has a fault in some state.
         UnsupportedError: the model has more states than `limit`.
+        MemoryLimitError, Interrupted: a limit is reached, or Ctrl-C.
     """
     initial: Sequence[State] = initial_states(model)
     if orbits is not None:
@@ -110,23 +125,72 @@ def explore_exactly(
     explored: dict[State, tuple[Row, ...]] = {}
     frontier = list(dict.fromkeys(initial))
     seen = set(frontier)
-    while frontier:
-        following: list[State] = []
-        for state in frontier:
-            rows = transitions(model, state, check_sums=check_sums)
-            if orbits is not None:
-                rows = tuple(_up_to_symmetry(row, orbits) for row in rows)
-            explored[state] = rows
-            for row in rows:
-                fresh = [t for _, t in row.branches if t not in seen]
-                seen.update(fresh)
-                following.extend(dict.fromkeys(fresh))
-        if limit is not None and len(seen) > limit:
-            raise UnsupportedError(f"exact arithmetic is limited to {limit:,} states here")
-        if observer is not None:
-            observer(len(explored))
-        frontier = following
+    growing = _Growing(model, max_memory)
+    try:
+        while frontier:
+            following: list[State] = []
+            growing.note(frontier)
+            for state in frontier:
+                if not len(explored) % _STATES_BETWEEN_CHECKS:
+                    growing.check_memory(len(explored))
+                rows = transitions(model, state, check_sums=check_sums)
+                if orbits is not None:
+                    rows = tuple(_up_to_symmetry(row, orbits) for row in rows)
+                explored[state] = rows
+                for row in rows:
+                    fresh = [t for _, t in row.branches if t not in seen]
+                    seen.update(fresh)
+                    following.extend(dict.fromkeys(fresh))
+            if limit is not None and len(seen) > limit:
+                raise UnsupportedError(f"exact arithmetic is limited to {limit:,} states here")
+            if observer is not None:
+                observer(len(explored))
+            frontier = following
+    except KeyboardInterrupt:
+        raise growing.stopped(Interrupted, "interrupted", len(explored)) from None
+    except MemoryError:
+        count = len(explored)
+        explored.clear()
+        seen.clear()
+        raise growing.stopped(MemoryLimitError, "out of memory", count) from None
     return _assemble(model, explored, initial, fix_deadlocks)
+
+
+class _Growing:
+    """The memory that a search takes, and what variables without bounds have reached."""
+
+    def __init__(self, model: BoundModel, max_memory: int | None) -> None:
+        self._model = model
+        self._first = used_data()
+        self._most = max_memory or tuning.MEMORY_SHARE * available_memory()
+        self._reached: dict[int, tuple[int, int]] = {}
+        self._unbounded = [i for i, v in enumerate(model.variables) if v.low is None]
+
+    def note(self, frontier: Sequence[State]) -> None:
+        """Take note of new states."""
+        for i in self._unbounded:
+            values = [int(state[i]) for state in frontier]
+            low, high = self._reached.get(i, (values[0], values[0]))
+            self._reached[i] = min(low, *values), max(high, *values)
+
+    def check_memory(self, explored: int) -> None:
+        """Raises MemoryLimitError if the search has taken more than it may."""
+        if used_data() - self._first <= self._most:
+            return
+        why = f"the memory limit of {self._most / 1e6:.0f} MB is reached"
+        raise self.stopped(MemoryLimitError, why, explored)
+
+    def stopped(self, kind: type[ResourceError], why: str, explored: int) -> ResourceError:
+        """The error of a search that was stopped."""
+        grows = growth(self._model, self._reached)
+        hint = grows.hint if grows else "-cuddmaxmem gives more; the other engines need less"
+        error = kind(
+            f"exploration in rational arithmetic: {why}, after {explored} states"
+            + (f"\n  note: {grows.note}" if grows else "")
+            + (f"\n  hint: {hint}" if grows or kind is MemoryLimitError else "")
+        )
+        error.note = grows.note if grows else None
+        return error
 
 
 def _up_to_symmetry(row: Row, orbits: StateOrbits) -> Row:

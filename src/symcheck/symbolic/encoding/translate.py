@@ -527,8 +527,11 @@ class Translator:
         return self._valid(target, target.rows)
 
     def _valid(self, target: EncodedVariable, bits: Sequence[str]) -> Bdd:
-        codes = np.arange(1 << target.width)
-        return self.manager.bdd_table(bits, codes <= target.high - target.low)
+        largest, result = target.high - target.low, self.manager.true
+        for bit, name in enumerate(reversed(bits)):  # from the least significant one
+            zero = ~self.manager.variable(name)
+            result = zero | result if largest >> bit & 1 else zero & result
+        return result
 
     def state(self, values: Mapping[str, int | bool]) -> Bdd:
         """The states with these values of some variables."""
