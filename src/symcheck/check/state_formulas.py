@@ -19,7 +19,7 @@ from symcheck.check.thresholds import decide
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
-from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.evaluate import evaluate_constant
 from symcheck.syntax.ast import (
     AnyMeasure,
     Binary,
@@ -279,7 +279,7 @@ def _exactly(context: Context, formula: Expression, relevant: StateSet) -> State
 
 def threshold_of(bound: Bound) -> Fraction:
     """The threshold of a bound. Raises InputError if it is infinite."""
-    value = evaluate(bound.threshold, {}, exact=True)
+    value = evaluate_constant(bound.threshold)
     if isinstance(value, float):
         raise InputError(
             Diagnostic("a threshold must be a finite number", bound.threshold.span, "threshold")

@@ -124,6 +124,7 @@ class _Builder:
             constants=constants,
             exact=self.table.exact,
             system=self.program.system,
+            definitions={name: self.table.expression(name) for name in constants},
         )
 
     # --------------------------------------------------------------------------------------- values
