@@ -65,11 +65,16 @@ class Source:
 
     Attributes:
         shown: the text that the user wrote, if `text` is it with faulty parts blanked out.
+        rounded: the pieces, by start and end, that doubles would decide differently (see
+            `symcheck.semantics.expressions.rounding_notes`).
     """
 
     name: str
     text: str = field(repr=False)
     shown: str = field(repr=False, default="")
+    rounded: dict[tuple[int, int], Span] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     @cached_property
     def _starts(self) -> tuple[int, ...]:

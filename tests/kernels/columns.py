@@ -19,7 +19,7 @@ def run_masked(code: Code, columns: Mapping[int, np.ndarray]) -> tuple[np.ndarra
     for i in range(len(values)):
         registers = np.append(code.registers, 0)
         registers[places] = lanes[:, i]
-        valid[i] = evaluate(code.program, registers) == Status.DONE
+        valid[i] = evaluate(code.program, registers, code.decider) == Status.DONE
         values[i] = registers[code.result]
     if code.type is Type.DOUBLE:
         return values.view(np.float64), valid

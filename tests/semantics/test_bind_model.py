@@ -9,6 +9,7 @@ import pytest
 from semantics.test_evaluate import same
 from symcheck.errors import InputError, NameFault, TypeFault
 from symcheck.semantics.binding.bind import bind, undefined_constants
+from symcheck.semantics.binding.bind_properties import bind_expression
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import ModelType, Name, Type
@@ -104,10 +105,25 @@ def test_an_infinite_constant_can_be_used() -> None:
 
 def test_literals_stay_exact() -> None:
     text = f'dtmc const double p = 0.500000000000000000000000000000001; label "l" = p>0.5; label "m" = 1/3=0.333333333333333333; {MODULE}'
-    assert model(text).labels == {"l": parse_expression("false"), "m": parse_expression("true")}
-    exact = model(text, exact=True)
-    assert exact.exact
-    assert exact.labels == {"l": parse_expression("true"), "m": parse_expression("false")}
+    for exact in (False, True):
+        bound = model(text, exact=exact)
+        assert bound.exact is exact
+        assert bound.labels == {"l": parse_expression("true"), "m": parse_expression("false")}
+
+
+@pytest.mark.parametrize("given", ["0.1", "1/10", 0.1])
+def test_constants_of_constants_stay_exact(given) -> None:
+    text = f'dtmc const double p; const double q = p*3; label "l" = q=0.3; {MODULE}'
+    bound = model(text, {"p": given})
+    assert bound.labels == {"l": parse_expression("true")}
+    assert bound.constants["q"] == pytest.approx(0.3)
+    of_property, _ = bind_expression(parse_expression("q=0.3 & p+0.2=0.3"), bound)
+    assert of_property == parse_expression("true")
+
+
+def test_irrational_constants_stay_expressions() -> None:
+    text = f'dtmc const double r = pow(2,0.5); label "l" = r*r<1.9999999999999999999; {MODULE}'
+    assert evaluate(model(text).labels["l"], {}) is False
 
 
 # ------------------------------------------------------------------------------------------------ types of models, variables

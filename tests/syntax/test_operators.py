@@ -23,12 +23,10 @@ LOGICAL = [o for o in Operator if o.is_logical]
 OTHERS = {o for o in Operator if not o.is_logical}
 MEANINGS = {
     "scalar": evaluate.BINARY,
-    "vectorised": vectorised.BINARY,
     "compiled": {**code_generation.ARITHMETIC, **code_generation.COMPARISONS},
 }
 FUNCTIONS = {
     "scalar": evaluate.FUNCTIONS,
-    "vectorised": vectorised.FUNCTIONS,
     "compiled": code_generation.FUNCTIONS,
 }
 BOOLS = (False, True)
@@ -43,6 +41,21 @@ def test_every_operator_has_a_meaning(table):
 @pytest.mark.parametrize("table", FUNCTIONS)
 def test_every_function_has_a_meaning(table):
     assert set(FUNCTIONS[table]) == set(Function)
+
+
+@pytest.mark.parametrize("operation", [*sorted(OTHERS), *Function])
+@pytest.mark.parametrize("operand", ["x", "x*0.5"])
+def test_every_operation_is_vectorised(operation, operand):
+    if operation is Function.MOD and operand != "x":
+        return
+    count = 1 if operation in (Function.FLOOR, Function.CEIL, Function.ROUND) else 2
+    operands = (parse_expression(operand),) * count
+    is_call = isinstance(operation, Function)
+    expression = Call(operation, operands) if is_call else Binary(operation, *operands)
+    lanes = vectorised.evaluate_columns(expression, {"x": np.array([1, 3])})
+    values = [evaluate.evaluate(expression, {"x": x}) for x in (1, 3)]
+    assert lanes.faults is None
+    np.testing.assert_array_equal(lanes.values, values)
 
 
 def test_a_logical_operator_has_a_truth_table_and_the_others_have_none():

@@ -33,6 +33,7 @@ from symcheck.engines.states import States, StateValues
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
 from symcheck.numerics.linear.problem import Observer
 from symcheck.options import Options
+from symcheck.semantics.expressions.rounding_notes import notes_about
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
     Expression,
@@ -134,10 +135,17 @@ def check(
         runs=tuple(log.runs),
         warnings=tuple(log.warnings),
         witness_or_none=log.witness,
+        notes=_rounding_notes(engine.model, formula),
         seconds=perf_counter() - started,
         engine=engine,
         explain=partial(_explanation, replace(context, log=CheckLog()), formula),
     )
+
+
+def _rounding_notes(model: BoundModel, formula: Expression) -> tuple[str, ...]:
+    """What rounding would change in the texts of a model and of a formula, so far as is known."""
+    sources = {id(s): s for s in (model.program.span.source, formula.span.source)}
+    return tuple(note for s in sources.values() for note in notes_about(s))
 
 
 def _explanation(context: Context, formula: Expression, paths: int | None) -> Counterexample:

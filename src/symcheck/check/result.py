@@ -176,6 +176,8 @@ class Result:
         strategies: with the option `strategy`, one that attains the value; of a Pareto query, one
             for each point of the value. Empty if there is none.
         warnings: one sentence each.
+        notes: one sentence for each place where tools that round to doubles, such as PRISM, may
+            read the model or the property differently.
         seconds: time of the check.
         engine: on which the property was checked.
         explain: finds a counterexample with at most so many paths.
@@ -192,6 +194,7 @@ class Result:
     front_or_none: ParetoFront | None = field(default=None, repr=False)
     strategies: tuple[Strategy, ...] = field(default=(), repr=False)
     warnings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     seconds: float = field(default=0.0, repr=False)
     engine: Engine | None = field(default=None, repr=False)
     explain: Callable[[int | None], Counterexample] | None = field(default=None, repr=False)
@@ -374,6 +377,7 @@ class Result:
             ("", self.explanation),
             ("method", self.method),
             *(("warning", w) for w in self.warnings),
+            *(("note", n) for n in self.notes),
         ]
         return Table.of(("", ""), [r for r in rows if r[1]])._repr_html_()
 

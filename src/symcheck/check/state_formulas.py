@@ -20,7 +20,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
 from symcheck.matrices.numbers import Numbers
-from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.evaluate import evaluate_constant
 from symcheck.syntax.ast import (
     AnyMeasure,
     Binary,
@@ -301,7 +301,7 @@ def _by_rationals(
 
 def threshold_of(bound: Bound) -> Fraction:
     """The threshold of a bound. Raises InputError if it is infinite."""
-    value = evaluate(bound.threshold, {}, exact=True)
+    value = evaluate_constant(bound.threshold)
     if isinstance(value, float):
         raise InputError(
             Diagnostic("a threshold must be a finite number", bound.threshold.span, "threshold")

@@ -57,6 +57,7 @@ class Output:
         self.verbose = verbose
         self.warnings = 0
         self.of_models: set[str] = set()  # the warnings of models, which their results repeat
+        self._notes: set[str] = set()
 
     def line(self, text: str = "") -> None:
         """One line of output."""
@@ -66,6 +67,12 @@ class Output:
         """A warning, counted for the end of the run."""
         self.warnings += 1
         self.line(f"Warning: {text}")
+
+    def note(self, text: str) -> None:
+        """A note about the texts of a run, shown once."""
+        if text not in self._notes:
+            self._notes.add(text)
+            self.line(f"Note: {text}")
 
     def detail(self, text: str) -> None:
         """A line that only -v shows."""
@@ -176,6 +183,8 @@ class Output:
         for warning in result.warnings:
             if warning not in self.of_models:
                 self.warn(warning)
+        for note in result.notes:
+            self.note(note)
         if isinstance(result.accuracy, Estimate):
             self.warn("the result is an estimate: its error is unknown")
         if result.witness_or_none:

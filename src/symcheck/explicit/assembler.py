@@ -118,6 +118,19 @@ class Assembler:
         self._known[key] = folded
         return folded
 
+    def ask(self, op: Op, a: Register, b: Register, number: int) -> Register:
+        """Write a decision on a double and a bound on its error; returns the answer's register.
+
+        number: of the decision, for the decider.
+        """
+        key = (int(op), a, b, number)
+        if (result := self._known.get(key)) is None:
+            result = self._known[key] = self.temporary()
+            self._code.append((int(op), result, a, b))
+            self._code.append((int(Op.ASK), result, number, _NONE))
+            self._barrier = len(self._code)  # both write the answer
+        return result
+
     def recall(self, key: object) -> Register | None:
         """The register noted by `remember` for a key, where it is still valid."""
         return self._known.get(key)
@@ -188,6 +201,8 @@ class Assembler:
         """
         code = np.array(self._code, np.int64).reshape(-1, 4)
         jumps = code[:, 0] >= Op.JUMP
+        asks = code[:, 0] == Op.ASK
+        assert (code[asks, 2] < CONSTANTS).all()  # numbers of decisions are no registers
         registers = code[:, 1:]
         np.maximum(registers, 0, out=registers)
         temporaries = registers >= TEMPORARIES

@@ -6,14 +6,23 @@ The semantics is that of `symcheck.semantics.expressions.evaluate`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from functools import partial, reduce
-from typing import assert_never
+from typing import assert_never, cast
 
-from symcheck.errors import UnsupportedError
+from symcheck.errors import ModelFault, UnsupportedError
 from symcheck.explicit import tuning
 from symcheck.explicit.assembler import Assembler, Register, is_constant
+from symcheck.explicit.decider import Decider
 from symcheck.kernels.explore.register_machine import Op
+from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.expressions.running_errors import (
+    DECISIONS,
+    Enclosed,
+    RunningErrors,
+    is_accurate,
+)
 from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import (
@@ -29,7 +38,7 @@ from symcheck.syntax.ast import (
     Unary,
 )
 from symcheck.syntax.operators import Function, Operator, UnaryOperator, connect
-from symcheck.syntax.traversal import Tree, nodes
+from symcheck.syntax.traversal import Tree, names, nodes
 
 __all__ = ["ARITHMETIC", "COMPARISONS", "FUNCTIONS", "CodeGenerator", "Value"]
 
@@ -78,10 +87,17 @@ _PARTIAL = frozenset({Operator.POWER, Function.POW, Function.MOD})
 
 
 class CodeGenerator:
-    """Writes code for expressions over the given variables into an assembler."""
+    """Writes code for expressions over the given variables into an assembler.
+
+    Attributes:
+        decider: makes the decisions that the code asks for.
+    """
 
     def __init__(self, assembler: Assembler, variables: tuple[Variable, ...]) -> None:
         self.assembler = assembler
+        self.decider = Decider(variables)
+        self._natural = {v.name for v in variables if v.low is not None and v.low >= 0}
+        self._errors: RunningErrors[Register] = RunningErrors(self._emit_double, assembler.constant)
         self._variables: Mapping[str, Value] = {
             v.name: (i, v.type) for i, v in enumerate(variables)
         }
@@ -114,6 +130,13 @@ class CodeGenerator:
                 return self._binary(expression)
             case Conditional():
                 return self._conditional(expression)
+            case Call(Function.FLOOR | Function.CEIL | Function.ROUND as function, (argument,)) if (
+                self.type_of(argument) is Type.DOUBLE
+            ):
+                value, error = self._enclosed(argument)
+                if error is None:
+                    return asm.emit(FUNCTIONS[function][1], value), Type.INT
+                return self._ask(DECISIONS[function], value, error, expression), Type.INT
             case Call(function, arguments):
                 return self._call(function, [self.value(a) for a in arguments])
             case LabelReference() | StateOperator():
@@ -125,8 +148,76 @@ class CodeGenerator:
                 assert_never(expression)
 
     def real(self, expression: Expression) -> Register:
-        """Write code that computes an expression as a double; returns its register."""
-        return self._real(self.value(expression))
+        """Write code that computes an expression as a double without cancellation; returns its
+        register.
+        """
+        return self._real(self.number(expression))
+
+    def number(self, expression: Expression) -> Value:
+        """As `value`; a double that cancels is computed in exact arithmetic."""
+        if self.type_of(expression) is not Type.DOUBLE or is_accurate(
+            expression, self.type_of, self._natural.__contains__
+        ):
+            return self.value(expression)
+        if not names(expression):
+            try:
+                return self.assembler.constant(cast("float", evaluate(expression, {}))), Type.DOUBLE
+            except ModelFault:
+                pass  # it is found where it is evaluated
+        value, error = self._enclosed(expression)
+        if error is not None:
+            value = self._ask(Op.NUMBER, value, error, expression)
+        return value, Type.DOUBLE
+
+    def _ask(self, op: Op, value: Register, error: Register, expression: Expression) -> Register:
+        return self.assembler.ask(op, value, error, self.decider.number(expression))
+
+    def _emit_double(self, op: Op, a: Register, b: Register) -> Register:
+        return self.assembler.emit(op, a) if op is Op.NEGD else self.assembler.emit(op, a, b)
+
+    def _enclosed(self, expression: Expression) -> Enclosed[Register]:
+        """Write code that computes a number as a double, and a bound on its error."""
+        if self.type_of(expression) is not Type.DOUBLE:
+            value = self.value(expression)
+            error = self.assembler.emit(Op.REALE, value[0]) if self._may_round(expression) else None
+            return Enclosed(self._real(value), error)
+        match expression:
+            case Literal():
+                return self._errors.literal(Fraction(expression.value))
+            case Unary(_, operand):
+                return self._errors.negative(self._enclosed(operand))
+            case Binary(operator, left, right):
+                operands = self._enclosed(left), self._enclosed(right)
+                return self._errors.apply(operator, *operands)
+            case Call(function, arguments):
+                return self._errors.apply(function, *map(self._enclosed, arguments))
+            case Conditional():
+                return self._enclosed_conditional(expression)
+            case _:
+                raise TypeError(f"not a double: {type_name(expression)}")
+
+    def _may_round(self, expression: Expression) -> bool:
+        """Whether an int may be too large for a double."""
+        return not isinstance(expression, Name | Literal) or self._is_wide(expression)
+
+    def _enclosed_conditional(self, expression: Conditional) -> Enclosed[Register]:
+        asm = self.assembler
+        value, error, no, end = asm.temporary(), asm.temporary(), asm.label(), asm.label()
+        with asm.scope():
+            self.jump(expression.condition, False, no)
+            self._assign_enclosed(value, error, expression.then)
+            asm.jump(Op.JUMP, end)
+        asm.place(no)
+        with asm.scope():
+            self._assign_enclosed(value, error, expression.otherwise)
+        asm.place(end)
+        return Enclosed(value, error)
+
+    def _assign_enclosed(self, value: Register, error: Register, source: Expression) -> None:
+        asm = self.assembler
+        found = self._enclosed(source)
+        asm.move(value, found.value, asm.position)
+        asm.move(error, asm.constant(0.0) if found.error is None else found.error, asm.position)
 
     def _real(self, value: Value) -> Register:
         register, kind = value
@@ -166,11 +257,27 @@ class CodeGenerator:
         return reduce(partial(self.assembler.emit, op), registers), Type.DOUBLE
 
     def _comparison(self, expression: Binary) -> tuple[Op, Register, Register]:
-        a, b, real = self._alike(self.value(expression.left), self.value(expression.right))
+        types = self.type_of(expression.left), self.type_of(expression.right)
+        if Type.DOUBLE in types:
+            x, y = self._enclosed(expression.left), self._enclosed(expression.right)
+            if x.error is not None or y.error is not None:
+                return self._decided(expression, self._errors.difference(x, y))
+            a, b, real = x.value, y.value, True
+        else:
+            a, b, real = self._alike(self.value(expression.left), self.value(expression.right))
         integer_op, real_op = COMPARISONS[expression.operator]
         if expression.operator.is_lower_bound:
             a, b = b, a
         return (real_op if real else integer_op), a, b
+
+    def _decided(
+        self, expression: Binary, difference: Enclosed[Register]
+    ) -> tuple[Op, Register, Register]:
+        """A comparison of numbers whose difference is enclosed."""
+        value, error = difference
+        assert error is not None
+        answer = self._ask(DECISIONS[expression.operator], value, error, expression)
+        return Op.EQI, answer, self.assembler.constant(True)
 
     def _power(self, base: Value, exponent: Value) -> Value:
         asm = self.assembler
@@ -189,9 +296,7 @@ class CodeGenerator:
             case Function.POW:
                 return self._power(*values)
             case Function.FLOOR | Function.CEIL | Function.ROUND:
-                register, kind = values[0]
-                real = kind is Type.DOUBLE
-                return (self.assembler.emit(ops[1], register) if real else register), Type.INT
+                return values[0][0], Type.INT  # of an int
             case Function.MOD:
                 return self.assembler.emit(ops[0], values[0][0], values[1][0]), Type.INT
             case Function.LOG:
@@ -322,6 +427,9 @@ class CodeGenerator:
                 return True
             case Binary(operator) | Call(operator) if operator in _PARTIAL:
                 return False
+            case Binary(operator, left, right) if operator.is_comparison:
+                # Enclosures may not decide, and a jump around the decision costs less.
+                return Type.DOUBLE not in (self.type_of(left), self.type_of(right))
             case Binary(Operator.TIMES):
                 return self.type_of(node) is Type.DOUBLE
             case Binary(Operator.PLUS | Operator.MINUS) | Unary(UnaryOperator.MINUS):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from symcheck.explicit.assembler import Assembler
 from symcheck.explicit.code_generation import CodeGenerator
+from symcheck.explicit.decider import Decider
 from symcheck.explicit.faults import raise_expression_fault
 from symcheck.explicit.states import Rows, StateLayout
 from symcheck.kernels.explore.register_machine import run_packed
@@ -32,6 +33,7 @@ class Code:
         program: int32[n, 4].
         registers: int64, the register file with the constants set, variables first.
         result: register of the value.
+        decider: makes the decisions that rounding errors leave open.
     """
 
     expression: Expression = field(repr=False)
@@ -41,6 +43,7 @@ class Code:
     program: NDArray[np.int32] = field(repr=False)
     registers: Int64s = field(repr=False)
     result: int = field(repr=False)
+    decider: Decider = field(repr=False)
 
     def run_packed(self, layout: StateLayout, rows: Rows) -> Column:
         """The value in each of n packed states.
@@ -66,6 +69,7 @@ class Code:
             self.result,
             None if is_bool else values.view(np.int64),
             values if is_bool else None,
+            self.decider,
         )
         if fault >= 0:
             state = dict(enumerate(map(int, layout.unpack(rows[fault]))))
@@ -82,10 +86,11 @@ def compile_expression(expression: Expression, model: BoundModel | tuple[Variabl
     """
     variables = model if isinstance(model, tuple) else model.variables
     assembler = Assembler(len(variables))
-    register, kind = CodeGenerator(assembler, variables).value(expression)
+    generator = CodeGenerator(assembler, variables)
+    register, kind = generator.number(expression)
     assembler.halt()
     program, registers = assembler.finish()
     read = names(expression)
     support = tuple(i for i, v in enumerate(variables) if v.name in read)
     result = assembler.place_of(register)
-    return Code(expression, variables, kind, support, program, registers, result)
+    return Code(expression, variables, kind, support, program, registers, result, generator.decider)

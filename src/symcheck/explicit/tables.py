@@ -15,6 +15,7 @@ from symcheck.explicit import tuning
 from symcheck.explicit.assembler import Assembler, Register, is_constant
 from symcheck.explicit.candidates import Forest, Masks, all_of, any_of, conjuncts, guard_masks
 from symcheck.explicit.code_generation import CodeGenerator
+from symcheck.explicit.decider import Decider
 from symcheck.explicit.states import StateLayout
 from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate
@@ -47,6 +48,7 @@ class Tables:
         action_rewards: entry a+1 (a: index of the event's action, -1: none) is the first of its
             rows in `rewards`.
         rewards: rows (structure, code, register).
+        decider: makes the decisions that rounding errors leave open.
     """
 
     kind: int
@@ -81,6 +83,7 @@ class Tables:
     most_updates: int
     most_commands: int
     most_parts: int
+    decider: Decider
 
 
 def tables(
@@ -169,6 +172,7 @@ class _Builder:
                 (sum(map(len, e.participants)) for e in self.model.events), default=0
             ),
             most_parts=max((len(e.participants) for e in self.model.events), default=1),
+            decider=self.generator.decider,
         )
 
     # --------------------------------------------------------------------------------------- events

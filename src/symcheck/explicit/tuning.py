@@ -31,6 +31,9 @@ MAX_EAGER_COST = 4
 jump.
 """
 
+MOST_ANSWERS = 1 << 18
+"""Valuations for which a decision in exact arithmetic is kept: some tens of megabytes."""
+
 VALUATIONS_PER_BLOCK = 1 << 20
 """Valuations that the search for initial states extends at a time: 8 MB per variable."""
 

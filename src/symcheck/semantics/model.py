@@ -142,7 +142,8 @@ class BoundModel:
     Attributes:
         events: the flattened composition (see `symcheck.semantics.binding.composition`).
         initial: the condition on initial states; None: the variables' initial values.
-        exact: doubles in literals are used as the fractions that they are.
+        definitions: an expression without names for the exact value of each constant.
+        exact: values are computed in exact arithmetic. (Conditions always are.)
         derivation: of a transformed model (such as a reduced one), the function that transforms
             another bound model of the same text in the same way.
         builder: of a model without a text, the function that builds its engine from options.
@@ -164,6 +165,7 @@ class BoundModel:
     constants: Mapping[str, Value]
     exact: bool = False
     system: Composition | None = None
+    definitions: Mapping[str, Expression] = field(default_factory=dict)
     derivation: Callable[[BoundModel], BoundModel] | None = field(default=None, compare=False)
     builder: Callable[..., object] | None = field(default=None, compare=False)
     observed: Callable[[BoundModel], Observations | None] | None = field(

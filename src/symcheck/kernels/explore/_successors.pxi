@@ -35,6 +35,7 @@ cdef class Expander:
     cdef int root, events
     cdef const Instruction* code
     cdef Register* r
+    cdef void* decider
     # scratch of one state, and the arrays that hold it
     cdef list scratch
     cdef int32_t* candidates
@@ -82,6 +83,7 @@ cdef class Expander:
                                                               tables.rewards, tables.structures)
         self.events = self.event_action.shape[0]
         self.code = <const Instruction*> &self.program[0, 0]
+        self.decider = <void*> tables.decider  # the tables keep it
         self._allocate(tables.slots, tables.most_updates, tables.most_commands, tables.most_parts)
         self.rows = CsrBuilder(self.structures)
 
@@ -411,13 +413,16 @@ cdef class Expander:
         self.candidate_count = first
         return self.candidates + first
 
+    cdef inline int _execute(self, int start) noexcept nogil:
+        return execute(self.code + start, self.code, self.r, self.decider)
+
     cdef int _find_enabled(self, int participant) noexcept nogil:
         """Append the enabled commands of a participant to `enabled`."""
         cdef int i, count, status
         cdef const int32_t* commands
         commands = self._participant_commands(participant, &count)
         for i in range(count):
-            status = execute(self.code + self.command_guard[commands[i]], self.code, self.r)
+            status = self._execute(self.command_guard[commands[i]])
             if status == Status.DONE:
                 self.enabled[self.enabled_count] = commands[i]
                 self.enabled_count += 1
@@ -432,7 +437,7 @@ cdef class Expander:
         possible, which `_add_joint_choice` decides.
         """
         cdef int u, first = self.command_updates[command], end = self.command_updates[command + 1]
-        cdef int status = execute(self.code + self.command_code[command], self.code, self.r)
+        cdef int status = self._execute(self.command_code[command])
         cdef double weight, total = 0.0
         self.enabled_status[position] = 0
         if status:
@@ -462,7 +467,7 @@ cdef class Expander:
         cdef uint64_t bits
         cdef uint64_t* value = self.evaluated_value + self.evaluated_count * self.words
         if self.update_code[u] >= 0:
-            status = execute(self.code + self.update_code[u], self.code, self.r)
+            status = self._execute(self.update_code[u])
             if status:
                 return status
         for w in range(self.words):
@@ -567,7 +572,7 @@ cdef class Expander:
         for i in range(first, self.successor_count):
             total += (<double*> self.weights.data)[i]
         for k in range(self.action_rewards[action], self.action_rewards[action + 1]):
-            status = execute(self.code + self.rewards[k, 1], self.code, self.r)
+            status = self._execute(self.rewards[k, 1])
             if status:
                 return status
             reward = self.r[self.rewards[k, 2]].d

@@ -50,6 +50,28 @@ cpdef enum Op:
     NOT
     AND
     OR
+    # Rounding errors of doubles, and bounds made of them.
+    REALE
+    ADDE
+    MULE
+    DIVE
+    SCALE
+    SHARE
+    LESS
+    GROWTH
+    # Decisions on a double with a bound on its error; where that does not decide, ASK does, which
+    # follows.
+    ZERO
+    NONZERO
+    NEGATIVE
+    NONNEGATIVE
+    POSITIVE
+    NONPOSITIVE
+    FLOORS
+    CEILS
+    ROUNDS
+    NUMBER
+    ASK
     # From here on `dst` is the target of a jump.
     JUMP
     JTRUE
@@ -73,6 +95,7 @@ cpdef enum Status:
     MODULUS
     NEGATIVE_POWER
     NOT_A_NUMBER
+    UNDECIDED
     # These are detected by the exploration, not by the machine.
     RANGE
     PROBABILITY
@@ -80,4 +103,5 @@ cpdef enum Status:
     MEMORY
 
 
-cdef int execute(const Instruction* pc, const Instruction* code, Register* r) noexcept nogil
+cdef int execute(const Instruction* pc, const Instruction* code, Register* r,
+                 void* decider) noexcept nogil

@@ -3,11 +3,19 @@
 
 A program is int32[n, 4]: operation, destination, two operands, all of them registers (variables,
 constants, temporaries). It ends with HALT (status DONE), FAIL (DISABLED: a guard is false) or the
-status of an error. Doubles follow IEEE 754 (division by zero gives an infinity or NaN); integer
-overflow is an error.
+status of an error. Doubles follow IEEE 754 (division by zero gives an infinity or NaN), but zero has
+no sign; integer overflow is an error.
+
+A decision on a double (a comparison, a rounding to an int) reads a bound on its error, which the
+program computes beside it. Where the bound does not decide, the machine asks a `decider`: a Python
+object with the indices of the variables that decision number k reads (`reads[k]`) and a method
+`decide(k, values)`.
+
+Source: Higham (2002), Accuracy and stability of numerical algorithms, 3.3 (running error analysis)
+and 4.3 (the error of a sum or a product is a double).
 """
 
-from libc.math cimport INFINITY, NAN, ceil, floor, log, pow, signbit
+from libc.math cimport INFINITY, NAN, ceil, fabs, floor, fma, log, pow
 
 from symcheck.kernels.portable cimport add_overflows, multiply_overflows, subtract_overflows
 
@@ -55,18 +63,99 @@ cdef inline double logarithm(double x, double base) noexcept nogil:
     return log(x) / log(base)
 
 
-cdef inline bint precedes(double x, double y) noexcept nogil:
-    """Whether x is less than y; -0.0 is less than 0.0."""
-    return x < y or (x == y and signbit(x) > signbit(y))
-
-
 cdef inline double nearest(double x) noexcept nogil:
     """The nearest int, upwards from the middle; x + 0.5 would be rounded."""
     cdef double whole = floor(x)
     return whole + 1 if x - whole >= 0.5 else whole
 
 
-cdef int execute(const Instruction* pc, const Instruction* code, Register* r) noexcept nogil:
+cdef enum:
+    UNDECIDED_SIGN = 2
+
+cdef double SLACK = 1.000001  # more than the rounding of bounds
+cdef double TINY = 1e-250  # doubles below may have lost digits to underflow
+cdef double FLOOR_OF_BOUNDS = 1e-300
+cdef double HALF_UNIT = 1.1102230246251565e-16
+cdef double CANCELLATION = 1099511627776.0  # as in `evaluate`: 2**40 times the error
+
+
+cdef inline double conversion_error(long long x) noexcept nogil:
+    """A bound on the rounding error of an int as a double."""
+    if -9007199254740992LL <= x <= 9007199254740992LL:
+        return 0
+    return fabs(<double> x) * HALF_UNIT
+
+
+cdef inline double sum_error(double x, double y) noexcept nogil:
+    """The rounding error of x + y (Knuth)."""
+    cdef double total = x + y, part = total - x
+    return fabs((x - (total - part)) + (y - part))
+
+
+cdef inline double product_error(double x, double y) noexcept nogil:
+    """A bound on the rounding error of x * y, which is exact unless the product is tiny."""
+    cdef double product = x * y
+    if fabs(product) < TINY:
+        return 0 if x == 0 or y == 0 else INFINITY
+    return fabs(fma(x, y, -product))
+
+
+cdef inline double division_residual(double x, double y) noexcept nogil:
+    """A bound on |x - q y|, where q is x / y, rounded."""
+    cdef double quotient = x / y
+    if fabs(quotient) < TINY or fabs(x) < TINY:
+        return 0 if x == 0 else INFINITY
+    return fabs(fma(-quotient, y, x))
+
+
+cdef inline double scale(double x, double error) noexcept nogil:
+    """A bound on |x error|."""
+    cdef double product = fabs(x * error)
+    return FLOOR_OF_BOUNDS if product < FLOOR_OF_BOUNDS and x != 0 and error != 0 else product
+
+
+cdef inline double share(double error, double y) noexcept nogil:
+    """A bound on |error / y|, NaN for y = 0."""
+    cdef double quotient = fabs(error / y)
+    if y == 0:
+        return NAN
+    return FLOOR_OF_BOUNDS if quotient < FLOOR_OF_BOUNDS and error != 0 else quotient
+
+
+cdef inline int sign_of(double x, double error) noexcept nogil:
+    """The sign of a number that differs from x by at most `error`, or UNDECIDED_SIGN."""
+    if fabs(x) > error * SLACK and x - x == 0:
+        return 1 if x > 0 else -1
+    return 0 if x == 0 and error == 0 else UNDECIDED_SIGN
+
+
+cdef inline bint is_between(double x, double error) noexcept nogil:
+    """Whether floor is the same for all numbers that differ from x by at most `error`."""
+    cdef double below = floor(x)
+    return error == 0 or (x - below > error * SLACK and below + 1 - x > error * SLACK)
+
+
+cdef int ask(void* decider, int number, Register* r, int dst) noexcept with gil:
+    """Let the decider make a decision; a status if it cannot."""
+    cdef int i
+    if decider == NULL:
+        return Status.UNDECIDED
+    try:
+        of_model = <object> decider
+        values = tuple([r[<int> i].i for i in of_model.reads[number]])
+        answer = of_model.decide(number, values)
+        if isinstance(answer, float):
+            r[dst].d = answer
+        else:
+            r[dst].i = answer
+    except BaseException:
+        # A fault is found again by the interpreter, which describes it.
+        return Status.UNDECIDED
+    return 0
+
+
+cdef int execute(const Instruction* pc, const Instruction* code, Register* r,
+                 void* decider) noexcept nogil:
     """Run from `pc` until the program ends; jumps are relative to `code`."""
     cdef int op, dst, a, b, status
     while True:
@@ -114,15 +203,15 @@ cdef int execute(const Instruction* pc, const Instruction* code, Register* r) no
         elif op == Op.MULD:
             r[dst].d = r[a].d * r[b].d
         elif op == Op.DIVD:
-            r[dst].d = r[a].d / r[b].d
+            r[dst].d = r[a].d / (r[b].d + 0.0)
         elif op == Op.NEGD:
             r[dst].d = -r[a].d
         elif op == Op.MIND:
-            r[dst].d = r[b].d if precedes(r[b].d, r[a].d) or r[b].d != r[b].d else r[a].d
+            r[dst].d = r[b].d if r[b].d < r[a].d or r[b].d != r[b].d else r[a].d
         elif op == Op.MAXD:
-            r[dst].d = r[b].d if precedes(r[a].d, r[b].d) or r[b].d != r[b].d else r[a].d
+            r[dst].d = r[b].d if r[b].d > r[a].d or r[b].d != r[b].d else r[a].d
         elif op == Op.POWD:
-            r[dst].d = pow(r[a].d, r[b].d)
+            r[dst].d = pow(r[a].d + 0.0, r[b].d)
         elif op == Op.LOGD:
             r[dst].d = logarithm(r[a].d, r[b].d)
         elif op == Op.FLOOR:
@@ -159,6 +248,70 @@ cdef int execute(const Instruction* pc, const Instruction* code, Register* r) no
             r[dst].i = r[a].i & r[b].i
         elif op == Op.OR:
             r[dst].i = r[a].i | r[b].i
+        elif op == Op.REALE:
+            r[dst].d = conversion_error(r[a].i)
+        elif op == Op.ADDE:
+            r[dst].d = sum_error(r[a].d, r[b].d)
+        elif op == Op.MULE:
+            r[dst].d = product_error(r[a].d, r[b].d)
+        elif op == Op.DIVE:
+            r[dst].d = division_residual(r[a].d, r[b].d)
+        elif op == Op.SCALE:
+            r[dst].d = scale(r[a].d, r[b].d)
+        elif op == Op.SHARE:
+            r[dst].d = share(r[a].d, r[b].d)
+        elif op == Op.LESS:
+            r[dst].d = fabs(r[a].d) - r[b].d * SLACK if fabs(r[a].d) > r[b].d * SLACK else 0
+        elif op == Op.GROWTH:
+            r[dst].d = 2 * r[a].d if r[a].d < 0.25 else INFINITY
+        elif op == Op.ZERO:
+            status = sign_of(r[a].d, r[b].d)
+            if status != UNDECIDED_SIGN:
+                r[dst].i = status == 0
+                pc += 1
+        elif op == Op.NONZERO:
+            status = sign_of(r[a].d, r[b].d)
+            if status != UNDECIDED_SIGN:
+                r[dst].i = status != 0
+                pc += 1
+        elif op == Op.NEGATIVE:
+            status = sign_of(r[a].d, r[b].d)
+            if status != UNDECIDED_SIGN:
+                r[dst].i = status < 0
+                pc += 1
+        elif op == Op.NONNEGATIVE:
+            status = sign_of(r[a].d, r[b].d)
+            if status != UNDECIDED_SIGN:
+                r[dst].i = status >= 0
+                pc += 1
+        elif op == Op.POSITIVE:
+            status = sign_of(r[a].d, r[b].d)
+            if status != UNDECIDED_SIGN:
+                r[dst].i = status > 0
+                pc += 1
+        elif op == Op.NONPOSITIVE:
+            status = sign_of(r[a].d, r[b].d)
+            if status != UNDECIDED_SIGN:
+                r[dst].i = status <= 0
+                pc += 1
+        elif op == Op.FLOORS:
+            if is_between(r[a].d, r[b].d) and not to_integer(floor(r[a].d), &r[dst]):
+                pc += 1
+        elif op == Op.CEILS:
+            if is_between(r[a].d, r[b].d) and not to_integer(ceil(r[a].d), &r[dst]):
+                pc += 1
+        elif op == Op.ROUNDS:
+            if ((r[b].d == 0 or fabs(r[a].d - floor(r[a].d) - 0.5) > r[b].d * SLACK)
+                    and not to_integer(nearest(r[a].d), &r[dst])):
+                pc += 1
+        elif op == Op.NUMBER:
+            r[dst].d = r[a].d
+            if r[b].d == 0 or (fabs(r[a].d) > r[b].d * CANCELLATION and r[a].d - r[a].d == 0):
+                pc += 1
+        elif op == Op.ASK:
+            status = ask(decider, a, r, dst)
+            if status:
+                return status
         elif op == Op.JUMP:
             pc = code + dst
         elif op == Op.JTRUE:
@@ -199,18 +352,24 @@ cdef int execute(const Instruction* pc, const Instruction* code, Register* r) no
                 pc = code + dst
 
 
-def evaluate(const int[:, ::1] code, long long[::1] registers) -> int:
+def evaluate(const int[:, ::1] code, long long[::1] registers, decider=None) -> int:
     """Run code until it halts, and write its results into the registers.
 
     Args:
         code: instructions, int32[n, 4].
         registers: int64[m], where doubles are stored by their bits.
+        decider: decides what the rounding errors leave open.
 
     Returns:
         The Status in which the code ended.
     """
     cdef const Instruction* program = <const Instruction*> &code[0, 0]
-    return execute(program, program, <Register*> &registers[0])
+    return execute(program, program, <Register*> &registers[0], _pointer(decider))
+
+
+cdef void* _pointer(object decider):
+    """A decider that the caller keeps, for `execute`."""
+    return NULL if decider is None else <void*> decider
 
 
 def apply_to_doubles(op: int, const double[:] x, const double[:] y) -> Floats:
@@ -233,15 +392,44 @@ def apply_to_doubles(op: int, const double[:] x, const double[:] y) -> Floats:
         for i in range(x.shape[0]):
             r[0].d = x[i]
             r[1].d = y[i]
-            execute(code, code, r)
+            execute(code, code, r, NULL)
             out[i] = r[2].d
     return result
+
+
+def decide_doubles(op: int, const double[:] x, const double[:] errors) -> tuple[Int64s | Floats, Bools]:
+    """The answers of a decision on doubles with bounds on their errors.
+
+    Args:
+        op: a member of `Op` from ZERO to NUMBER.
+        x, errors: float64[n].
+    Returns:
+        int64[n] (float64[n] for NUMBER), arbitrary where the bounds do not decide, and bool[n]:
+        where they do not.
+    """
+    cdef Instruction[3] code = [Instruction(op, 2, 0, 1), Instruction(Op.FAIL, 0, 0, 0),
+                                Instruction(Op.HALT, 0, 0, 0)]
+    cdef Register[3] r
+    cdef Py_ssize_t i
+    if x.shape[0] != errors.shape[0]:
+        raise ValueError("the operands differ in length")
+    answers, unsure = np.empty(x.shape[0], np.int64), np.empty(x.shape[0], np.bool_)
+    cdef long long[::1] out = answers
+    cdef unsigned char[::1] undecided = unsure.view(np.uint8)
+    with nogil:
+        for i in range(x.shape[0]):
+            r[0].d = x[i]
+            r[1].d = errors[i]
+            r[2].i = 0
+            undecided[i] = execute(code, code, r, NULL) == Status.DISABLED
+            out[i] = r[2].i
+    return answers.view(np.float64) if op == Op.NUMBER else answers, unsure
 
 
 def run_packed(const int[:, ::1] code, const long long[::1] slots, const int[:, ::1] fields,
                const long long[::1] lows, const unsigned long long[:, ::1] states, int result,
                long long[::1] numbers or None,
-               unsigned char[::1] truths or None) -> tuple[int, int]:
+               unsigned char[::1] truths or None, decider) -> tuple[int, int]:
     """Evaluate a program on packed states.
 
     Args:
@@ -252,6 +440,7 @@ def run_packed(const int[:, ::1] code, const long long[::1] slots, const int[:, 
         result: the register whose value is stored.
         numbers, truths: int64[n] (doubles by their bits) or uint8[n], the one that is not None
             receives the values.
+        decider: decides what the rounding errors leave open.
     Returns:
         (state, status) of the first state without a value, or (-1, 0).
     """
@@ -261,13 +450,14 @@ def run_packed(const int[:, ::1] code, const long long[::1] slots, const int[:, 
     cdef Register* r = <Register*> &registers[0]
     cdef unsigned long long bits
     cdef int status = 0
+    cdef void* decides = _pointer(decider)
     with nogil:
         for row in range(states.shape[0]):
             for j in range(fields.shape[0]):
                 bits = states[row, fields[j, 1]] >> fields[j, 2]
                 bits &= (<unsigned long long> 1 << fields[j, 3]) - 1
                 r[fields[j, 0]].i = <long long> bits + lows[j]
-            status = execute(program, program, r)
+            status = execute(program, program, r, decides)
             if status:
                 faulty = row
                 break

@@ -136,6 +136,7 @@ class _Builder:
             exact=self.table.exact,
             system=self.program.system,
             warnings=warnings,
+            definitions={name: self.table.expression(name) for name in constants},
         )
 
     # --------------------------------------------------------------------------------------- values

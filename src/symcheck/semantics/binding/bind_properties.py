@@ -249,7 +249,8 @@ def _table(model: BoundModel, report: DiagnosticCollector) -> SymbolTable:
     """The symbols of a model, as properties refer to them."""
     table = SymbolTable(report, model.exact)
     for constant in model.program.constants:
-        table.define(constant, model.constants[constant.name])
+        name = constant.name
+        table.define(constant, model.constants[name], model.definitions.get(name))
     table.formulas.update({f.name: f for f in model.program.formulas})
     table.variables.update({v.name: v.type for v in model.variables})
     return table

@@ -6,11 +6,17 @@ from collections.abc import Callable, Mapping, Set
 from contextlib import suppress
 from fractions import Fraction
 
-from symcheck.errors import Diagnostic, InputError, NameFault, Span, TypeFault
+from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span, TypeFault
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.expressions.evaluate import evaluate
-from symcheck.semantics.expressions.literals import as_expression, convert, format_value
-from symcheck.semantics.expressions.simplify import simplify_node
+from symcheck.semantics.expressions.literals import (
+    as_double,
+    as_expression,
+    convert,
+    format_value,
+    type_of_value,
+)
+from symcheck.semantics.expressions.simplify import simplify, simplify_node
 from symcheck.semantics.expressions.types import Typer, type_of
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Expression, LabelReference, Literal, Name, Type
@@ -53,6 +59,7 @@ class SymbolTable:
         self.given: dict[str, ConstantValue] = {}
         self.repeated: dict[str, ConstantValue] = {}
         self._values: dict[str, Value | InputError] = {}
+        self._expressions: dict[str, Expression] = {}
 
     # -------------------------------------------------------------------------------------- filling
 
@@ -81,10 +88,14 @@ class SymbolTable:
             if self.declare("formula", formula.name, formula.span):
                 self.formulas[formula.name] = formula
 
-    def define(self, constant: Constant, value: Value) -> None:
-        """Define a constant with a known value."""
+    def define(
+        self, constant: Constant, value: Value, expression: Expression | None = None
+    ) -> None:
+        """Define a constant with a known value, and an expression for its exact value."""
         self.constants[constant.name] = constant
         self._values[constant.name] = value
+        if expression is not None:
+            self._expressions[constant.name] = expression
 
     # ------------------------------------------------------------------------------------- checking
 
@@ -155,6 +166,16 @@ class SymbolTable:
             raise value
         return value
 
+    def expression(self, name: str, span: Span = NO_SPAN) -> Expression:
+        """An expression without names for the exact value of a constant: a literal if that has a
+        fraction of moderate length. Raises InputError if the constant has no value.
+        """
+        value = self.value(name)
+        known = self._expressions.get(name)
+        if isinstance(known, Literal):
+            return Literal(known.value, known.type, span=span)
+        return as_expression(value, self.constants[name].type, span) if known is None else known
+
     def check_repeated(self) -> None:
         """Report given values that differ from the definitions in the text.
 
@@ -175,17 +196,21 @@ class SymbolTable:
             return self._read_given(constant, self.given[constant.name])
         if constant.value is None:
             raise NameFault(undefined(constant))
-        bare = self._without_variables(constant.value)
-        return convert(evaluate(bare, {}, exact=self.exact), constant.type, self.exact)
+        return self._settle(constant, self._without_variables(constant.value))
+
+    def _settle(self, constant: Constant, bare: Expression) -> Value:
+        """The value of a constant whose definition has no names; notes its exact value."""
+        value = convert(evaluate(bare, {}, exact=self.exact), constant.type, self.exact)
+        if constant.type is Type.DOUBLE and not (isinstance(value, float) and value - value != 0):
+            self._expressions[constant.name] = as_double(simplify(bare))
+        return value
 
     def _without_variables(self, expression: Expression) -> Expression:
         def replace(node: Tree) -> Tree:
             if not isinstance(node, Name):
                 return node
             if node.name in self.constants:
-                return as_expression(
-                    self.value(node.name), self.constants[node.name].type, node.span
-                )
+                return self.expression(node.name, node.span)
             if node.name in self.formulas:
                 return self._without_variables(self.formulas[node.name].expression)
             raise NameFault(
@@ -204,13 +229,15 @@ class SymbolTable:
                         Diagnostic(f"unknown name {node.name}", node.span, "unknown-name", hint)
                     )
             bare = self._without_variables(expression)
-            given = evaluate(bare, {}, exact=self.exact)
-            result = type_of(bare, {})
-            given = convert(given, result, self.exact)
-        elif isinstance(given, float) and self.exact and given - given == 0:
+            given = convert(evaluate(bare, {}, exact=self.exact), type_of(bare, {}), self.exact)
+        elif isinstance(given, float) and given - given == 0:
             given = Fraction(repr(given))  # the decimal that the user sees
+            bare = as_expression(given, Type.DOUBLE)
+        else:
+            bare = as_expression(given, type_of_value(given))
         try:
-            return convert(given, constant.type, self.exact)
+            convert(given, constant.type, self.exact)
+            return self._settle(constant, bare)
         except TypeError:
             message = (
                 f"constant {constant.name} is of type {constant.type.value}: its value cannot be "
@@ -377,10 +404,10 @@ class Scope:
 
     def _replace(self, node: Tree) -> Tree:
         if not isinstance(node, Name):
-            return simplify_node(node, self.table.exact, self.table.variables)
+            return simplify_node(node, self.table.variables)
         name, table = self.renamed(node.name), self.table
         if name in table.constants:
-            return as_expression(table.value(name), table.constants[name].type, node.span)
+            return table.expression(name, node.span)
         if name not in table.formulas:
             return node if name == node.name else Name(name, span=node.span)
         view = self._plain if node.name in self._renaming else self

@@ -5,16 +5,17 @@ It defines the semantics of expressions, and is the oracle for the faster evalua
 - `+ - * min max pow ^` of ints give an int (beyond 64 bits is an error, PRISM's limit is 32),
   otherwise a double; `/` always gives a double; `floor ceil round` give an int; `c ? a : b` is a
   double if either branch is one.
-- Doubles follow IEEE 754 (2019): `1/0` is infinite, `0/0` is NaN, and `min` and `max` of anything
-  and NaN are NaN. Zero has a sign, which only a division, a power or a logarithm shows: `0 / -3`
-  is -0.0, and `min` and `max` take -0.0 as less than 0.0 (its operations minimum and maximum, and
-  Java's). In exact arithmetic, doubles are Fractions except infinities and NaN, and zero has no
-  sign. An int zero has none either.
+- Doubles stand for real numbers, besides infinities and NaN: `1/0` is infinite, `0/0` is NaN, and
+  `min` and `max` of anything and NaN are NaN (IEEE 754, 2019). Zero has no sign: `1 / (0 / -3)` is
+  Infinity. In exact arithmetic they are Fractions.
+- **Conditions never depend on rounding**: comparisons, `floor`, `ceil` and `round` are decided in
+  exact arithmetic, in which decimals are the fractions that they denote (`0.1+0.2=0.3` is true),
+  and with enclosures of irrational numbers, also where values are computed in floating point. A
+  double that cancels (`0.3-3*0.1`) is the one nearest to the exact value.
 - `round(x)` is floor(x + 1/2) without rounding error. `floor ceil round` of NaN, an infinity or a
   number beyond 64 bits are errors.
 - `pow` of ints with a negative exponent is an error, because its type would not be int. In exact
-  arithmetic, an exponent that is not integral is an error (such powers are irrational in general),
-  and so is a logarithm that is not rational.
+  arithmetic, an irrational value is an error; a condition on it is none if enclosures decide it.
 - `mod(i, j)` is the non-negative remainder for j > 0; for j < 0 it is the remainder of the division
   that rounds towards zero, plus j if that is negative (as in PRISM). j = 0 is an error.
 - `log(x, b)` is ln x / ln b, and NaN if the base is not a positive number other than 1.
@@ -27,10 +28,12 @@ import math
 import operator as op
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
-from typing import assert_never
+from typing import Any, assert_never, cast
 
 from symcheck.errors import Diagnostic, InputError, ModelFault, NameFault, UnsupportedError
+from symcheck.semantics.expressions import rounding_notes
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
+from symcheck.semantics.expressions.irrational import Irrational, Real, exponential, logarithm
 from symcheck.semantics.expressions.literals import convert, format_value, to_float, type_of_value
 from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.model import Value
@@ -49,15 +52,32 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 
-__all__ = ["BINARY", "FUNCTIONS", "INT_MAX", "INT_MIN", "evaluate", "is_int64"]
+__all__ = [
+    "BINARY",
+    "FUNCTIONS",
+    "INT_MAX",
+    "INT_MIN",
+    "evaluate",
+    "evaluate_constant",
+    "is_int64",
+    "is_rounding",
+]
 
 INT_MIN, INT_MAX = -(2**63), 2**63 - 1
 _EXPONENT_LIMIT = 1 << 20
+_EXACT_BITS = 1 << 24
+_LARGEST_ROOT = 64
+_CANCELLATION = 2.0**-40
+"""The relative error from which on a double is computed from the exact value."""
+_LEAST = 5e-324
 
-Meaning = Callable[[Value, Value, bool, Node], Value]
+Meaning = Callable[[Any, Any, bool, Node], Any]
 """The function of an operator: two values, whether arithmetic is exact, and the node for errors."""
 
-FunctionMeaning = Callable[[Sequence[Value], bool, Node], Value]
+FunctionMeaning = Callable[[Sequence[Any], bool, Node], Any]
+
+_Number = Any
+"""A value, or an irrational number within an exact evaluation."""
 
 
 @with_deep_recursion
@@ -78,10 +98,89 @@ def evaluate(
         ModelFault: the expression has no value (see the module's docstring).
         NameFault: a name has no value.
     """
-    return _evaluate(expression, valuation, exact)
+    value = _evaluate(expression, valuation, exact)
+    if isinstance(value, Irrational):
+        raise ModelFault(value.why)
+    # Literals and names are as they are; other doubles may have lost their digits.
+    if isinstance(value, float) and not exact and isinstance(expression, _COMPOUND):
+        return _accurate(value, expression, valuation)
+    return cast("Value", value)
 
 
-def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: bool) -> Value:
+def evaluate_constant(expression: Expression) -> Value:
+    """The exact value of an expression without names; a double beside it if it is irrational.
+
+    Raises:
+        ModelFault: the expression has no value.
+    """
+    value = _evaluate(expression, {}, True)
+    return Fraction(float(value)) if isinstance(value, Irrational) else cast("Value", value)
+
+
+_COMPOUND = Unary | Binary | Call | Conditional
+
+
+def is_rounding(expression: Expression) -> bool:
+    """Whether an expression turns a number into an int or a bool, which rounding may change."""
+    match expression:
+        case Binary(operator):
+            return operator.is_comparison
+        case Call(Function.FLOOR | Function.CEIL | Function.ROUND):
+            return True
+        case _:
+            return False
+
+
+def _accurate(value: float, expression: Expression, valuation: Mapping[str, Value]) -> float:
+    """A double, or the one nearest to the exact value where that differs much."""
+    exact = _evaluate(expression, valuation, True)
+    if isinstance(exact, float):  # an infinity or NaN
+        return exact
+    nearest = to_float(exact) if isinstance(exact, Fraction) else float(exact)
+    if nearest == 0 and exact != 0:  # what is positive stays so
+        nearest = _LEAST if exact > 0 else -_LEAST
+    if (value > 0, value < 0) != (nearest > 0, nearest < 0):
+        rounding_notes.note(expression)
+    return value if abs(value - nearest) <= _CANCELLATION * abs(nearest) < math.inf else nearest
+
+
+def _decided(expression: Binary | Call, valuation: Mapping[str, Value], exact: bool) -> _Number:
+    """A comparison, or a rounding to an int: in exact arithmetic."""
+    parts = (
+        (expression.left, expression.right)
+        if isinstance(expression, Binary)
+        else expression.arguments
+    )
+    values = [_evaluate(part, valuation, True) for part in parts]
+    result = _apply(expression, values, True)
+    if not exact and not all(isinstance(v, int) for v in values):
+        _note_rounding(expression, parts, result, valuation)
+    return result
+
+
+def _note_rounding(
+    expression: Binary | Call,
+    parts: Sequence[Expression],
+    result: _Number,
+    valuation: Mapping[str, Value],
+) -> None:
+    """Note a condition that doubles decide differently."""
+    try:
+        rounded = _apply(expression, [_evaluate(p, valuation, False) for p in parts], False)
+    except InputError:
+        rounded = None
+    if rounded != result:
+        rounding_notes.note(expression)
+
+
+def _apply(expression: Binary | Call, values: Sequence[_Number], exact: bool) -> _Number:
+    if isinstance(expression, Binary):
+        left, right = values
+        return _MEANINGS[expression.operator](left, right, exact, expression)
+    return _FUNCTION_MEANINGS[expression.function](values, exact, expression)
+
+
+def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: bool) -> _Number:
     match expression:
         case Literal(value, kind):
             return convert(_checked(value, expression), kind, exact)
@@ -102,14 +201,15 @@ def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: boo
             if decided is not None:
                 return decided
             return operator.apply(first, bool(_evaluate(right, valuation, exact)))
-        case Binary(operator, left, right):
-            a, b = _evaluate(left, valuation, exact), _evaluate(right, valuation, exact)
-            return BINARY[operator](a, b, exact, expression)
+        case Binary() | Call() if is_rounding(expression):
+            return _decided(expression, valuation, exact)
+        case Binary(_, left, right):
+            operands = [_evaluate(left, valuation, exact), _evaluate(right, valuation, exact)]
+            return _apply(expression, operands, exact)
         case Conditional():
             return _conditional(expression, valuation, exact)
-        case Call(function, arguments):
-            values = [_evaluate(a, valuation, exact) for a in arguments]
-            return FUNCTIONS[function](values, exact, expression)
+        case Call(_, arguments):
+            return _apply(expression, [_evaluate(a, valuation, exact) for a in arguments], exact)
         case LabelReference() | StateOperator():
             raise UnsupportedError(
                 f"{_describe(expression)} cannot be evaluated at a single state: check it on the "
@@ -123,7 +223,7 @@ def _describe(node: Node) -> str:
     return f'"{node.name}"' if isinstance(node, LabelReference) else f"a {type(node).__name__}"
 
 
-def _conditional(expression: Conditional, valuation: Mapping[str, Value], exact: bool) -> Value:
+def _conditional(expression: Conditional, valuation: Mapping[str, Value], exact: bool) -> _Number:
     holds = _evaluate(expression.condition, valuation, exact)
     chosen, other = (
         (expression.then, expression.otherwise)
@@ -141,6 +241,13 @@ def _conditional(expression: Conditional, valuation: Mapping[str, Value], exact:
     return value
 
 
+_REAL = Fraction | Irrational
+
+
+def _double(value: Any, exact: bool) -> Any:
+    return value if isinstance(value, Irrational) else convert(value, Type.DOUBLE, exact)
+
+
 def _both_int(a: Value, b: Value) -> bool:
     return isinstance(a, int) and isinstance(b, int)
 
@@ -148,7 +255,7 @@ def _both_int(a: Value, b: Value) -> bool:
 def _comparison(compare: Callable[[Value, Value], bool]) -> Meaning:
     def apply(a: Value, b: Value, exact: bool, node: Node) -> bool:  # noqa: ARG001
         if not _both_int(a, b):
-            a, b = convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
+            a, b = _double(a, exact), _double(b, exact)
         return compare(a, b)
 
     return apply
@@ -158,8 +265,8 @@ def _arithmetic(operation: Callable[[Value, Value], Value]) -> Meaning:
     def apply(a: Value, b: Value, exact: bool, node: Node) -> Value:
         if _both_int(a, b):
             return _checked(operation(a, b), node)
-        a, b = convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
-        if isinstance(a, Fraction) and isinstance(b, Fraction):
+        a, b = _double(a, exact), _double(b, exact)
+        if isinstance(a, _REAL) and isinstance(b, _REAL):
             return operation(a, b)
         # In exact arithmetic one operand is infinite or NaN here: only the other's sign matters.
         return operation(_sign_if_exact(a), _sign_if_exact(b))
@@ -167,21 +274,21 @@ def _arithmetic(operation: Callable[[Value, Value], Value]) -> Meaning:
     return apply
 
 
-def _sign_if_exact(value: Value) -> float:
-    return float((value > 0) - (value < 0)) if isinstance(value, Fraction) else float(value)
+def _sign_if_exact(value: Any) -> float:
+    return float((value > 0) - (value < 0)) if isinstance(value, _REAL) else float(value)
 
 
 def _divide(a: Value, b: Value, exact: bool, node: Node) -> Value:  # noqa: ARG001
-    a, b = convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
-    if isinstance(a, Fraction) and isinstance(b, Fraction) and b != 0:
-        return a / b
+    a, b = _double(a, exact), _double(b, exact)
+    if isinstance(a, _REAL) and isinstance(b, _REAL) and b != 0:
+        return cast("Value", a / b)
     x, y = _sign_if_exact(a), _sign_if_exact(b)
     if y != 0:
         quotient = x / y
     elif x == 0 or math.isnan(x):
         quotient = math.nan
     else:
-        quotient = math.copysign(math.inf, x) * math.copysign(1.0, y)
+        quotient = math.copysign(math.inf, x)
     return Fraction(quotient) if exact and math.isfinite(quotient) else quotient
 
 
@@ -208,7 +315,7 @@ def _fault(node: Node, code: str, message: str, hint: str | None = None) -> Inpu
 # ---------------------------------------------------------------------------- powers and logarithms
 
 
-def _power(a: Value, b: Value, exact: bool, node: Node) -> Value:
+def _power(a: Value, b: Value, exact: bool, node: Node) -> Value | Irrational:
     if isinstance(a, int) and isinstance(b, int):
         if b < 0:
             raise _fault(
@@ -220,71 +327,87 @@ def _power(a: Value, b: Value, exact: bool, node: Node) -> Value:
         if abs(a) > 1 and b > 63:
             raise _overflow(node)
         return _checked(a**b, node)
-    a, b = convert(a, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
-    if isinstance(a, Fraction) and isinstance(b, Fraction):
+    a, b = _double(a, exact), _double(b, exact)
+    if isinstance(a, _REAL) and isinstance(b, _REAL):
         return _exact_power(a, b, node)
-    return _finite_exact(_float_power(to_float(a), to_float(b)), exact)
+    return _finite_exact(_float_power(_sign_if_exact(a), _sign_if_exact(b)), exact)
 
 
 def _finite_exact(value: float, exact: bool) -> Value:
     return Fraction(value) if exact and math.isfinite(value) else value
 
 
-def _exact_power(a: Fraction, b: Fraction, node: Node) -> Value:
-    if b.denominator != 1:
-        raise _fault(
-            node,
-            "exact-power",
-            f"a power with fractional exponent {b} has no exact value",
-            "run without exact arithmetic",
-        )
-    if abs(a) != 1 and a != 0 and abs(b) > _EXPONENT_LIMIT:
-        raise _fault(
-            node, "exact-power", f"a power with exponent {b} is too large for exact arithmetic"
-        )
-    if a == 0 and b < 0:
-        return math.inf
-    return a ** int(b)
+def _exact_power(a: Real, b: Real, node: Node) -> Value | Irrational:
+    is_whole = isinstance(b, Fraction) and b.denominator == 1
+    if a == 0 or a == 1 or b == 0:
+        return math.inf if a == 0 and b < 0 else Fraction(a != 0 or b == 0)
+    if is_whole and isinstance(a, Fraction) and isinstance(b, Fraction):
+        bits = a.numerator.bit_length() + a.denominator.bit_length()
+        if abs(a) == 1 or (abs(b) <= _EXPONENT_LIMIT and bits * abs(b) <= _EXACT_BITS):
+            return Fraction(a ** int(b))
+    if a < 0:
+        if not isinstance(b, Fraction) or not is_whole:
+            return math.nan
+        power = _exact_power(-a, b, node)
+        return -power if int(b) % 2 else power
+    if isinstance(a, Fraction) and isinstance(b, Fraction) and b.denominator <= _LARGEST_ROOT:
+        top, bottom = (_root(n, b.denominator) for n in (a.numerator, a.denominator))
+        if not is_whole and top is not None and bottom is not None:
+            return _exact_power(Fraction(top, bottom), Fraction(b.numerator), node)
+    kind = "exponent" if is_whole else "fractional exponent"
+    fate = "is too large for exact arithmetic" if is_whole else "has no exact value"
+    message = f"a power with {kind} {b if isinstance(b, Fraction) else float(b)} {fate}"
+    why = Diagnostic(message, node.span, "exact-power", "run without exact arithmetic")
+    exponent = logarithm(a, why) * b
+    return exponential(exponent, why)
+
+
+def _root(x: int, n: int) -> int | None:
+    """The int whose n-th power is x; None if there is none."""
+    low, high = 0, 1 << (x.bit_length() // n + 1)
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (middle + 1, high) if middle**n < x else (low, middle)
+    return low if low**n == x else None
 
 
 def _float_power(a: float, b: float) -> float:
     """C's pow: overflow and negative powers of 0 are infinite, roots of negative numbers NaN."""
     try:
-        return math.pow(a, b)
+        return math.pow(a + 0.0, b)  # a zero without sign
     except OverflowError:
         return -math.inf if a < 0 and b % 2 == 1 else math.inf
     except ValueError:
-        if a != 0:
-            return math.nan
-        return math.copysign(math.inf, a) if b % 2 == 1 else math.inf
+        return math.nan if a != 0 else math.inf
 
 
-def _logarithm(x: Value, b: Value, exact: bool, node: Node) -> Value:
-    x, b = convert(x, Type.DOUBLE, exact), convert(b, Type.DOUBLE, exact)
+def _logarithm(x: Value, b: Value, exact: bool, node: Node) -> Value | Irrational:
+    x, b = _double(x, exact), _double(b, exact)
     if not (b > 0 and b != 1 and b != math.inf) or not x >= 0:
         return math.nan
     if x == 0 or x == math.inf:
         return math.inf if (x > 1) == (b > 1) else -math.inf
-    if isinstance(x, Fraction) and isinstance(b, Fraction):
+    if isinstance(x, _REAL) and isinstance(b, _REAL):
         return _exact_logarithm(x, b, node)
     return math.log(x) / math.log(b)
 
 
-def _exact_logarithm(x: Fraction, b: Fraction, node: Node) -> Value:
+def _exact_logarithm(x: Real, b: Real, node: Node) -> Value | Irrational:
     if x == 1:
         return Fraction(0)
-    ratio = _ln(x) / _ln(b)
-    for inverse in (False, True):
-        guess = round(1 / ratio if inverse else ratio)
-        base, power = (x, b) if inverse else (b, x)
-        if guess != 0 and abs(guess) < _EXPONENT_LIMIT and base**guess == power:
-            return Fraction(1, guess) if inverse else Fraction(guess)
-    raise _fault(
-        node,
-        "exact-log",
-        f"log({format_value(x)}, {format_value(b)}) has no exact value",
-        "run without exact arithmetic",
-    )
+    if isinstance(x, Fraction) and isinstance(b, Fraction):
+        guess = Fraction(_ln(x) / _ln(b)).limit_denominator(_LARGEST_ROOT)
+        bits = x.numerator.bit_length() + x.denominator.bit_length()
+        is_small = 0 < abs(guess) < _EXPONENT_LIMIT and bits * guess.denominator <= _EXACT_BITS
+        if is_small and b**guess.numerator == x**guess.denominator:
+            return guess
+    message = f"log({_text(x)}, {_text(b)}) has no exact value"
+    why = Diagnostic(message, node.span, "exact-log", "run without exact arithmetic")
+    return logarithm(x, why) / logarithm(b, why)
+
+
+def _text(x: Real) -> str:
+    return format_value(x if isinstance(x, Fraction) else float(x))
 
 
 def _ln(x: Fraction) -> float:
@@ -299,7 +422,7 @@ def _extreme(better: Callable[[Value, Value], bool]) -> FunctionMeaning:
 
     def apply(values: Sequence[Value], exact: bool, node: Node) -> Value:  # noqa: ARG001
         if not all(isinstance(v, int) for v in values):
-            values = [convert(v, Type.DOUBLE, exact) for v in values]
+            values = [_double(v, exact) for v in values]
         best = values[0]
         for value in values[1:]:
             if value != value or better(value, best):
@@ -321,13 +444,8 @@ def _rounding(function: Function, rounded: Callable[[float | Fraction], int]) ->
     return apply
 
 
-def _less(a: Value, b: Value) -> bool:
-    """Whether a is less than b; -0.0 is less than 0.0."""
-    return a < b or (a == b == 0 and math.copysign(1.0, a) < math.copysign(1.0, b))
-
-
-def _round(x: float | Fraction) -> int:
-    return math.floor(Fraction(x) + Fraction(1, 2))
+def _round(x: Any) -> int:
+    return math.floor((x if isinstance(x, Irrational) else Fraction(x)) + Fraction(1, 2))
 
 
 def _modulo(i: Value, j: Value, exact: bool, node: Node) -> Value:  # noqa: ARG001
@@ -340,14 +458,14 @@ def _modulo(i: Value, j: Value, exact: bool, node: Node) -> Value:  # noqa: ARG0
 
 
 def _of_two(meaning: Meaning) -> FunctionMeaning:
-    def apply(values: Sequence[Value], exact: bool, node: Node) -> Value:
+    def apply(values: Sequence[Value], exact: bool, node: Node) -> _Number:
         a, b = values
         return meaning(a, b, exact, node)
 
     return apply
 
 
-BINARY: Mapping[Operator, Meaning] = {
+_MEANINGS: Mapping[Operator, Meaning] = {
     Operator.EQ: _comparison(op.eq),
     Operator.NE: _comparison(op.ne),
     Operator.LT: _comparison(op.lt),
@@ -360,16 +478,35 @@ BINARY: Mapping[Operator, Meaning] = {
     Operator.DIVIDE: _divide,
     Operator.POWER: _power,
 }
-"""The function of each operator that is not logical."""
 
-FUNCTIONS: Mapping[Function, FunctionMeaning] = {
-    Function.MIN: _extreme(_less),
-    Function.MAX: _extreme(lambda a, b: _less(b, a)),
+_FUNCTION_MEANINGS: Mapping[Function, FunctionMeaning] = {
+    Function.MIN: _extreme(op.lt),
+    Function.MAX: _extreme(op.gt),
     Function.FLOOR: _rounding(Function.FLOOR, math.floor),
     Function.CEIL: _rounding(Function.CEIL, math.ceil),
     Function.ROUND: _rounding(Function.ROUND, _round),
     Function.POW: _of_two(_power),
     Function.MOD: _of_two(_modulo),
     Function.LOG: _of_two(_logarithm),
+}
+
+
+def _without_irrationals(meaning: Callable[..., Any]) -> Callable[..., Value]:
+    def apply(*arguments: Any) -> Value:
+        value = meaning(*arguments)
+        if isinstance(value, Irrational):
+            raise ModelFault(value.why)
+        return cast("Value", value)
+
+    return apply
+
+
+BINARY: Mapping[Operator, Callable[[Value, Value, bool, Node], Value]] = {
+    operator: _without_irrationals(meaning) for operator, meaning in _MEANINGS.items()
+}
+"""The function of each operator that is not logical."""
+
+FUNCTIONS: Mapping[Function, Callable[[Sequence[Value], bool, Node], Value]] = {
+    function: _without_irrationals(meaning) for function, meaning in _FUNCTION_MEANINGS.items()
 }
 """The Python function of each function of the language."""

@@ -8,10 +8,18 @@ from fractions import Fraction
 
 from symcheck.errors import NO_SPAN, Span
 from symcheck.semantics.model import Value
-from symcheck.syntax.ast import Binary, Expression, Literal, Type, Unary
-from symcheck.syntax.operators import Operator, UnaryOperator
+from symcheck.syntax.ast import Binary, Expression, Literal, Type
+from symcheck.syntax.operators import Operator
 
-__all__ = ["as_expression", "convert", "format_state", "format_value", "to_float", "type_of_value"]
+__all__ = [
+    "as_double",
+    "as_expression",
+    "convert",
+    "format_state",
+    "format_value",
+    "to_float",
+    "type_of_value",
+]
 
 
 def to_float(value: Value) -> float:
@@ -52,7 +60,7 @@ def convert(value: Value, expected: Type, exact: bool) -> Value:
 def as_expression(value: Value, kind: Type, span: Span = NO_SPAN) -> Expression:
     """An expression of type `kind` that evaluates to exactly `value`.
 
-    Literals hold fractions, so infinities and NaN become divisions by zero, and -0.0 a negation.
+    Literals hold fractions, so infinities and NaN become divisions by zero.
     """
     if kind is not Type.DOUBLE:
         assert not isinstance(value, float)
@@ -62,12 +70,19 @@ def as_expression(value: Value, kind: Type, span: Span = NO_SPAN) -> Expression:
         if not math.isfinite(value):
             top = 0 if math.isnan(value) else 1 if value > 0 else -1
             return Binary(Operator.DIVIDE, Literal(Fraction(top), kind, span=span), zero, span=span)
-        if value == 0 and math.copysign(1.0, value) < 0:
-            return Unary(UnaryOperator.MINUS, zero, span=span)
     # The shortest decimal that rounds to this float is easier to read than its exact binary value.
     return Literal(
         Fraction(repr(value)) if isinstance(value, float) else Fraction(value), kind, span=span
     )
+
+
+def as_double(expression: Expression) -> Expression:
+    """An expression of a number as one of type double, if it is a literal."""
+    match expression:
+        case Literal(int(value), Type.INT):
+            return Literal(Fraction(value), Type.DOUBLE, span=expression.span)
+        case _:
+            return expression
 
 
 def format_value(value: Value) -> str:

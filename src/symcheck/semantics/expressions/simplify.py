@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 from symcheck.errors import InputError, UnsupportedError
 from symcheck.semantics.diagnostics import DiagnosticCollector
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
-from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.evaluate import evaluate, is_rounding
 from symcheck.semantics.expressions.literals import as_expression, type_of_value
 from symcheck.semantics.expressions.types import Typer
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
@@ -17,30 +16,31 @@ from symcheck.syntax.traversal import Tree, children, transform
 
 __all__ = ["simplify", "simplify_node"]
 
+_MOST_BITS = 4096
+"""Bits of the numerator and denominator of a fraction up to which it becomes a literal."""
+
 
 @with_deep_recursion
-def simplify(
-    expression: Expression, *, exact: bool = False, types: Mapping[str, Type] | None = None
-) -> Expression:
+def simplify(expression: Expression, *, types: Mapping[str, Type] | None = None) -> Expression:
     """Simplify an expression.
 
-    The result has the same type, and the same value at every state where the expression has one.
-    Values that no literal can hold (infinities, NaN, -0.0) and undefined subexpressions
-    (`mod(1, 0)`) are unchanged.
+    The result has the same type, and the same exact value at every state where the expression has
+    one. Values that no literal can hold (infinities, NaN, irrational numbers), fractions of many
+    digits, and undefined subexpressions (`mod(1, 0)`) are unchanged.
 
     Args:
         types: types of names; they allow more simplification of `?:` with a constant condition.
     """
-    return transform(expression, lambda node: simplify_node(node, exact, types or {}))
+    return transform(expression, lambda node: simplify_node(node, types or {}))
 
 
-def simplify_node(node: Tree, exact: bool, types: Mapping[str, Type]) -> Tree:
+def simplify_node(node: Tree, types: Mapping[str, Type]) -> Tree:
     """Simplify a node with simplified operands."""
     match node:
         case Unary() | Binary() | Call() | Conditional() if all(
             isinstance(x, Literal) for x in children(node)
         ):
-            return _constant(node, exact)
+            return _constant(node)
         case Binary(operator, Literal(bool() as value), other) if operator.is_logical:
             values = operator.apply(value, False), operator.apply(value, True)
             return _with_one_operand(node, other, *values)
@@ -63,14 +63,16 @@ def _with_one_operand(
     return operand if when_true else Unary(UnaryOperator.NOT, operand, span=node.span)
 
 
-def _constant(node: Unary | Binary | Call | Conditional, exact: bool) -> Expression:
+def _constant(node: Unary | Binary | Call | Conditional) -> Expression:
     try:
-        value = evaluate(node, {}, exact=exact)
+        value = evaluate(node, {}, exact=not is_rounding(node))  # which notes what doubles decide
     except (InputError, UnsupportedError):
         return node  # it may never be evaluated
-    if isinstance(value, float) and (
-        not math.isfinite(value) or (value == 0 and math.copysign(1.0, value) < 0)
-    ):
+    if isinstance(value, float):  # an infinity or NaN
+        return node
+    if value == 0:
+        evaluate(node, {})  # which notes that doubles may give another sign
+    if max(value.numerator.bit_length(), value.denominator.bit_length()) > _MOST_BITS:
         return node
     return as_expression(value, type_of_value(value), node.span)
 

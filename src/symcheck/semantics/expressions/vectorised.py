@@ -8,21 +8,31 @@ The scalar evaluator raises an error if an expression has no value (a remainder 
 exponent of an integer power, an integer beyond 64 bits). This evaluator marks such lanes as faults
 instead, because a table contains valuations that no state has. The caller reports a fault if a
 reachable state has it. NaN is not a fault: it is the value of 0/0.
+
+Doubles carry bounds on their rounding errors (`running_errors.py`). Lanes in which these do not
+decide a comparison or a rounding to an int are left to the scalar evaluator.
 """
 
 from __future__ import annotations
 
 import operator as op
 from collections.abc import Callable, Mapping
-from functools import partial, reduce
+from functools import reduce
 from typing import Any, NamedTuple, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.kernels.explore.register_machine import Op, apply_to_doubles
-from symcheck.semantics.expressions.evaluate import INT_MAX, INT_MIN, is_int64
+from symcheck.errors import ModelFault
+from symcheck.kernels.explore.register_machine import Op, apply_to_doubles, decide_doubles
+from symcheck.semantics.expressions.evaluate import INT_MAX, INT_MIN, evaluate, is_int64
 from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.expressions.running_errors import (
+    DECISIONS,
+    Enclosed,
+    RunningErrors,
+    literal_error,
+)
 from symcheck.syntax.ast import (
     Binary,
     Call,
@@ -36,8 +46,9 @@ from symcheck.syntax.ast import (
     Unary,
 )
 from symcheck.syntax.operators import Function, Operator, UnaryOperator, connect
+from symcheck.syntax.traversal import names
 
-__all__ = ["BINARY", "FUNCTIONS", "Column", "Lanes", "evaluate_columns"]
+__all__ = ["INTS", "Column", "Lanes", "evaluate_columns"]
 
 Column = NDArray[Any]
 """Values of one expression in many states: bool, int64 or float64 by its type."""
@@ -53,11 +64,13 @@ class Lanes(NamedTuple):
     Attributes:
         values: bool, int64 or float64 by the type of the expression; arbitrary in faulty lanes.
         faults: bool, lanes in which the expression has no value; None: there are none.
-            Both arrays broadcast to the shape of the columns.
+            The arrays broadcast to the shape of the columns.
+        errors: float64, bounds on the errors of doubles; None: there are none.
     """
 
     values: Column
     faults: Bools | None = None
+    errors: Column | None = None
 
     def numbers(self) -> NDArray[np.float64]:
         """The values as doubles, NaN at faults."""
@@ -66,11 +79,11 @@ class Lanes(NamedTuple):
 
     def spread(self, shape: tuple[int, ...]) -> Lanes:
         """The lanes broadcast to a shape, as vectors."""
-        values, faults = (
+        values, faults, errors = (
             None if a is None else np.broadcast_to(a, shape).reshape(-1) for a in self
         )
         assert values is not None
-        return Lanes(values, faults)
+        return Lanes(values, faults, errors)
 
 
 def evaluate_columns(expression: Expression, columns: Mapping[str, Column]) -> Lanes:
@@ -88,13 +101,65 @@ def evaluate_columns(expression: Expression, columns: Mapping[str, Column]) -> L
         TypeError: a node is not arithmetic.
     """
     with np.errstate(all="ignore"):
-        return _evaluate(expression, columns)
+        return _accurate(expression, columns, _evaluate(expression, columns))
+
+
+def _accurate(expression: Expression, columns: Mapping[str, Column], lanes: Lanes) -> Lanes:
+    """Replace doubles that have lost digits by the ones nearest to the exact values."""
+    if lanes.errors is None:
+        return lanes
+    unsure = np.asarray(_decide(Op.NUMBER, lanes.values, lanes.errors)[1])
+    return _ask(expression, columns, lanes, unsure)
+
+
+def _decide(op: Op, values: Column, errors: Column) -> tuple[Column, Bools]:
+    """The answers of a decision of the register machine, and where it does not decide."""
+    values, errors = np.broadcast_arrays(
+        np.asarray(values, np.float64), np.asarray(errors, np.float64)
+    )
+    answers, unsure = decide_doubles(op, values.ravel(), errors.ravel())
+    return answers.reshape(values.shape), unsure.reshape(values.shape)
+
+
+def _ask(
+    expression: Expression, columns: Mapping[str, Column], lanes: Lanes, unsure: Bools
+) -> Lanes:
+    """Let the scalar evaluator decide the lanes that are unsure and not faulty."""
+    values, faults, errors = lanes
+    if faults is not None:
+        unsure = unsure & ~faults
+    if not unsure.any():
+        return lanes
+    read = [(n, columns[n]) for n in columns if n in names(expression)]
+    shape = np.broadcast_shapes(unsure.shape, values.shape, *(c.shape for _, c in read))
+    at = np.flatnonzero(np.broadcast_to(unsure, shape))
+    values = np.broadcast_to(values, shape).ravel().copy()
+    bad = np.zeros(values.shape, np.bool_)
+    bad |= False if faults is None else np.broadcast_to(faults, shape).ravel()
+    known: dict[tuple[Any, ...], Any] = {}
+    rows = [np.broadcast_to(c, shape).ravel()[at].tolist() for _, c in read]
+    valuations = zip(*rows, strict=True) if rows else ((),) * len(at)
+    for i, valuation in zip(at.tolist(), valuations, strict=True):
+        if valuation not in known:
+            try:
+                names_of = (n for n, _ in read)
+                known[valuation] = evaluate(expression, dict(zip(names_of, valuation, strict=True)))
+            except ModelFault:
+                known[valuation] = None
+        answer = known[valuation]
+        bad[i] |= answer is None
+        values[i] = values[i] if answer is None else answer
+    if errors is not None:
+        errors = np.broadcast_to(errors, shape).ravel().copy()
+        errors[at] = np.spacing(np.abs(values[at]))
+        errors = errors.reshape(shape)
+    return Lanes(values.reshape(shape), _union(bad.reshape(shape)), errors)
 
 
 def _evaluate(expression: Expression, columns: Mapping[str, Column]) -> Lanes:
     match expression:
         case Literal(value, Type.DOUBLE):
-            return Lanes(np.asarray(to_float(value)))
+            return Lanes(np.asarray(to_float(value)), None, _bound(literal_error(value)))
         case Literal(value, _):
             return (
                 Lanes(np.asarray(value))
@@ -104,14 +169,24 @@ def _evaluate(expression: Expression, columns: Mapping[str, Column]) -> Lanes:
         case Name(name):
             return Lanes(columns[name])
         case Unary(UnaryOperator.NOT, operand):
-            values, faults = _evaluate(operand, columns)
-            return Lanes(np.asarray(~values), faults)
+            lanes = _evaluate(operand, columns)
+            return Lanes(np.asarray(~lanes.values), lanes.faults)
         case Unary(_, operand):
-            return _apply(_negative, _evaluate(operand, columns))
+            lanes = _evaluate(operand, columns)
+            if lanes.values.dtype.kind == "f":
+                return Lanes(np.asarray(-lanes.values), lanes.faults, lanes.errors)
+            negative = _subtract(np.asarray(0), lanes.values)
+            return Lanes(negative.values, _union(negative.faults, lanes.faults))
         case Binary(operator, left, right) if operator.is_logical:
             return _logical(operator, _evaluate(left, columns), _evaluate(right, columns))
         case Binary(operator, left, right):
-            return _apply(BINARY[operator], _evaluate(left, columns), _evaluate(right, columns))
+            operands = _evaluate(left, columns), _evaluate(right, columns)
+            if operator.is_comparison and any(o.values.dtype.kind == "f" for o in operands):
+                x, y = map(_enclosed, operands)
+                difference = _ERRORS.difference(x, y)
+                faults = _union(*(o.faults for o in operands))
+                return _decided(operator, expression, columns, difference, faults)
+            return _apply(operator, *operands)
         case Conditional(condition, then, otherwise):
             chosen, a, b = (_evaluate(e, columns) for e in (condition, then, otherwise))
             faults = _union(
@@ -119,19 +194,75 @@ def _evaluate(expression: Expression, columns: Mapping[str, Column]) -> Lanes:
                 None if a.faults is None else chosen.values & a.faults,
                 None if b.faults is None else ~chosen.values & b.faults,
             )
-            return Lanes(np.where(chosen.values, a.values, b.values), faults)
+            if "f" not in (a.values.dtype.kind, b.values.dtype.kind):
+                return Lanes(np.where(chosen.values, a.values, b.values), faults)
+            x, y = _enclosed(a), _enclosed(b)
+            errors = None
+            if x.error is not None or y.error is not None:
+                bounds = (np.asarray(0.0) if e is None else e for e in (x.error, y.error))
+                errors = np.where(chosen.values, *bounds)
+            return Lanes(np.where(chosen.values, x.value, y.value), faults, errors)
+        case Call(Function.FLOOR | Function.CEIL | Function.ROUND as function, (argument,)):
+            lanes = _evaluate(argument, columns)
+            if lanes.values.dtype.kind != "f":
+                return lanes
+            return _decided(function, expression, columns, _enclosed(lanes), lanes.faults)
         case Call(function, arguments):
-            return _apply(FUNCTIONS[function], *(_evaluate(a, columns) for a in arguments))
+            return _apply(function, *(_evaluate(a, columns) for a in arguments))
         case LabelReference() | StateOperator():
             raise TypeError(f"not an arithmetic expression: {type(expression).__name__}")
         case _:
             assert_never(expression)
 
 
-def _apply(operation: Callable[..., Lanes], *operands: Lanes) -> Lanes:
+def _bound(error: float) -> Column | None:
+    return np.asarray(error) if error else None
+
+
+def _emit(op: Op, x: Column, y: Column) -> Column:
+    """An operation of the register machine on doubles: the same one as in compiled code."""
+    x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
+    return apply_to_doubles(op, x.ravel(), y.ravel()).reshape(x.shape)
+
+
+_ERRORS: RunningErrors[Column] = RunningErrors(_emit, np.asarray)
+_EXACT_INT = 2**53
+
+
+def _enclosed(lanes: Lanes) -> Enclosed[Column]:
+    """Numbers as doubles with bounds on their errors."""
+    values, _, errors = lanes
+    if values.dtype.kind == "f":
+        return Enclosed(values, errors)
+    doubles = values.astype(np.float64)
+    if max(map(abs, _extremes(values)), default=0) <= _EXACT_INT:
+        return Enclosed(doubles, None)
+    return Enclosed(doubles, np.where(np.abs(doubles) < _EXACT_INT, 0.0, np.spacing(doubles)))
+
+
+def _decided(
+    operation: Operator | Function,
+    expression: Expression,
+    columns: Mapping[str, Column],
+    number: Enclosed[Column],
+    faults: Bools | None,
+) -> Lanes:
+    """A comparison (of a difference with 0) or a rounding to an int."""
+    is_bool = isinstance(operation, Operator)
+    error = np.asarray(0.0) if number.error is None else number.error
+    answers, unsure = _decide(DECISIONS[operation], number.value, error)
+    lanes = Lanes(answers.astype(np.bool_) if is_bool else answers, faults)
+    return _ask(expression, columns, lanes, unsure)
+
+
+def _apply(operation: Operator | Function, *operands: Lanes) -> Lanes:
     """Apply an operation to values; a lane is faulty if the operation or an operand is."""
-    values, faults = operation(*(o.values for o in operands))
-    return Lanes(values, _union(faults, *(o.faults for o in operands)))
+    inherited = [o.faults for o in operands]
+    if operation in INTS and all(o.values.dtype.kind != "f" for o in operands):
+        values, faults, _ = INTS[operation](*(o.values for o in operands))
+        return Lanes(values, _union(faults, *inherited))
+    value, error = _ERRORS.apply(operation, *map(_enclosed, operands))
+    return Lanes(value, _union(*inherited), error)
 
 
 def _union(*faults: Bools | None) -> Bools | None:
@@ -151,10 +282,6 @@ def _logical(operator: Operator, left: Lanes, right: Lanes) -> Lanes:
     return Lanes(values, _union(left.faults, faults))
 
 
-def _are_integers(*values: Column) -> bool:
-    return all(v.dtype.kind == "i" for v in values)
-
-
 def _extremes(values: Column) -> tuple[int, ...]:
     return (int(values.min()), int(values.max())) if values.size else ()
 
@@ -166,14 +293,12 @@ def _checked(values: Column) -> Lanes:
 
 
 def _arithmetic(operation: Callable[[Any, Any], Any]) -> Callable[[Column, Column], Lanes]:
-    """`+`, `-` or `*` of columns or of ints.
+    """`+`, `-` or `*` of ints.
 
     The results at the extreme operands show whether an int result may exceed 64 bits.
     """
 
     def apply(x: Column, y: Column) -> Lanes:
-        if not _are_integers(x, y):
-            return Lanes(np.asarray(operation(x, y)))
         corners = [operation(a, b) for a in _extremes(x) for b in _extremes(y)]
         if all(INT_MIN <= c <= INT_MAX for c in corners):
             return Lanes(np.asarray(operation(x, y)))
@@ -186,67 +311,22 @@ _add = _arithmetic(op.add)
 _subtract = _arithmetic(op.sub)
 
 
-def _negative(x: Column) -> Lanes:
-    return _subtract(np.asarray(0), x) if _are_integers(x) else Lanes(np.asarray(-x))
-
-
 def _power(base: Column, exponent: Column) -> Lanes:
-    if not _are_integers(base, exponent):
-        return _compiled(Op.POWD, base, exponent)
     faults = (exponent < 0) | ((exponent > _BITS) & ((base > 1) | (base < -1)))
     # The powers of -1, 0 and 1 depend on whether the exponent is 0 and whether it is odd.
     exponent = np.where(faults, 0, np.where(exponent > _BITS, _BITS - 1 + exponent % 2, exponent))
     largest = max(map(abs, _extremes(base)), default=0)
     if largest < 2 or largest ** max(_extremes(exponent), default=0) <= INT_MAX:
         return Lanes(np.asarray(np.power(base, exponent)), faults)
-    values, beyond = _checked(np.asarray(base.astype(object) ** exponent.astype(object), object))
+    values, beyond, _ = _checked(np.asarray(base.astype(object) ** exponent.astype(object), object))
     return Lanes(values, _union(faults, beyond))
 
 
 def _modulo(dividend: Column, divisor: Column) -> Lanes:
     zero = divisor == 0
     remainder = np.fmod(dividend, np.where(zero | (divisor == -1), 1, divisor))
-    values, beyond = _add(remainder, np.where(remainder < 0, divisor, 0))
+    values, beyond, _ = _add(remainder, np.where(remainder < 0, divisor, 0))
     return Lanes(values, _union(zero, beyond))
-
-
-def _compiled(op: Op, x: Column, y: Column) -> Lanes:
-    """An operation of the register machine on doubles.
-
-    The powers and logarithms of numpy differ from those of the machine in their last digit.
-    """
-    x, y = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(y, np.float64))
-    return Lanes(apply_to_doubles(op, x.ravel(), y.ravel()).reshape(x.shape))
-
-
-def _extreme(operation: Callable[[Column, Column], Column], *, least: bool) -> Operation:
-    """`min` or `max`; zeros are equal to numpy whatever their signs."""
-
-    def better(x: Column, y: Column) -> Column:
-        if _are_integers(x, y):
-            return operation(x, y)
-        x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
-        zero = np.where(np.signbit(x) == least, x, y)
-        return np.where(x == y, zero, operation(x, y))
-
-    return _total(better)
-
-
-def _rounding(function: Callable[[Column], Column]) -> Operation:
-    def round_all(x: Column) -> Lanes:
-        if _are_integers(x):
-            return Lanes(x)
-        values = np.asarray(function(x))
-        faults = ~((values >= float(INT_MIN)) & (values < -float(INT_MIN)))
-        return Lanes(np.where(faults, 0, values).astype(np.int64), faults)
-
-    return round_all
-
-
-def _nearest(x: Column) -> Column:
-    """The nearest ints, upwards from the middle; x + 0.5 would be rounded."""
-    whole = np.floor(x)
-    return np.asarray(whole + (x - whole >= 0.5))
 
 
 def _total(operation: Callable[..., Column]) -> Operation:
@@ -254,11 +334,10 @@ def _total(operation: Callable[..., Column]) -> Operation:
     return lambda *operands: Lanes(np.asarray(reduce(operation, operands)))
 
 
-BINARY: Mapping[Operator, Callable[[Column, Column], Lanes]] = {
+INTS: Mapping[Operator | Function, Operation] = {
     Operator.PLUS: _add,
     Operator.MINUS: _subtract,
     Operator.TIMES: _arithmetic(op.mul),
-    Operator.DIVIDE: _total(np.true_divide),
     Operator.POWER: _power,
     Operator.EQ: _total(op.eq),
     Operator.NE: _total(op.ne),
@@ -266,15 +345,9 @@ BINARY: Mapping[Operator, Callable[[Column, Column], Lanes]] = {
     Operator.LE: _total(op.le),
     Operator.GT: _total(op.gt),
     Operator.GE: _total(op.ge),
-}
-
-FUNCTIONS: Mapping[Function, Operation] = {
-    Function.MIN: _extreme(np.minimum, least=True),
-    Function.MAX: _extreme(np.maximum, least=False),
-    Function.FLOOR: _rounding(np.floor),
-    Function.CEIL: _rounding(np.ceil),
-    Function.ROUND: _rounding(_nearest),
+    Function.MIN: _total(np.minimum),
+    Function.MAX: _total(np.maximum),
     Function.POW: _power,
     Function.MOD: _modulo,
-    Function.LOG: partial(_compiled, Op.LOGD),
 }
+"""Operations on ints and bools."""

@@ -172,9 +172,7 @@ class Locations:
             values = {
                 self.names[p]: variables[self.control[p]].literal(location[p]) for p in positions
             }
-            self._residuals[key] = simplified(
-                substitute(expression, values), self.model.exact, self._types
-            )
+            self._residuals[key] = simplified(substitute(expression, values), self._types)
         return self._residuals[key]
 
     def steps(self) -> Iterator[tuple[Location, Move, int, Effect]]:
@@ -264,12 +262,12 @@ def is_false(expression: Expression) -> bool:
     return isinstance(expression, Literal) and expression.value is False
 
 
-def simplified(expression: Expression, exact: bool, types: dict[str, Type]) -> Expression:
+def simplified(expression: Expression, types: dict[str, Type]) -> Expression:
     """Fold constants, and resolve `?:` with a constant condition whatever its type.
 
     The type of the result may differ, which does not change the names read or the truth value.
     """
-    result = simplify(expression, exact=exact, types=types)
+    result = simplify(expression, types=types)
     while isinstance(result, Conditional) and isinstance(result.condition, Literal):
         result = result.then if result.condition.value else result.otherwise
     return result

@@ -67,7 +67,7 @@ def deciding_states(
         stop = whole if stop is None else Binary(Operator.AND, stop, whole)
     if stop is None:
         return None
-    stop = simplified(stop, model.exact, types)
+    stop = simplified(stop, types)
     return None if stop == _FALSE else stop
 
 

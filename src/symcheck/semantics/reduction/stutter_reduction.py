@@ -251,7 +251,7 @@ class _StutterReducer:
         for e in self.observed:
             after = self.locations.residual(e, step.target)
             if names(after) & set(values):
-                after = simplified(substitute(after, values), self.model.exact, self.types)
+                after = simplified(substitute(after, values), self.types)
             if after != self.locations.residual(e, location):
                 return False
         # Only the deadlock label distinguishes deadlocks: the source is none, so the target must

@@ -14,6 +14,7 @@ highest valid code, which keeps diagrams small; sets of states never contain the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symcheck.errors import NumericalError, UnsupportedError
+from symcheck.semantics.expressions.running_errors import is_accurate
 from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.expressions.vectorised import Lanes, evaluate_columns
 from symcheck.semantics.model import BoundCommand
@@ -72,6 +74,10 @@ class EncodedAssignment:
 
 
 _LARGEST_EXACT_INT = 2.0**53
+_UNIT = 2.0**-53
+_LEAST_BOUND = 1e-300
+_CANCELLATION = 2.0**30
+"""Composed numbers up to so many times their error are computed in exact arithmetic."""
 
 
 class Translator:
@@ -96,6 +102,9 @@ class Translator:
         self._assignments: dict[tuple[str, Expression], EncodedAssignment] = {}
         self._undefined: dict[Expression, Bdd] = {}
         self._faults: dict[Expression, Bdd] = {}
+        self._errors: dict[Expression, float] = {}
+        self._settled: dict[Expression, Mtbdd] = {}
+        self._natural = {v.name for v in encoding.variables if v.low >= 0}
         self._identities: dict[tuple[int, ...], Bdd] = {}
         self._types = {v.name: v.variable.type for v in encoding.variables}
         self._supports: dict[Expression, frozenset[str]] = {}
@@ -205,9 +214,54 @@ class Translator:
         if not (self._is_exact(left, x) and self._is_exact(right, y)):
             return self._bdd_table(expression)
         holds = x.compare(operator.value, y)
+        error = self._error(left) + self._error(right)
+        if error > 0:
+            try:
+                difference = self._arithmetic(Operator.MINUS, x, y, expression)
+            except NumericalError:  # infinities
+                return self._bdd_table(expression)
+            holds = self._decided_nearby(expression, holds, difference, 1.001 * error)
         undefined = self.undefined(left) | self.undefined(right)
         # A comparison with NaN is false, and != is true.
         return holds | undefined if operator is Operator.NE else holds - undefined
+
+    def _decided_nearby(
+        self, expression: Expression, holds: Bdd, difference: Mtbdd, error: float
+    ) -> Bdd:
+        """A comparison of doubles, decided in exact arithmetic where they are as close as their
+        errors. Raises TooLarge if this is in too many states.
+        """
+        near = self._near_zero(expression, difference, error)
+        if not near:
+            return holds
+        condition = OnTheFlyCondition(*self._parts_of(expression))
+        self._extend(condition, near)
+        self._faults[expression] = self.manager.disjunction(
+            [condition.faults, *(self.faults(e) for e in operands(expression))]
+        )
+        return near.ite(condition.holds, holds)
+
+    def _near_zero(self, expression: Expression, number: Mtbdd, error: float) -> Bdd:
+        """The valuations where a number is at most `error`, or not finite. Raises TooLarge."""
+        if not math.isfinite(error):
+            raise TooLarge(
+                f"the rounding errors of an expression have no bound ({expression.span})"
+            )
+        near = number.compare("<=", error) & number.compare(">=", -error)
+        return near & self.manager.conjunction(
+            [self.valid(v) for v in self.encoding.sorted(self.support(expression))]
+        )
+
+    def _extend(self, part: OnTheFly, states: Bdd) -> None:
+        """Evaluate an expression on some states at once. Raises TooLarge if there are too many."""
+        try:
+            part.extend(states)
+        except UnsupportedError as error:
+            raise TooLarge(str(error)) from None
+
+    def _error(self, expression: Expression) -> float:
+        """A bound on the errors of the diagram of a number that has been translated."""
+        return self._errors.get(expression, 0.0)
 
     def _type(self, expression: Expression) -> Type:
         return static_type(expression, self._types.__getitem__)
@@ -242,11 +296,28 @@ class Translator:
         if isinstance(known, OnTheFlyNumber):
             return known.value
         try:
-            return self.number(expression)
+            return self._without_cancellation(expression, self.number(expression))
         except TooLarge:
             number = OnTheFlyNumber(*self._parts_of(expression))
             self.on_the_fly["", expression] = number
             return number.value
+
+    def _without_cancellation(self, expression: Expression, number: Mtbdd) -> Mtbdd:
+        """A number whose leaves of few right digits are computed in exact arithmetic. Raises
+        TooLarge.
+        """
+        error = self._error(expression)
+        if self.width(expression) <= self.limits.table_bits or error == 0:
+            return number
+        if is_accurate(expression, self._type, self._natural.__contains__):
+            return number
+        if expression not in self._settled:
+            near = self._near_zero(expression, number, error * _CANCELLATION)
+            settled = OnTheFlyNumber(*self._parts_of(expression))
+            if near:
+                self._extend(settled, near)
+            self._settled[expression] = near.ite(settled.value, number)
+        return self._settled[expression]
 
     def _parts_of(
         self, expression: Expression
@@ -339,6 +410,7 @@ class Translator:
         match expression:
             case Unary(UnaryOperator.MINUS, operand):
                 number = -self.number(operand)
+                self._errors[expression] = self._error(operand)
                 exact = self._is_exact(expression, number)
                 return number if exact else self._mtbdd_table(expression)
             case Binary(Operator.PLUS | Operator.MINUS | Operator.TIMES as operator, left, right):
@@ -350,11 +422,18 @@ class Translator:
                 # A large int may be rounded in an operand, and the result be small again.
                 composed = ((left, x), (right, y), (expression, number))
                 exact = all(self._is_exact(e, n) for e, n in composed)
-                return number if exact else self._mtbdd_table(expression)
+                if not exact:
+                    return self._mtbdd_table(expression)
+                if self._type(expression) is Type.DOUBLE:
+                    self._errors[expression] = self._composed_error(expression, x, y, number)
+                return number
             case Conditional(condition, then, otherwise):
-                return self.boolean(condition).ite(self.number(then), self.number(otherwise))
+                chosen = self.boolean(condition).ite(self.number(then), self.number(otherwise))
+                self._errors[expression] = max(self._error(then), self._error(otherwise))
+                return chosen
             case Call(Function.MIN | Function.MAX as function, arguments):
                 values = [self.number(a) for a in arguments]
+                self._errors[expression] = max(map(self._error, arguments))
                 result = values[0]
                 for value in values[1:]:
                     result = (
@@ -381,6 +460,15 @@ class Translator:
             raise NumericalError("zero times infinity")
         return x + y if operator == "+" else x - y if operator == "-" else x * y
 
+    def _composed_error(self, expression: Binary, x: Mtbdd, y: Mtbdd, number: Mtbdd) -> float:
+        """A bound on the errors of a sum, difference or product."""
+        a, b = self._error(expression.left), self._error(expression.right)
+        most_x, most_y, most = (float(np.abs(d.leaves).max(initial=0)) for d in (x, y, number))
+        inherited = (
+            a + b if expression.operator is not Operator.TIMES else most_x * b + most_y * a + a * b
+        )
+        return 1.001 * (inherited + _UNIT * most) + _LEAST_BOUND
+
     def _is_exact(self, expression: Expression, number: Mtbdd) -> bool:
         """Whether no leaf stands for an int so large that a double may stand for several."""
         leaves = np.abs(number.leaves)
@@ -392,6 +480,10 @@ class Translator:
     def _mtbdd_table(self, expression: Expression) -> Mtbdd:
         variables, lanes = self._tabulate(expression)
         numbers = lanes.numbers()
+        if lanes.errors is not None:
+            # Infinities have no error, and NaN is kept apart.
+            errors = np.where(np.isfinite(numbers), lanes.errors, 0)
+            self._errors[expression] = float(errors.max(initial=0))
         if (
             self.width(expression) > self.limits.table_bits
             and len(np.unique(numbers)) > self.limits.max_leaves

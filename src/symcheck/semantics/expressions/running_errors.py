@@ -1,0 +1,219 @@
+"""Doubles with bounds on their rounding errors, for conditions that must not depend on rounding.
+
+A bound is computed beside its double. Where it does not decide a condition, exact arithmetic does
+(`evaluate.py`). The formulas are written once, over the operations of the register machine: for
+numpy arrays they are executed, and for code they are emitted.
+
+Source: Higham (2002), Accuracy and stability of numerical algorithms, section 3.3 (running error
+analysis).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import reduce
+from math import inf, isfinite
+from typing import Generic, NamedTuple, TypeVar
+
+from symcheck.kernels.explore.register_machine import Op
+from symcheck.semantics.expressions.literals import to_float
+from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
+from symcheck.syntax.operators import Function, Operator
+
+__all__ = ["DECISIONS", "Enclosed", "RunningErrors", "is_accurate", "literal_error"]
+
+R = TypeVar("R")
+
+DECISIONS = {
+    Operator.EQ: Op.ZERO,
+    Operator.NE: Op.NONZERO,
+    Operator.LT: Op.NEGATIVE,
+    Operator.GE: Op.NONNEGATIVE,
+    Operator.GT: Op.POSITIVE,
+    Operator.LE: Op.NONPOSITIVE,
+    Function.FLOOR: Op.FLOORS,
+    Function.CEIL: Op.CEILS,
+    Function.ROUND: Op.ROUNDS,
+}
+"""The decision that gives the value of a comparison (on left - right) or of a rounding."""
+
+_LIBRARY = 2.0**-45
+"""A bound on the relative errors of C's pow and log."""
+_LEAST_BOUND = 1e-300
+
+
+class Enclosed(NamedTuple, Generic[R]):
+    """A double, and a bound on the distance to the number that it stands for; None: 0."""
+
+    value: R
+    error: R | None
+
+
+@dataclass(frozen=True)
+class RunningErrors(Generic[R]):
+    """Operations on doubles with bounds.
+
+    Args:
+        emit: an operation of the register machine on two doubles (the first twice, if it has one).
+        constant: a constant double.
+    """
+
+    emit: Callable[[Op, R, R], R]
+    constant: Callable[[float], R]
+
+    def sum(self, *errors: R | None) -> R | None:
+        """The sum of bounds."""
+        present = [e for e in errors if e is not None]
+        return reduce(lambda a, b: self.emit(Op.ADDD, a, b), present) if present else None
+
+    def _scaled(self, x: R, error: R | None) -> R | None:
+        return None if error is None else self.emit(Op.SCALE, x, error)
+
+    def literal(self, value: Fraction | int) -> Enclosed[R]:
+        """A literal."""
+        error = literal_error(value)
+        constant = self.constant(to_float(value))
+        return Enclosed(constant, self.constant(error) if error else None)
+
+    def negative(self, x: Enclosed[R]) -> Enclosed[R]:
+        """The negative number."""
+        return Enclosed(self.emit(Op.NEGD, x.value, x.value), x.error)
+
+    def add(self, x: Enclosed[R], y: Enclosed[R]) -> Enclosed[R]:
+        """The sum."""
+        rounding = self.emit(Op.ADDE, x.value, y.value)
+        return Enclosed(self.emit(Op.ADDD, x.value, y.value), self.sum(x.error, y.error, rounding))
+
+    def difference(self, x: Enclosed[R], y: Enclosed[R]) -> Enclosed[R]:
+        """The difference, whose sign is right if the bound on the operands' errors says so."""
+        return Enclosed(self.emit(Op.SUBD, x.value, y.value), self.sum(x.error, y.error))
+
+    def multiply(self, x: Enclosed[R], y: Enclosed[R]) -> Enclosed[R]:
+        """The product."""
+        both = None if y.error is None else self._scaled(y.error, x.error)
+        errors = self._scaled(x.value, y.error), self._scaled(y.value, x.error), both
+        rounding = self.emit(Op.MULE, x.value, y.value)
+        return Enclosed(self.emit(Op.MULD, x.value, y.value), self.sum(*errors, rounding))
+
+    def divide(self, x: Enclosed[R], y: Enclosed[R]) -> Enclosed[R]:
+        """The quotient."""
+        quotient = self.emit(Op.DIVD, x.value, y.value)
+        residual = self.emit(Op.DIVE, x.value, y.value)
+        error = self.sum(x.error, self._scaled(quotient, y.error), residual)
+        least = y.value if y.error is None else self.emit(Op.LESS, y.value, y.error)
+        assert error is not None
+        return Enclosed(quotient, self.emit(Op.SHARE, error, least))
+
+    def power(self, x: Enclosed[R], y: Enclosed[R]) -> Enclosed[R]:
+        """The power of x with exponent y."""
+        power = self.emit(Op.POWD, x.value, y.value)
+        if y.error is not None:
+            return Enclosed(power, self.constant(inf))
+        relative: R = self.constant(_LIBRARY)
+        if x.error is not None:
+            base = self.emit(Op.SHARE, x.error, self.emit(Op.LESS, x.value, x.error))
+            grown = self.emit(Op.GROWTH, *[self.emit(Op.SCALE, y.value, base)] * 2)
+            relative = self.emit(Op.ADDD, grown, relative)
+        error = self.emit(Op.SCALE, power, relative)
+        return Enclosed(power, self.emit(Op.MAXD, error, self.constant(_LEAST_BOUND)))
+
+    def log(self, x: Enclosed[R], base: Enclosed[R]) -> Enclosed[R]:
+        """The logarithm of x."""
+        logarithm = self.emit(Op.LOGD, x.value, base.value)
+        if x.error is not None or base.error is not None:
+            return Enclosed(logarithm, self.constant(inf))
+        return Enclosed(logarithm, self.emit(Op.SCALE, logarithm, self.constant(_LIBRARY)))
+
+    def extreme(self, op: Op, x: Enclosed[R], y: Enclosed[R]) -> Enclosed[R]:
+        """The minimum or the maximum."""
+        error = (
+            y.error
+            if x.error is None
+            else x.error
+            if y.error is None
+            else self.emit(Op.MAXD, x.error, y.error)
+        )
+        return Enclosed(self.emit(op, x.value, y.value), error)
+
+    def apply(self, operation: Operator | Function, *operands: Enclosed[R]) -> Enclosed[R]:
+        """An operation on doubles that gives a double, from the left."""
+        match operation:
+            case Operator.PLUS:
+                return reduce(self.add, operands)
+            case Operator.MINUS:
+                x, y = operands
+                return self.add(x, self.negative(y))
+            case Operator.TIMES:
+                return reduce(self.multiply, operands)
+            case Operator.DIVIDE:
+                return reduce(self.divide, operands)
+            case Operator.POWER | Function.POW:
+                return reduce(self.power, operands)
+            case Function.LOG:
+                return reduce(self.log, operands)
+            case Function.MIN | Function.MAX:
+                op = Op.MIND if operation is Function.MIN else Op.MAXD
+                return reduce(lambda x, y: self.extreme(op, x, y), operands)
+            case _:
+                raise KeyError(operation)  # as from the tables of operations
+
+
+def literal_error(value: Fraction | int) -> float:
+    """A bound on the rounding error of a literal; 0 if it is a double."""
+    nearest = to_float(value)
+    if not isfinite(nearest):
+        return inf
+    error = abs(Fraction(nearest) - value)
+    return max(to_float(error) * 1.0000001, _LEAST_BOUND) if error else 0.0
+
+
+_MODERATE = Fraction(10) ** 70
+"""Products of a few numbers between this and its inverse are doubles without underflow."""
+
+
+def is_accurate(
+    expression: Expression,
+    type_of: Callable[[Expression], Type],
+    is_natural: Callable[[str], bool],
+) -> bool:
+    """Whether no rounding error of an expression is large relative to its value: it cancels
+    nowhere, so that its sign is right, too.
+
+    Args:
+        is_natural: whether a variable is never negative.
+    """
+
+    def accurate(node: Expression) -> bool:
+        if type_of(node) is not Type.DOUBLE:
+            return True
+        match node:
+            case Literal():
+                size = abs(Fraction(node.value))
+                return size == 0 or 1 / _MODERATE < size < _MODERATE
+            case Unary(_, operand):
+                return accurate(operand)
+            case Conditional(_, x, y) | Binary(Operator.TIMES | Operator.DIVIDE, x, y):
+                return accurate(x) and accurate(y)
+            case Binary(Operator.PLUS, x, y):
+                return accurate(x) and accurate(y) and natural(x) and natural(y)
+            case Call(Function.MIN | Function.MAX, arguments):
+                return all(map(accurate, arguments))
+            case _:
+                return False
+
+    def natural(node: Expression) -> bool:
+        match node:
+            case Literal():
+                return node.value >= 0
+            case Name(name):
+                return is_natural(name)
+            case Binary(Operator.PLUS | Operator.TIMES | Operator.DIVIDE, x, y):
+                return natural(x) and natural(y)
+            case Conditional(_, x, y):
+                return natural(x) and natural(y)
+            case _:
+                return False
+
+    return accurate(expression)
