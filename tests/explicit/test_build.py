@@ -200,7 +200,9 @@ def test_limits_keep_what_was_found():
     with pytest.raises(TimeLimitError, match="states"):
         limited.run()
     assert limited.progress.states > 1000
-    with pytest.raises(MemoryLimitError, match=r"(?s)memory limit of 1 MB.*has reached.*-cuddmaxmem"):
+    with pytest.raises(
+        MemoryLimitError, match=r"(?s)memory limit of 1 MB.*has reached.*-cuddmaxmem"
+    ):
         explore(model, Options(max_memory=1_000_000))
 
 
