@@ -78,12 +78,18 @@ def test_small_rates_lose_no_digits() -> None:
     assert result.value == pytest.approx(float(exact), rel=1e-12)
 
 
-def test_a_joint_step_whose_probability_underflows_is_not_lost() -> None:
-    text = """dtmc
-    module m  s:[0..1]; [a] s=0 -> 1e-200:(s'=1) + 1:true; [] s=1 -> true; endmodule
-    module n  t:[0..1]; [a] t=0 -> 1e-200:(t'=1) + 1:true; [] t=1 -> true; endmodule
-    """
-    model = symcheck.loads(text, engine="explicit")
+JOINT = """
+module m  s:[0..1] init 0; [a] s=0 -> 1e-200:(s'=1) + 1:true; [a] s=1 -> true; [] s=0 -> true; endmodule
+module n  t:[0..1] init 0; [a] t=0 -> 1e-200:(t'=1) + 1:true; [a] t=1 -> true; endmodule
+"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("kind", ["dtmc", "mdp", "ctmc"])
+def test_a_joint_step_whose_probability_underflows_is_not_lost(engine: str, kind: str) -> None:
+    """Two choices at once halve it in a DTMC."""
+    model = symcheck.loads(kind + JOINT, engine=engine)
     assert model.check("E [ F s=1&t=1 ]").value is True
+    assert model.check("P>0 [ F s=1&t=1 ]").value is (kind != "mdp")
     with pytest.raises(UnsupportedError, match="too small for floating-point numbers"):
-        model.check("P=? [F s=1&t=1]")
+        model.check(f"P{'max' * (kind == 'mdp')}=? [F s=1&t=1]")

@@ -242,7 +242,8 @@ cdef class Expander:
             return self._add_deadlock_loop(state, source)
         if self.kind == Kind.DTMC and self.joint_choices > 1:
             for i in range(first, self.successor_count):
-                (<double*> self.weights.data)[i] /= self.joint_choices
+                if (<double*> self.weights.data)[i] > self.joint_choices * 5e-324:
+                    (<double*> self.weights.data)[i] /= self.joint_choices
             for v in range(self.structures):
                 (<double*> self.rows.rewards[v].data)[self.rows.opened - 1] /= self.joint_choices
         if self.kind != Kind.MDP:
