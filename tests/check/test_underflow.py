@@ -4,6 +4,8 @@ rationals.
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import pytest
 
 import symcheck
@@ -93,3 +95,29 @@ def test_a_joint_step_whose_probability_underflows_is_not_lost(engine: str, kind
     assert model.check("P>0 [ F s=1&t=1 ]").value is (kind != "mdp")
     with pytest.raises(UnsupportedError, match="too small for floating-point numbers"):
         model.check(f"P{'max' * (kind == 'mdp')}=? [F s=1&t=1]")
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    ("rate", "reward"),
+    [
+        ("1e-200", "[b] true : 1e-200;"),
+        ("1", "s=1 : 1e-310;"),
+        ("1e200", "s=1 : 1e-200;"),
+    ],
+)
+def test_a_reward_of_a_step_that_underflows_is_refused(engine: str, rate: str, reward: str) -> None:
+    """It is not taken for none; the graph and other rewards are checked."""
+    text = f"""ctmc
+    module m  s:[0..2]; [] s=0 -> {rate}:(s'=1); [b] s=1 -> {rate}:(s'=2); [] s=2 -> true; endmodule
+    rewards {reward} endrewards  rewards "other" s=1 : {rate}; endrewards
+    """
+    model = symcheck.loads(text, engine=engine)
+    with pytest.raises(
+        UnsupportedError, match=r"reward .* too small for floating-point.*\n.*-exact"
+    ):
+        model.check("R=? [ F s=2 ]")
+    assert model.check('R{"other"}=? [ F s=2 ]').value == pytest.approx(1.0)
+    exact = symcheck.loads(text, exact=True).check("R=? [ F s=2 ]").value
+    assert isinstance(exact, Fraction)
+    assert 0 < exact < Fraction("1e-199")

@@ -35,6 +35,7 @@ from symcheck.engines.linear_system import (
     Preprocessing,
     refuse_infinite_minimum,
     require_normal_numbers,
+    require_normal_rewards,
 )
 from symcheck.explicit.explored import ExploredModel
 from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
@@ -337,6 +338,7 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
     def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
         """State rewards per state and transition rewards per row."""
         states, rows = self.engine.rewards(reward)
+        require_normal_rewards(states, rows)
         if self._whole:
             return states, rows
         groups, inside = self.engine.matrix.groups, self.states.members

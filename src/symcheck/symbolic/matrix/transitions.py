@@ -11,15 +11,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import reduce
-from math import prod
-from operator import and_
 from typing import TYPE_CHECKING
 
 from symcheck.options import Options
 from symcheck.symbolic.checks import check_model
 from symcheck.symbolic.events.commands import frame, touched_by
 from symcheck.symbolic.matrix.choice_coloring import choice_classes
+from symcheck.symbolic.matrix.products import nothing_lost
 from symcheck.symbolic.matrix.rewards import chain_rewards, class_rewards, state_rewards
 from symcheck.symbolic.model import (
     ChoiceClass,
@@ -33,9 +31,6 @@ from symcheck.syntax.ast import ModelType
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd
-
-_SURELY_NORMAL = 1e-290
-"""Numbers of which a product is at least this do not underflow, even divided by some million."""
 
 __all__ = ["choice_counts", "full_matrix", "participant_matrix", "transitions"]
 
@@ -76,7 +71,7 @@ def _chain_transitions(space: StateSpace) -> Transitions:
     matrix = full_matrix(symbolic, parts, space.states)
     numbers = choice_counts(space) if symbolic.model.type is ModelType.DTMC else None
     if numbers is not None:
-        matrix = _keeping_edges(matrix / numbers, matrix)
+        matrix = nothing_lost(matrix / numbers, matrix)
     if space.deadlocks:
         matrix = matrix + _self_loops(symbolic, space.deadlocks)
     return Transitions(
@@ -220,17 +215,5 @@ def product(factors: Iterable[Mtbdd]) -> Mtbdd:
     iterator = iter(factors)
     result = next(iterator)
     for factor in iterator:
-        result = _keeping_edges(result * factor, result, factor)
+        result = nothing_lost(result * factor, result, factor)
     return result
-
-
-def _keeping_edges(computed: Mtbdd, *factors: Mtbdd) -> Mtbdd:
-    """A product or quotient of positive factors, with the least double where it underflows to 0.
-
-    So the graph keeps the edge, and the equations refuse the probability as subnormal.
-    """
-    least = prod(min((v for v in f.leaves if v > 0.0), default=1.0) for f in factors)
-    if least >= _SURELY_NORMAL:
-        return computed
-    lost = reduce(and_, (f.to_bdd() for f in factors)) - computed.to_bdd()
-    return computed + lost.to_mtbdd(5e-324) if lost else computed
