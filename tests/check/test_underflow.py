@@ -4,6 +4,8 @@ rationals.
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import pytest
 
 import symcheck
@@ -78,12 +80,44 @@ def test_small_rates_lose_no_digits() -> None:
     assert result.value == pytest.approx(float(exact), rel=1e-12)
 
 
-def test_a_joint_step_whose_probability_underflows_is_not_lost() -> None:
-    text = """dtmc
-    module m  s:[0..1]; [a] s=0 -> 1e-200:(s'=1) + 1:true; [] s=1 -> true; endmodule
-    module n  t:[0..1]; [a] t=0 -> 1e-200:(t'=1) + 1:true; [] t=1 -> true; endmodule
-    """
-    model = symcheck.loads(text, engine="explicit")
+JOINT = """
+module m  s:[0..1] init 0; [a] s=0 -> 1e-200:(s'=1) + 1:true; [a] s=1 -> true; [] s=0 -> true; endmodule
+module n  t:[0..1] init 0; [a] t=0 -> 1e-200:(t'=1) + 1:true; [a] t=1 -> true; endmodule
+"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("kind", ["dtmc", "mdp", "ctmc"])
+def test_a_joint_step_whose_probability_underflows_is_not_lost(engine: str, kind: str) -> None:
+    """Two choices at once halve it in a DTMC."""
+    model = symcheck.loads(kind + JOINT, engine=engine)
     assert model.check("E [ F s=1&t=1 ]").value is True
+    assert model.check("P>0 [ F s=1&t=1 ]").value is (kind != "mdp")
     with pytest.raises(UnsupportedError, match="too small for floating-point numbers"):
-        model.check("P=? [F s=1&t=1]")
+        model.check(f"P{'max' * (kind == 'mdp')}=? [F s=1&t=1]")
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    ("rate", "reward"),
+    [
+        ("1e-200", "[b] true : 1e-200;"),
+        ("1", "s=1 : 1e-310;"),
+        ("1e200", "s=1 : 1e-200;"),
+    ],
+)
+def test_a_reward_of_a_step_that_underflows_is_refused(engine: str, rate: str, reward: str) -> None:
+    """It is not taken for none; the graph and other rewards are checked."""
+    text = f"""ctmc
+    module m  s:[0..2]; [] s=0 -> {rate}:(s'=1); [b] s=1 -> {rate}:(s'=2); [] s=2 -> true; endmodule
+    rewards {reward} endrewards  rewards "other" s=1 : {rate}; endrewards
+    """
+    model = symcheck.loads(text, engine=engine)
+    with pytest.raises(
+        UnsupportedError, match=r"reward .* too small for floating-point.*\n.*-exact"
+    ):
+        model.check("R=? [ F s=2 ]")
+    assert model.check('R{"other"}=? [ F s=2 ]').value == pytest.approx(1.0)
+    exact = symcheck.loads(text, exact=True).check("R=? [ F s=2 ]").value
+    assert isinstance(exact, Fraction)
+    assert 0 < exact < Fraction("1e-199")

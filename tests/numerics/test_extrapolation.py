@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 
 from numerics.oracle import Row, System, brute_force, component_block, problem_of, solve_chain
 from symcheck.numerics.linear.extrapolation import solve_extrapolated
+from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.numerics.linear.subsystem import Bounds
+from symcheck.numerics.settings import Accuracy
 
 
 @st.composite
@@ -43,15 +45,15 @@ def test_bounds_hold_and_policies_attain_them(
     direction: str, relative: bool, system: System
 ) -> None:
     exact = brute_force(system, direction, proper_only=False)
-    block = component_block(problem_of(system, direction, probability=False))
+    problem = problem_of(system, direction, probability=False)
+    block = component_block(problem)
     found, _ = solve_extrapolated(block, 1e-6, relative)
-    if not isinstance(found, Bounds):
-        assert (
-            min(exact) == 0
-        )  # a value of 0 has no relative width, and is found by graph analysis before
+    solved = solve_linear(problem, Accuracy(epsilon=1e-6, relative=relative))
+    for bounds in filter(None, (found, solved)):
+        for low, value, high in zip(bounds.lower, exact, bounds.upper, strict=True):
+            assert Fraction(float(low)) <= value <= Fraction(float(high)) + Fraction(1, 10**300)
+    if found is None:  # rounding forbids the width, or the proof takes too many sweeps
         return
-    for low, value, high in zip(found.lower, exact, found.upper, strict=True):
-        assert Fraction(float(low)) <= value <= Fraction(float(high)) + Fraction(1, 10**300)
     assert np.all(found.upper - found.lower <= 1e-6 * (found.upper if relative else 1.0))
     if found.policy is None:
         return
@@ -64,6 +66,27 @@ def test_bounds_hold_and_policies_attain_them(
             if direction == "max"
             else value <= Fraction(float(high)) + Fraction(1, 10**300)
         )
+
+
+@pytest.mark.parametrize("direction", ["min", "max"])
+def test_a_width_below_the_rounding_of_large_values_is_not_proved(direction: str) -> None:
+    """A margin of 1e-6 shrinks by 1e-12 in a step, and a sum of 2^20 is rounded by 1e-10."""
+    leak = Fraction(1, 2**20)
+    system: System = [
+        [
+            ({(s + 1) % 4: 1 - leak}, Fraction(1), leak),
+            ({s: 1 - 2 * leak}, Fraction(2 if direction == "max" else 3), 2 * leak),
+        ]
+        for s in range(4)
+    ]
+    problem = problem_of(system, direction, probability=False)
+    assert solve_extrapolated(component_block(problem), 1e-6, relative=False)[0] is None
+    solved = solve_linear(problem, Accuracy(epsilon=1e-6, relative=False))
+    assert (solved.lower <= 2.0**20).all()
+    assert (solved.upper >= 2.0**20).all()
+    assert 1e-6 < (solved.upper - solved.lower).max() < 1.0, "the width that is proved is said"
+    found, _ = solve_extrapolated(component_block(problem), 1e-6, relative=True)
+    assert isinstance(found, Bounds)
 
 
 @st.composite

@@ -5,6 +5,7 @@ engine; parts that are lost come back.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from fractions import Fraction
 from itertools import chain, cycle, repeat
 from pathlib import Path
 from random import Random
@@ -101,6 +102,19 @@ def assert_same(model: symcheck.Model, distributed: DistributedModel, *formulas:
         assert low <= upper + slack, formula
         assert lower <= high + slack, formula
         assert high == low or high - low <= 1.01e-6 * max(high, 1e-300) or "G" in formula, formula
+
+
+def test_a_value_after_steps_that_is_rounded_to_0_or_1_is_not_exact() -> None:
+    text = """dtmc module m s:[0..2] init 0;
+    [] s<2 -> 1e-200:(s'=s+1) + 1-1e-200:true; [] s=2 -> true; endmodule"""
+    distributed = explore_on_cluster(symcheck.loads(text), cluster(2))
+    for formula, exact in (
+        ("P=? [ F<=2 s=2 ]", Fraction("1e-400")),
+        ("P=? [ G<=1 s=0 ]", 1 - Fraction("1e-200")),
+    ):
+        lower, upper = distributed.check(formula).bounds
+        assert lower <= exact <= upper, formula
+        assert lower < upper, formula
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3])

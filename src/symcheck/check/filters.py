@@ -8,8 +8,10 @@ from typing import Generic, TypeVar, assert_never
 
 from symcheck.check.context import Context
 from symcheck.check.result import Line
+from symcheck.check.thresholds import by_rationals
 from symcheck.engines.base import Number, StateSet, Values
-from symcheck.errors import Diagnostic, InputError
+from symcheck.errors import Diagnostic, InputError, SymcheckError
+from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.syntax.ast import Expression, Filter
 
 __all__ = [
@@ -21,6 +23,8 @@ __all__ = [
     "truth_lines",
     "value_lines",
 ]
+
+_TINY = 2 * UNDERFLOW_MARGIN
 
 F = TypeVar("F")
 Bounds = tuple[Number, Number]
@@ -57,6 +61,7 @@ class AppliedFilter:
         states: the states that the filter selects.
         satisfying: gives the states that satisfy a boolean formula.
         numbers: gives the values of a numeric formula.
+        exactly: gives the states of the filter by rational arithmetic, and logs them.
     """
 
     context: Context
@@ -64,6 +69,7 @@ class AppliedFilter:
     states: StateSet
     satisfying: Callable[[Expression], StateSet]
     numbers: Callable[[Expression], Values]
+    exactly: Callable[[], StateSet] | None = None
 
     def condition(self) -> Condition:
         """The result of a filter whose type is bool.
@@ -111,7 +117,8 @@ class AppliedFilter:
                 ends = values.minimum(states), values.maximum(states)
                 return FilterResult(ends, values, rounded)
             case "print" | "printall":
-                shown = states if operator == "printall" else states & values.compare("!=", 0)[0]
+                other, maybe = values.compare("!=", 0)
+                shown = states if operator == "printall" else states & (other | maybe)
                 self.context.log.lines.extend(value_lines(self.context, values, shown))
                 return FilterResult(None, values)
             case "max":
@@ -143,6 +150,12 @@ class AppliedFilter:
         else:
             sure, maybe = values.compare(">=", values.maximum(states)[0])
         extreme = (sure | maybe) & states
+        low, high = values.minimum(extreme)[0], values.maximum(extreme)[1]
+        if self.exactly is not None and low != high and low >= -_TINY and high <= _TINY:
+            # Values that underflow are compared as rationals, where the model is not too large.
+            exact = by_rationals(self.context.engine, self.exactly)
+            if not isinstance(exact, SymcheckError):
+                return FilterResult(None, exact)
         self.context.log.lines.extend(value_lines(self.context, values, extreme))
         return FilterResult(None, extreme)
 

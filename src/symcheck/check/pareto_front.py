@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -9,9 +10,20 @@ from fractions import Fraction
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.tables import Columns, Table, Tabular
 
-__all__ = ["Halfspace", "Number", "ParetoFront"]
+__all__ = ["Halfspace", "Number", "ParetoFront", "rounded"]
 
 Number = float | Fraction
+
+
+def rounded(value: Number) -> Number:
+    """The nearest double; a rational so close to 0 that a double loses digits stays as it is.
+
+    Examples:
+        >>> rounded(Fraction(1, 4)), rounded(Fraction(1, 10**400)) > 0
+        (0.25, True)
+    """
+    tiny = isinstance(value, Fraction) and 0 < abs(value) < sys.float_info.min
+    return value if tiny else float(value)
 
 
 @dataclass(frozen=True)
@@ -43,15 +55,15 @@ class ParetoFront(Tabular):
     halfspaces: tuple[Halfspace, ...]
 
     def rounded(self) -> ParetoFront:
-        """The front with doubles."""
+        """The front with doubles; see `rounded`."""
 
-        def doubles(values: Sequence[Number]) -> tuple[float, ...]:
-            return tuple(map(float, values))
+        def doubles(values: Sequence[Number]) -> tuple[Number, ...]:
+            return tuple(map(rounded, values))
 
         return ParetoFront(
             self.objectives,
             tuple(map(doubles, self.vertices)),
-            tuple(Halfspace(doubles(h.weights), float(h.bound)) for h in self.halfspaces),
+            tuple(Halfspace(doubles(h.weights), rounded(h.bound)) for h in self.halfspaces),
         )
 
     def columns(self) -> Columns:

@@ -175,6 +175,7 @@ def applied_filter(
         states,
         lambda f: satisfying(context, f, also),
         lambda f: numbers(context, f, also),
+        partial(_exactly, context, formula, also),
     )
 
 

@@ -15,7 +15,7 @@ from symcheck.check.context import Context
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import NumericalError, SymcheckError
 
-__all__ = ["decide"]
+__all__ = ["by_rationals", "decide"]
 
 
 def decide(
@@ -60,7 +60,7 @@ def decide(
             break
     if failure is not None and undecided is relevant:
         raise failure
-    exact = _by_rationals(context.engine, exactly)
+    exact = by_rationals(context.engine, exactly)
     if isinstance(exact, SymcheckError):
         raise _undecided(context, operator, threshold, undecided & relevant, failure or exact)
     context.log.warn(
@@ -69,7 +69,7 @@ def decide(
     return (sure - undecided) | (exact & undecided)
 
 
-def _by_rationals(engine: Engine, exactly: Callable[[], StateSet]) -> StateSet | SymcheckError:
+def by_rationals(engine: Engine, exactly: Callable[[], StateSet]) -> StateSet | SymcheckError:
     """The states that satisfy the comparison by rational arithmetic, or the reason why not."""
     if engine.exact:
         return NumericalError("the value is not a number")

@@ -18,6 +18,7 @@ from symcheck.distributed.part import Message, Part
 from symcheck.distributed.parts import Parts
 from symcheck.errors import MemoryLimitError, NumericalError, ResourceError, UnsupportedError
 from symcheck.matrices.rows import Floats
+from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.transient.poisson import poisson
 from symcheck.options import Options
 from symcheck.semantics.model import BoundModel
@@ -223,9 +224,11 @@ class Measures:
         self._forget()
         (value,) = self._initial(upper=False)
         error = (1 + max(self.parts.call(Part.slack))) ** steps - 1
-        if value in (0.0, 1.0):
+        if steps == 0 or self._is_initial("right") or self._is_initial("zero"):
             return Bounds(value, value, f"{steps} steps")
-        return Bounds(value * (1 - error), min(value * (1 + error), 1.0), f"{steps} steps")
+        # A product may have underflowed to 0, or a sum may have been rounded to 1.
+        low, high = value * (1 - error) - UNDERFLOW_MARGIN, value * (1 + error) + UNDERFLOW_MARGIN
+        return Bounds(max(low, 0.0), min(high, 1.0), f"{steps} steps")
 
     def _uniformised(self, time: float) -> Bounds:
         """Uniformisation (Jensen 1953), with the values of k jumps from below.

@@ -506,6 +506,11 @@ class EngineOf(Protocol[S, V]):
         """Number of choices (of states, where each has one)."""
         ...
 
+    @property
+    def entry_range(self) -> tuple[float, float]:
+        """The least positive and the greatest one-step probability (rate)."""
+        ...
+
     def where(self, expression: Expression) -> S:
         """The states that satisfy a boolean expression over the variables."""
         ...

@@ -19,7 +19,7 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.engines.base import EquationsOf, S, S_contra, SolvedValues, SystemOf, V, V_co
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.numbers import Numbers, is_exact
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, starts_of
 from symcheck.numerics.linear.masked_problem import MaskedProblem
@@ -42,6 +42,8 @@ __all__ = [
     "chosen_rows",
     "per_row",
     "refuse_infinite_minimum",
+    "require_normal_numbers",
+    "require_normal_rewards",
     "solved_values",
 ]
 
@@ -78,6 +80,23 @@ def require_normal_numbers(smallest: float, largest: float, successors: int, rat
         f"{numbers}: the model has one-step probabilities that are too small for floating-point "
         "numbers\n  hint: use -exact"
     )
+
+
+def require_normal_rewards(*rewards: Numbers) -> None:
+    """Refuse rewards that are subnormal doubles, of which many visits may make a large value.
+
+    Raises:
+        UnsupportedError: a reward, or its product with a rate, is subnormal.
+    """
+    for values in rewards:
+        if is_exact(values):
+            continue
+        subnormal = (np.abs(values) < sys.float_info.min) & (values != 0.0)
+        if subnormal.any():
+            raise UnsupportedError(
+                f"reward {values[subnormal][0]:g} of a step: the model has rewards that are too "
+                "small for floating-point numbers\n  hint: use -exact"
+            )
 
 
 class LinearSystem(SystemOf[S, V]):
@@ -118,7 +137,11 @@ class LinearSystem(SystemOf[S, V]):
     def step_rewards(self, reward: Reward) -> Numbers:
         """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
         states, rows = self.rewards(reward)
-        return self.embedded(per_row(self.groups, states) + rows)
+        earned = per_row(self.groups, states) + rows
+        steps = self.embedded(earned)
+        if steps is not earned and not is_exact(steps):
+            require_normal_rewards(np.where((steps == 0.0) & (earned != 0.0), 5e-324, steps))
+        return steps
 
     def reachability(self, target: S) -> Reachability[S, V]:
         """The equations of the probability of reaching `target`, a set outside of the states."""

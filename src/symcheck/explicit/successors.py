@@ -133,7 +133,9 @@ class SuccessorGenerator:
         offsets = np.append(np.int64(0), found.branch_ends[found.ends - 1])
         weights = found.weights
         if self._model.type is not ModelType.CTMC:
-            weights /= np.repeat(np.diff(found.ends, prepend=0), np.diff(offsets))
+            choices = np.repeat(np.diff(found.ends, prepend=0), np.diff(offsets))
+            # As in the kernel, an edge whose probability underflows is kept.
+            weights = np.where(weights > choices * 5e-324, weights / choices, weights)
         deadlocks = np.zeros(len(rows), np.bool_)
         deadlocks[found.deadlocks] = True
         rewards = np.repeat(found.rewards, np.diff(found.branch_ends, prepend=0))

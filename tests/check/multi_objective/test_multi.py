@@ -451,3 +451,15 @@ def test_a_program_beside_tiny_probabilities_is_not_taken_for_unbounded(engine):
     model = symcheck.loads(TINY_PROBABILITIES, engine=engine)
     value = model.check('multi(R{"c"}min=? [ S ], P>=0.5 [ F "init" ])').value
     assert value == pytest.approx(1, abs=1e-7)
+
+
+def test_a_coordinate_that_underflows_is_not_0() -> None:
+    text = """mdp module m s:[0..4];
+    [a] s=0 -> 1e-200:(s'=1) + 1-1e-200:(s'=3);
+    [b] s=0 -> 1e-150:(s'=4) + 1-1e-150:(s'=3);
+    [] s=1 -> 1e-200:(s'=2) + 1-1e-200:(s'=3);
+    [] s>1 -> true; endmodule"""
+    model = symcheck.loads(text)
+    points = model.check("multi(Pmax=? [ F s=2 ], Pmax=? [ F s=4 ])").value
+    assert isinstance(points, list)
+    assert sorted(points) == [(0.0, 1e-150), (Fraction("1e-400"), 0.0)]

@@ -50,12 +50,13 @@ class TimedMeasures(Protocol):
     def prob_greater_zero(
         self,
         context: Context,
-        left: StateSet,
-        right: StateSet,
-        window: Window,
+        path: UntilPath,
         direction: Direction | None,
+        unbounded: Callable[[Context], Values],
     ) -> StateSet | None:
-        """States with a positive probability of `left U right` in the window; None: not decided."""
+        """States in which the path formula, whose window is not trivial, has a positive
+        probability; None: not decided. `unbounded` is as for `bounded_until`.
+        """
         ...
 
     def cumulative_reward(

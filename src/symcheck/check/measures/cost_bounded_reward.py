@@ -10,11 +10,11 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.measures.reward_bounded_until import row_rewards
 from symcheck.check.measures.reward_scaling import scale_bound
+from symcheck.check.measures.step_bounded import lift_bounds
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
-from symcheck.engines.base import ROUNDING, Values
+from symcheck.engines.base import Values
 from symcheck.errors import UnsupportedError
-from symcheck.numerics.linear.problem import largest_width
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import RewardWindow
@@ -65,10 +65,5 @@ def cost_bounded_reward(
     context.log.runs.append(
         SolverRun("epochs", "budget by budget", system.n, levels, f"{levels} levels of the budget")
     )
-    if engine.exact:
-        return system.lift(lower, None)
-    context.warn_if_wide(largest_width(lower, upper, context.options.relative), "budget by budget")
     rounding = levels * 2 * (matrix.longest + 3) * UNIT_ROUNDOFF
-    if rounding <= ROUNDING and np.array_equal(lower, upper):
-        return system.lift(lower, None, exact=True)
-    return system.lift(lower * (1 - rounding), upper * (1 + rounding))
+    return lift_bounds(context, system, (lower, upper), rounding, explanation="budget by budget")

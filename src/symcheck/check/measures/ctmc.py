@@ -13,13 +13,15 @@ from fractions import Fraction
 import numpy as np
 
 from symcheck.check.context import Context
+from symcheck.check.measures.step_bounded import lift_bounds
 from symcheck.check.path_formulas import UntilPath
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
-from symcheck.engines.base import StateSet, System, Values
+from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Floats
 from symcheck.numerics.linear.problem import largest_width
+from symcheck.numerics.underflow import enclosed
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
 
@@ -57,7 +59,10 @@ def next_probability(
     in_time = np.exp(-rates * lower) * (
         1.0 if upper is None else -np.expm1(-rates * (upper - lower))
     )
-    return system.lift(value * in_time, None, exact=True).choose(~impossible, engine.constant(0))
+    an_instant = window.lower == window.upper
+    within = enclosed([value * in_time], lambda: value * (not an_instant))
+    values = lift_bounds(context, system, within, 0.5 * ROUNDING, explanation="one jump")
+    return values.choose(~impossible, engine.constant(0))
 
 
 def bounded_until(
@@ -84,14 +89,23 @@ def bounded_until(
 
 
 def prob_greater_zero(
-    context: Context, left: StateSet, right: StateSet, window: Window, direction: Direction | None
+    context: Context,
+    path: UntilPath,
+    direction: Direction | None,
+    unbounded: Callable[[Context], Values],
 ) -> StateSet | None:
-    """States where `left U[a,b] right` has positive probability, by reachability.
+    """States where `left U[a,b] right` (or its complement) has positive probability, by the graph.
 
-    Any number of jumps has a positive probability within any positive time.
+    Any number of jumps has a positive probability within any positive time, and so has staying.
     """
-    graph = context.engine.graph
-    lower, upper = window.times()
+    graph, left, right = context.engine.graph, path.left, path.right
+    lower, upper = path.window.times()
+    if path.negative:
+        if upper is None:
+            return None
+        # It fails if the state at time a and no other is seen until b, unless that is in `right`.
+        always = left & right if lower > 0 else right
+        return graph.exists_until(context.engine.all, ~always) if lower > 0 else ~always
     if upper == 0:
         return right
     reaching = graph.exists_until(left, right if upper != lower else left & right)

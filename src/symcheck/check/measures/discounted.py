@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -24,8 +24,10 @@ from symcheck.engines.base import ROUNDING, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Floats
+from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.linear.problem import LinearProblem, Progress, largest_width
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.numerics.underflow import enclosed, may_underflow
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
 
@@ -134,8 +136,11 @@ def _iterated(
     negligible = 0.0 if exact else UNIT_ROUNDOFF**2 * float(1 - discount)
     x = lower = upper = system.full(0)
     remaining, taken, width, largest, margin = 1.0, 0, np.inf, 0.0, 0.0
+    least = 1.0 if exact else context.engine.entry_range[0] * float(factor)
     while taken < (options.max_iterations if steps is None else steps):
         y = best(factors * system.operator.multiply(x) + rewards, system, direction)
+        if factor != 0 and not rounding.signed and may_underflow(x, least):
+            y = enclosed([y], partial(_of_signs, system, x, rewards, direction))[-1]
         change, x, taken, remaining = y - x, y, taken + 1, remaining * float(factor)
         if not exact:
             largest = max(largest, _largest(x))
@@ -158,6 +163,11 @@ def _iterated(
     if steps is None:  # `later` is the same for all states, and so is its error
         return _lifted(context, rounding, (lower, upper), np.full_like(upper, margin))
     return _lifted(context, rounding, (x, x), rounding.margins(x, largest))
+
+
+def _of_signs(system: System, x: Numbers, rewards: Numbers, direction: Direction | None) -> Numbers:
+    """A step with 1 in place of all positive numbers: 0 where its result is 0."""
+    return best(system.operator.multiply(np.sign(x)) + np.sign(rewards), system, direction)
 
 
 def _largest(*values: Numbers) -> float:
@@ -217,7 +227,8 @@ class _Rounding:
             count = min(count, float(self.steps))
         relative = math.expm1(min(count * self.relative, 700.0))
         later = math.exp(-_HORIZONS) * largest
-        return np.asarray(np.minimum(absolute, relative * upper + later))
+        lost = count * UNDERFLOW_MARGIN
+        return np.asarray(np.minimum(absolute, relative * upper + later) + lost)
 
 
 def _lifted(

@@ -116,8 +116,10 @@ def reward_bounded_next(
     chances = system.one_step_probability(target)
     if engine.model.type is ModelType.CTMC:
         chances = chances / system.row_sums()
-    sure = engine.to_bools(engine.graph.all_successors_in(target))
-    chances[per_row(system.groups, sure)] = Fraction(1)
+    sure = per_row(system.groups, engine.to_bools(engine.graph.all_successors_in(target)))
+    if not engine.exact:  # a sum that is rounded to 1 is not known to be 1
+        chances = np.minimum(chances, np.nextafter(1.0, 0.0))
+    chances[sure] = Fraction(1)
     chances[~allowed] = Fraction(0)
     values = best(chances, system, direction)
     context.log.runs.append(SolverRun("steps", "one step", system.n, 1))

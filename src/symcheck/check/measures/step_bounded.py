@@ -2,13 +2,15 @@
 
 Every step is one product with the matrix. All terms of a probability are non-negative, so
 the rounding error is relative: about (entries per row + 1) * 2**-53 per step, far below 1e-12 for
-thousands of steps.
+thousands of steps. Values close to underflow become bounds (`symcheck.numerics.underflow`), and are
+0 only where the graph says so.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 
@@ -17,9 +19,11 @@ from symcheck.check.path_formulas import UntilPath
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
-from symcheck.matrices.numbers import Numbers
-from symcheck.numerics.linear.problem import Progress
+from symcheck.matrices.numbers import Numbers, is_exact
+from symcheck.matrices.tuning import UNDERFLOW_MARGIN
+from symcheck.numerics.linear.problem import Progress, largest_width
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.numerics.underflow import enclosed, may_underflow
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
 
@@ -28,6 +32,7 @@ __all__ = [
     "bounded_until",
     "cumulative_reward",
     "instantaneous_reward",
+    "lift_bounds",
     "next_probability",
     "prob_greater_zero",
 ]
@@ -94,10 +99,14 @@ def bounded_until(
 
 
 def prob_greater_zero(
-    context: Context, left: StateSet, right: StateSet, window: Window, direction: Direction | None
-) -> StateSet | None:
-    """None: the values decide, as products of positive numbers are positive and zeros are exact."""
-    return None
+    context: Context,
+    path: UntilPath,
+    direction: Direction | None,
+    unbounded: Callable[[Context], Values],
+) -> StateSet:
+    """States with a positive probability: computed upper bounds are 0 where the graph says so."""
+    zero, _ = bounded_until(context, path, direction, unbounded).compare("<=", 0)
+    return ~zero
 
 
 def _delayed(
@@ -116,7 +125,11 @@ def _delayed(
         best(system.operator.multiply(inside) + enter, system, direction)
         for inside, enter in zip(values.at(left), system.one_step_values(values), strict=True)
     ]
-    sides = sides[:1] if values.exact else sides
+    zero, _ = values.compare("<=", 0)
+    sides = enclosed(
+        sides[:1] if values.exact else sides,
+        lambda: best(system.one_step_probability(~zero), system, direction),
+    )
     return _repeat(context, system, sides, steps, direction, lost, [(~left, outside)], taken=1)
 
 
@@ -156,32 +169,59 @@ def _repeat(
 
     sides: the values so far, or their lower and their upper bounds. rest: values of other states.
     """
+    exact = len(sides) == 1 or not np.any(sides[1] - sides[0] > 2 * UNDERFLOW_MARGIN)
+    numbers = [*sides, add] if isinstance(add, np.ndarray) else sides
+    signed = any(len(x) > 0 and x.min() < 0 for x in numbers)
+    least = 1.0 if context.engine.exact else context.engine.entry_range[0]
     while taken < steps:
         taken += 1
-        following = [best(system.operator.multiply(x) + add, system, direction) for x in sides]
+        following = [_product(system, x, add, direction) for x in sides]
+        if any(may_underflow(x, least) for x in sides):
+            ones = (sides[-1] != 0) * 1.0
+            positive = partial(_product, system, ones, np.greater(add, 0), direction)
+            following = enclosed(following, positive, signed=signed)
         if context.observer is not None:
             context.observer(Progress("step by step", taken, 0.0, system.n))
-        if all(map(np.array_equal, sides, following)):
+        if len(sides) == len(following) and all(map(np.array_equal, sides, following)):
             break
         sides = following
     _note(context, system.n, taken)
-    return _lift(context, system, sides[0], sides[-1], rest, taken)
+    rounding = taken * 2 * (system.operator.longest + 2) * UNIT_ROUNDOFF
+    return lift_bounds(context, system, sides, rounding, rest, exact=exact)
 
 
-def _lift(
+def _product(
+    system: System, x: Numbers, add: Numbers | int, direction: Direction | None
+) -> Numbers:
+    return best(system.operator.multiply(x) + add, system, direction)
+
+
+def lift_bounds(
     context: Context,
     system: System,
-    low: Numbers,
-    high: Numbers,
-    rest: Sequence[tuple[StateSet, float]],
-    steps: int,
+    bounds: Sequence[Numbers],
+    rounding: float,
+    rest: Sequence[tuple[StateSet, float]] = (),
+    *,
+    exact: bool = True,
+    explanation: str = "step by step",
 ) -> Values:
-    """Values that include the rounding error of the given number of steps."""
-    exact = context.engine.exact
-    rounding = 0.0 if exact else steps * 2 * (system.operator.longest + 2) * UNIT_ROUNDOFF
-    if high is low and rounding <= ROUNDING:
+    """Values from numbers, or from their lower and upper bounds, and their relative error.
+
+    rest: values of other states. exact: whether bounds differ by underflow only, so that those
+    that are within the error of each other are exact up to rounding.
+    """
+    low, high = bounds[0], bounds[-1]
+    exact = exact and rounding <= ROUNDING
+    if is_exact(low) or (exact and high is low):
         return system.lift(low, None, rest, exact=True)
-    return system.lift(low - rounding * np.abs(low), high + rounding * np.abs(high), rest)
+    with np.errstate(invalid="ignore"):  # of infinite values, whose bounds are equal
+        point = exact & ((low == high) | (high - low <= rounding * np.abs(low)))
+        middle = np.where(low == high, low, 0.5 * (low + high))
+        low = np.where(point, middle, low - rounding * np.abs(low))
+        high = np.where(point, middle, high + rounding * np.abs(high))
+    context.warn_if_wide(largest_width(low, high, context.options.relative), explanation)
+    return system.lift(low, high, rest, exact=exact)
 
 
 def _note(context: Context, unknowns: int, steps: int) -> None:

@@ -27,7 +27,7 @@ from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.check.multi_objective.flow import Objective, flow_of
 from symcheck.check.multi_objective.linear_query import LinearQuery, is_cost
-from symcheck.check.pareto_front import ParetoFront
+from symcheck.check.pareto_front import ParetoFront, rounded
 from symcheck.check.path_formulas import StatesOf
 from symcheck.check.result import Answer, Estimate, Exact, Number, Result, SolverRun
 from symcheck.check.strategies.to_explicit import to_explicit
@@ -115,8 +115,8 @@ def _by_rationals(context: Context, formula: MultiObjective, states_of: Pick) ->
 
 def _doubles(value: Answer) -> Answer:
     if isinstance(value, list):
-        return [tuple(map(float, point)) for point in value]
-    return float(value) if isinstance(value, Fraction) else value
+        return [tuple(map(rounded, point)) for point in value]
+    return rounded(value) if isinstance(value, Fraction) else value
 
 
 def _undecided(error: Exception | None) -> NumericalError:

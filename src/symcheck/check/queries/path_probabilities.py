@@ -26,6 +26,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, Values
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import largest_width
+from symcheck.semantics.time_bounds import Window
 from symcheck.syntax.operators import OPERATOR_BY_TOKEN
 
 __all__ = ["complement_of", "defined_bounds", "probability", "qualitative"]
@@ -197,7 +198,7 @@ def qualitative(
 
     None if the probabilities themselves are needed.
     """
-    if path.negative and isinstance(path, UntilPath):
+    if path.negative and isinstance(path, UntilPath | NextPath | RewardPath):
         mirrored, dual = OPERATOR_BY_TOKEN[operator].mirrored, direction and direction.dual
         return qualitative(context, negated(path), mirrored, 1 - threshold, dual)
     if threshold < 0 or threshold > 1:
@@ -211,7 +212,7 @@ def qualitative(
         return context.engine.all
     if bound in (("<", 0), (">", 1)):
         return context.engine.none
-    if not isinstance(path, UntilPath) or bound is None:
+    if bound is None:
         return None
     states = (
         _probability_one(context, path, direction)
@@ -224,14 +225,23 @@ def qualitative(
 
 
 def _probability_positive(
-    context: Context, path: UntilPath, direction: Direction | None
+    context: Context, path: Path, direction: Direction | None
 ) -> StateSet | None:
-    """The states whose probability is positive."""
-    if not path.window.trivial:
-        return timed_measures(context).prob_greater_zero(
-            context, path.left, path.right, path.window, direction
-        )
-    return ~_probability_zero(context, path.left, path.right, direction)
+    """The states whose probability is positive; None: not decided by the graph."""
+    match path:
+        case UntilPath(_, _, window) if not window.trivial:
+            whenever = replace(path, window=Window())
+            return timed_measures(context).prob_greater_zero(
+                context, path, direction, lambda c: probability(c, whenever, direction)
+            )
+        case UntilPath(left, right, negative=False):
+            return ~_probability_zero(context, left, right, direction)
+        case NextPath() | RewardPath():
+            # Computed upper bounds are 0 where the graph says so.
+            zero, _ = probability(context, path, direction).compare("<=", 0)
+            return ~zero
+        case _:
+            return None
 
 
 def _probability_zero(
@@ -243,12 +253,17 @@ def _probability_zero(
     return graph.prob0(left, right, direction)
 
 
-def _probability_one(
-    context: Context, path: UntilPath, direction: Direction | None
-) -> StateSet | None:
-    """The states whose probability is 1."""
-    if not path.window.trivial:
+def _probability_one(context: Context, path: Path, direction: Direction | None) -> StateSet | None:
+    """The states whose probability is 1; None: not decided by the graph."""
+    dual = direction and direction.dual
+    if isinstance(path, NextPath) and path.window.trivial:
+        positive = _probability_positive(context, replace(path, target=~path.target), dual)
+        return None if positive is None else ~positive
+    if not isinstance(path, UntilPath):
         return None
+    if not path.window.trivial:
+        positive = _probability_positive(context, negated(path), dual)
+        return None if positive is None else ~positive
     graph = context.engine.graph
     if context.options.fairness and direction is Direction.MIN:
         return graph.prob0(

@@ -35,6 +35,7 @@ from symcheck.engines.linear_system import (
     Preprocessing,
     refuse_infinite_minimum,
     require_normal_numbers,
+    require_normal_rewards,
 )
 from symcheck.explicit.explored import ExploredModel
 from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
@@ -186,14 +187,15 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
     def _require_normal_numbers(self) -> None:
         if not self.exact and self.transitions:
             rates = self.model.type is ModelType.CTMC
-            require_normal_numbers(*self._range, self.matrix.longest, rates)
+            require_normal_numbers(*self.entry_range, self.matrix.longest, rates)
 
     @cached_property
-    def _range(self) -> tuple[float, float]:
+    def entry_range(self) -> tuple[float, float]:
+        """The least positive and the greatest one-step probability (rate)."""
         data = self.matrix.data
-        if (smallest := float(data.min())) <= 0.0:
+        if (smallest := float(data.min(initial=np.inf))) <= 0.0:
             smallest = float(data.min(initial=np.inf, where=data > 0.0))
-        return smallest, float(data.max())
+        return smallest, float(data.max(initial=0.0))
 
     def finite_reward(
         self, reward: Reward, target: ArraySet, direction: Direction | None
@@ -336,6 +338,7 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
     def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
         """State rewards per state and transition rewards per row."""
         states, rows = self.engine.rewards(reward)
+        require_normal_rewards(states, rows)
         if self._whole:
             return states, rows
         groups, inside = self.engine.matrix.groups, self.states.members

@@ -12,12 +12,19 @@ from symcheck.engines import tuning
 from symcheck.engines.base import SolvedValues
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.base import ExplicitOwner, Numeric
-from symcheck.engines.linear_system import ExpectedReward, Query, per_row, solved_values
+from symcheck.engines.linear_system import (
+    ExpectedReward,
+    Query,
+    per_row,
+    require_normal_rewards,
+    solved_values,
+)
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.problem import Observer
 from symcheck.numerics.settings import Settings
+from symcheck.numerics.underflow import may_underflow
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["FullMatrix"]
@@ -54,13 +61,18 @@ class FullMatrix:
         known: Sequence[tuple[ArraySet, float]],
         settings: Settings,
         observer: Observer | None,
-    ) -> SolvedValues[Numeric]:
-        """The solution of the masked problem."""
+    ) -> SolvedValues[Numeric] | None:
+        """The solution of the masked problem; None if rewards of steps underflow."""
         system, matrix, constant = query.system, self.engine.matrix, None
         outside = [(where.members, value) for where, value in known]
         if isinstance(query, ExpectedReward):
             states, rows = self.engine.rewards(query.reward)
+            require_normal_rewards(states, rows)
             constant, outside = per_row(matrix.groups, states) + rows, []
+            if system.is_ctmc and may_underflow(
+                constant, 1.0 / (matrix.longest * self.engine.entry_range[1])
+            ):
+                return None  # the rewards of steps decide
         problem = MaskedProblem(
             matrix,
             self.unknown,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol, assert_never
 import numpy as np
 
 from symcheck.dd.odd import Odd
+from symcheck.engines.linear_system import require_normal_rewards
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
 from symcheck.symbolic.model import LazySequence, TransitionPart
 from symcheck.syntax.ast import ModelType
@@ -62,7 +63,9 @@ class Diagrams:
         """State rewards, and per slot the transition rewards, weighted by probabilities (rates)."""
         match reward:
             case Structure(index):
-                return self.state_rewards[index], self.transition_rewards[index]
+                states, rows = self.state_rewards[index], self.transition_rewards[index]
+                require_normal_rewards(*(f.leaves for f in (states, *rows)))
+                return states, rows
             case Time() if self.continuous:
                 return self.states.to_mtbdd(), [self.manager.zero] * len(self.roots)
             case Steps() | Time():

@@ -94,6 +94,11 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
         """Number of choices (states, where there is no nondeterminism)."""
         return self.diagrams.choice_count
 
+    @property
+    def entry_range(self) -> tuple[float, float]:
+        """The least positive and the greatest one-step probability (rate)."""
+        return self.diagrams.entry_range
+
     @cached_property
     def all(self) -> SymbolicSet:
         """Every reachable state."""
@@ -174,7 +179,7 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
     def system(self, states: SymbolicSet, direction: Direction | None = None) -> SymbolicSystem:
         """The equations over some states."""
         d = self.diagrams
-        require_normal_numbers(*d.entry_range, min(self.states, 10**15), d.continuous)
+        require_normal_numbers(*self.entry_range, min(self.states, 10**15), d.continuous)
         if isinstance(states, ReducedSet):  # building its diagram takes as long as the solution
             return SymbolicSystem(self, states, direction)
         key = states.bdd, direction

@@ -222,6 +222,7 @@ cdef class Expander:
         cdef long long first = self.successor_count, i
         cdef int v, k, status
         cdef int32_t e
+        cdef double earned
         for v in range(self.variables):
             self.r[v].i = self._unpack(source, v)
         if self.kind != Kind.MDP and self._open_row():
@@ -244,9 +245,12 @@ cdef class Expander:
             return self._add_deadlock_loop(state, source)
         if self.kind == Kind.DTMC and self.joint_choices > 1:
             for i in range(first, self.successor_count):
-                (<double*> self.weights.data)[i] /= self.joint_choices
+                if (<double*> self.weights.data)[i] > self.joint_choices * 5e-324:
+                    (<double*> self.weights.data)[i] /= self.joint_choices
             for v in range(self.structures):
-                (<double*> self.rows.rewards[v].data)[self.rows.opened - 1] /= self.joint_choices
+                earned = (<double*> self.rows.rewards[v].data)[self.rows.opened - 1]
+                if fabs(earned) > self.joint_choices * 5e-324:
+                    (<double*> self.rows.rewards[v].data)[self.rows.opened - 1] /= self.joint_choices
         if self.kind != Kind.MDP:
             self._end_row(self.row_action)
             return 0
@@ -565,7 +569,7 @@ cdef class Expander:
         """
         cdef int action = self.event_action[event] + 1, k, status
         cdef long long i
-        cdef double total = 0.0, reward
+        cdef double total = 0.0, reward, earned
         cdef double* row_rewards
         if self.action_rewards[action] == self.action_rewards[action + 1]:
             return 0
@@ -579,5 +583,8 @@ cdef class Expander:
             if reward - reward != 0:
                 return Status.NOT_A_NUMBER
             row_rewards = <double*> self.rows.rewards[self.rewards[k, 0]].data
-            row_rewards[self.rows.opened - 1] += total * reward
+            earned = total * reward
+            if earned == 0 and total > 0 and reward != 0:
+                earned = 5e-324  # it underflows; the equations refuse subnormal numbers
+            row_rewards[self.rows.opened - 1] += earned
         return 0

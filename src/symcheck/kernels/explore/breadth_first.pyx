@@ -8,6 +8,7 @@ Other threads may expand blocks of states, whose successors one thread numbers i
 """
 
 cimport cython
+from libc.math cimport fabs
 from libc.stdint cimport int32_t, int64_t, uint8_t, uint16_t, uint32_t, uint64_t
 from libc.stdlib cimport free, malloc
 from libc.string cimport memcpy, memset

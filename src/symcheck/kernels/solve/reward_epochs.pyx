@@ -112,6 +112,8 @@ cdef class EpochSolver:
             p = self.val[k]
             lo += p * at[0]
             hi += p * at[1]
+            if hi == 0.0 and p > 0.0 and at[1] > 0.0:
+                hi = SMALLEST  # the product underflows
         low[0] = lo
         high[0] = hi
         is_one[0] = 0
@@ -307,6 +309,7 @@ cdef class EpochSolver:
             lo = x[current, s, 0] - error_below * self.steps[i] * (1 + 1e-12)
             hi = x[current, s, 1] + error_above * self.steps[i] * (1 + 1e-12)
             round_outwards(&lo, &hi, TWO_ROUNDINGS)
+            hi = hi if hi > SMALLEST else SMALLEST  # it is not 0, even if all products underflow
             changed |= self.store_value(x, i, current, previous, lo, hi)
         return changed
 

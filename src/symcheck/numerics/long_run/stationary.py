@@ -28,6 +28,7 @@ from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix
 from symcheck.numerics.linear.problem import Observer, Progress
 from symcheck.numerics.long_run.drift import average_by_drift
 from symcheck.numerics.settings import Accuracy, Settings
+from symcheck.numerics.underflow import enclosed
 
 __all__ = ["Average", "Stationary", "long_run_average", "stationary_distribution"]
 
@@ -89,9 +90,9 @@ def _eliminated(rates: SparseMatrix, limit: int) -> Stationary | None:
         return None
     pi = factors.stationary()
     error = factors.error + (n + 4) * tuning.UNIT_ROUNDOFF
-    return Stationary(
-        pi * (1.0 - error), np.minimum(pi * (1.0 + error), 1.0), True, f"{n} states: elimination"
-    )
+    bounds = [pi * (1.0 - error), np.minimum(pi * (1.0 + error), 1.0)]
+    lower, upper = enclosed(bounds, lambda: np.ones(n))  # a state that is left again has a share
+    return Stationary(lower, upper, True, f"{n} states: elimination")
 
 
 def _estimate(
@@ -203,6 +204,10 @@ def _weighted(known: Stationary, rewards: Floats) -> Average:
     rounding_error = (
         (len(rewards) + 2) * tuning.UNIT_ROUNDOFF * float(known.upper @ np.abs(rewards))
     )
+    if rewards.any():  # products may underflow
+        rounding_error += len(rewards) * math.ulp(0.0)
+    if not minus.any():
+        low = max(low, rounding_error)
     return Average(low - rounding_error, high + rounding_error, 1, known.explanation)
 
 

@@ -10,7 +10,7 @@ Source: Hartmanns, Junges, Katoen & Quatmann (2018), Multi-cost bounded reachabi
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
 from symcheck.numerics.settings import ROUNDING, Accuracy, Settings
+from symcheck.numerics.underflow import enclosed, may_underflow
 
 __all__ = ["CostBoundedProblem", "solve_cost_bounded"]
 
@@ -81,6 +82,7 @@ def solve_cost_bounded(
     ]
     free = _FreeSteps(problem) if (problem.costs == 0).any() else None
     rows_of_free = np.flatnonzero(problem.costs == 0)
+    least = 1.0 if exact else float(m.data.min(initial=np.inf, where=m.data > 0))
     ring: list[tuple[Numbers, Numbers]] = []
     level, same = 0, 0
     finer = Accuracy(
@@ -97,15 +99,18 @@ def solve_cost_bounded(
         for cost, rows, part in by_cost:
             if cost <= level:
                 low, high = ring[-cost]
-                constant[rows] = problem.rewards[rows] + part.multiply(low)
-                upper[rows] = problem.rewards[rows] + part.multiply(high)
+                rewards = problem.rewards[rows]
+                bounds = [rewards + part.multiply(low), rewards + part.multiply(high)]
+                if may_underflow(low, least) or may_underflow(high, least):
+                    bounds = enclosed(bounds, partial(part.multiply, (high != 0) * 1.0))
+                constant[rows], upper[rows] = bounds
         if free is None:
-            bounds = problem.best(constant), problem.best(upper)
+            values = problem.best(constant), problem.best(upper)
         else:
-            bounds = free.solve(constant, upper, finer)
-        unchanged = bool(ring) and all(map(np.array_equal, ring[-1], bounds))
+            values = free.solve(constant, upper, finer)
+        unchanged = bool(ring) and all(map(np.array_equal, ring[-1], values))
         same = same + 1 if unchanged else 0
-        ring = [*ring[-slots + 1 :], bounds] if slots > 1 else [bounds]
+        ring = [*ring[-slots + 1 :], values] if slots > 1 else [values]
         if observer is not None:
             observer(Progress("budget by budget", level + 1, 0.0, n))
         if same > slots:

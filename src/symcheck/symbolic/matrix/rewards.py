@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 from symcheck.semantics import interpreter
 from symcheck.semantics.model import BoundRewards
 from symcheck.symbolic.matrix.choice_coloring import JointClass
+from symcheck.symbolic.matrix.products import nothing_lost
 from symcheck.symbolic.model import EncodedCommand, LazySequence, StateSpace
 
 if TYPE_CHECKING:
@@ -45,14 +46,14 @@ def _chain_reward(
     space: StateSpace, structure: BoundRewards, numbers: Mtbdd | None
 ) -> tuple[Mtbdd, ...]:
     actions = dict.fromkeys(e.event.action for e in space.symbolic.events)
-    total = space.symbolic.manager.sum(
-        [
-            _action_weight(space, action) * _earned(space, structure, space.states, False, action)
-            for action in actions
-            if _rewards_action(structure, action)
-        ]
-    )
-    return (total if numbers is None else total / numbers,)
+    parts = []
+    for action in actions:
+        if _rewards_action(structure, action):
+            weight = _action_weight(space, action)
+            earned = _earned(space, structure, space.states, False, action)
+            parts.append(nothing_lost(weight * earned, weight, earned))
+    total = space.symbolic.manager.sum(parts)
+    return (total if numbers is None else nothing_lost(total / numbers, total),)
 
 
 def class_rewards(

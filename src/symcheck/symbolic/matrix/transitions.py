@@ -17,6 +17,7 @@ from symcheck.options import Options
 from symcheck.symbolic.checks import check_model
 from symcheck.symbolic.events.commands import frame, touched_by
 from symcheck.symbolic.matrix.choice_coloring import choice_classes
+from symcheck.symbolic.matrix.products import nothing_lost
 from symcheck.symbolic.matrix.rewards import chain_rewards, class_rewards, state_rewards
 from symcheck.symbolic.model import (
     ChoiceClass,
@@ -70,7 +71,7 @@ def _chain_transitions(space: StateSpace) -> Transitions:
     matrix = full_matrix(symbolic, parts, space.states)
     numbers = choice_counts(space) if symbolic.model.type is ModelType.DTMC else None
     if numbers is not None:
-        matrix = matrix / numbers
+        matrix = nothing_lost(matrix / numbers, matrix)
     if space.deadlocks:
         matrix = matrix + _self_loops(symbolic, space.deadlocks)
     return Transitions(
@@ -210,9 +211,9 @@ def _self_loops(symbolic: SymbolicModel, states: Bdd) -> Mtbdd:
 
 
 def product(factors: Iterable[Mtbdd]) -> Mtbdd:
-    """The product of at least one factor, left to right."""
+    """The product of at least one factor, left to right; no edge is lost."""
     iterator = iter(factors)
     result = next(iterator)
     for factor in iterator:
-        result = result * factor
+        result = nothing_lost(result * factor, result, factor)
     return result
