@@ -110,6 +110,29 @@ at most."""
 TRUNCATION_FIRST_SWEEPS = 100
 """Sweeps after which BiCGStab has a guess to start from. After 30, it diverges on cluster N=256."""
 
+SERIES_ENTRIES, LONG_SERIES_ENTRIES = 4e10, 3e12
+"""Entries that are visited of a horizon with more than the second number: the bounds so far are then
+the result. They take about a minute; the second number an hour."""
+TRANSIENT_ROWS_STATES = 10_000
+"""States up to which engines without rows write them for transient analysis; for long horizons, all
+that they are ready to write: rational Krylov subspaces need rows."""
+LIMIT_STEPS = 10_000
+"""Steps from which on values are compared with those without a time bound."""
+
+# Repeated squaring (transient/squaring.py).
+SQUARING_STATES = 300
+"""States up to which matrices are full: a squaring of 300 takes a quarter of a second."""
+SQUARING_STEPS = 10_000
+"""Steps up to which vectors are multiplied, whose results have no wider bounds than rounding."""
+SQUARING_EXPONENT = -10
+"""The base-2 logarithm of the jumps in the shortest time, so that few terms are needed."""
+SQUARING_TERMS = 8
+"""Terms of the shortest time that are expected."""
+SQUARING_REST = 1e-25
+"""The rest of these terms, relative to the least probability of a jump."""
+ENTRY_ERROR = 8.0 * UNIT_ROUNDOFF
+"""Relative error of a probability or rate of a model: some roundings of its expression."""
+
 # Forward uniformisation (transient/forward.py).
 FORWARD_ENTRIES = 2e9
 """Entries that uniformisation would visit, from which on the active states are followed first."""

@@ -9,7 +9,10 @@ rewards, terminal is the reward; for cumulative rewards, reward_rate is the rewa
 Long horizons need fewer steps: if a y_k <= P y_k <= b y_k then a^m y_k <= P^m y_k <= b^m y_k
 for all m (Collatz & Wielandt). The ratio bounds converge as the chain forgets its start, to a
 steady state (a = b = 1) or to a quasi-stationary decay or growth, and the rest of the sum is then
-known.
+known. Even without them, P^m y_k lies between the least (if no jump leaves the states) and the
+greatest entry of y_k, or 0, however large m is: nothing remains once all is absorbed.
+
+Small chains with a long horizon are squared instead (see `squaring`).
 """
 
 from __future__ import annotations
@@ -31,6 +34,7 @@ from symcheck.numerics.settings import Settings
 from symcheck.numerics.transient.forward import forward_value
 from symcheck.numerics.transient.poisson import PoissonWeights, poisson
 from symcheck.numerics.transient.rational_krylov import importance, krylov_values, largest_growth
+from symcheck.numerics.transient.squaring import IntervalChain, squaring_entries
 from symcheck.numerics.transient.state_space_truncation import truncate
 from symcheck.numerics.transient.supermartingale import bound_negligible_values
 from symcheck.numerics.transient.uniformized_chain import UniformizedChain, uniformize
@@ -80,6 +84,8 @@ def transient_values(
     reward_rate: Floats | None = None,
     interest: Int64s | None = None,
     observer: Observer | None = None,
+    leave: Floats | None = None,
+    limit: Callable[[], Floats] | None = None,
 ) -> Transient:
     """Bounds on x(time) for every state. All arrays are non-negative, float64[n].
 
@@ -91,9 +97,13 @@ def transient_values(
         terminal, reward_rate: the initial values and the source (see the module).
         interest: states whose values need the accuracy; None: all.
         observer: receives the progress.
+        leave: the rates of leaving for states outside, with a relative error; None: not known, and
+            small chains are not squared.
+        limit: computes an upper bound on the values at any time.
 
     Returns:
-        Bounds. Values below 1e-300, such as those of states that earn nothing, may have the bounds
+        Bounds, which are further apart than requested if rounding or the work does not allow for
+        it. Values below 1e-300, such as those of states that earn nothing, may have the bounds
         0 and 2e-300.
 
     Raises:
@@ -101,12 +111,17 @@ def transient_values(
     """
     n = len(exit_rates)
     total: Transient | None = None
-    horizon = _Horizon(rates, exit_rates, time, settings, interest, observer)
-    for start, source in ((terminal, False), (reward_rate, True)):
-        if start is None or not np.any(start):
-            continue
-        if start.min() < 0.0:
-            raise NumericalError("transient values require non-negative rewards")
+    horizon = _Horizon(rates, exit_rates, time, settings, interest, observer, leave, limit)
+    starts = [
+        (start, source)
+        for start, source in ((terminal, False), (reward_rate, True))
+        if start is not None and np.any(start)
+    ]
+    if any(start.min() < 0.0 for start, _ in starts):
+        raise NumericalError("transient values require non-negative rewards")
+    if starts and horizon.is_squared:
+        return horizon.by_squaring(terminal, reward_rate)
+    for start, source in starts:
         part = horizon.part(start, source)
         total = part if total is None else total.plus(part)
     return (
@@ -126,6 +141,33 @@ class _Horizon:
     settings: Settings
     interest: Int64s | None
     observer: Observer | None
+    leave: Floats | None = None
+    limit: Callable[[], Floats] | None = None
+
+    @property
+    def is_squared(self) -> bool:
+        """Whether squaring takes fewer multiplications than the steps of uniformisation."""
+        rates, steps = self.rates, float(self.exit_rates.max()) * self.time
+        return (
+            isinstance(rates, SparseMatrix)
+            and self.leave is not None
+            and rates.states <= tuning.SQUARING_STATES
+            and steps > tuning.SQUARING_STEPS
+            and squaring_entries(rates.states, steps) < steps * (rates.entries + rates.rows)
+        )
+
+    def by_squaring(self, terminal: Floats | None, reward_rate: Floats | None) -> Transient:
+        """Both parts, for a small chain."""
+        rates, leave = self.rates, self.leave
+        assert isinstance(rates, SparseMatrix) and leave is not None
+        error = tuning.ENTRY_ERROR + rates.longest * tuning.UNIT_ROUNDOFF
+        earned = np.zeros(rates.states) if reward_rate is None else reward_rate
+        chain, reward, halvings = IntervalChain.of_rates(rates, leave, self.time, earned, error)
+        end = None if terminal is None else (terminal, terminal)
+        found = chain.values(1 << halvings, end, None if reward_rate is None else reward)
+        return Transient(
+            found.lower, found.upper, found.squarings, f"{found.squarings} squarings of a matrix"
+        )
 
     @cached_property
     def chain(self) -> UniformizedChain:
@@ -136,7 +178,10 @@ class _Horizon:
         """The part of the terminal values or of the reward rate, by the first that applies."""
         rates, interest = self.rates, self.interest
         if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
-            entries = float(self.exit_rates.max()) * self.time * (rates.entries + rates.rows)
+            steps = float(self.exit_rates.max()) * self.time
+            entries = steps * (rates.entries + rates.rows)
+            if steps > tuning.LARGEST_POISSON_RATE:
+                return self.by_series(start, source)
             result, least = None, 0.0
             if len(interest) == 1 and entries > tuning.FORWARD_ENTRIES:
                 result, least = self.by_forward_steps(rates, int(interest[0]), start, source)
@@ -151,8 +196,17 @@ class _Horizon:
     def by_series(self, start: Floats, source: bool) -> Transient:
         """Uniformisation."""
         y = start / self.chain.q if source else start
+        conservative = self.leave is not None and not np.any(self.leave)
         return _sum_series(
-            self.chain, y, self.time, source, self.settings, self.interest, self.observer
+            self.chain,
+            y,
+            self.time,
+            source,
+            self.settings,
+            self.interest,
+            self.observer,
+            conservative=conservative,
+            limit=self.limit if source else None,
         )
 
     def by_forward_steps(
@@ -320,6 +374,18 @@ def transient_distribution(
         time: the time.
         settings: accuracy and limits.
     """
+    steps = float(exit_rates.max(initial=0.0)) * time
+    if (
+        rates.states <= tuning.SQUARING_STATES
+        and steps > tuning.SQUARING_STEPS
+        and squaring_entries(rates.states, steps) < steps * (rates.entries + rates.rows)
+    ):
+        nothing = np.zeros(rates.states)
+        error = tuning.ENTRY_ERROR + rates.longest * tuning.UNIT_ROUNDOFF
+        squared, _, halvings = IntervalChain.of_rates(rates, nothing, time, nothing, error)
+        found = squared.distribution(1 << halvings, initial)
+        text = f"{found.squarings} squarings of a matrix"
+        return Transient(found.lower, found.upper, found.squarings, text)
     chain = uniformize(rates, exit_rates, transposed=True)
     series = _sum_series(chain, initial, time, False, settings, None, None, mass=True)
     series.upper[:] = np.minimum(series.upper, 1.0)
