@@ -119,6 +119,14 @@ that they are ready to write: rational Krylov subspaces need rows."""
 LIMIT_STEPS = 10_000
 """Steps from which on values are compared with those without a time bound."""
 
+FIRST_STEP_CHECK, STEP_CHECKS, STEP_ENTRIES = 1_000, 8, 30_000
+"""Steps of a step-bounded property before the rest is estimated; estimates, each after half as many
+steps again, that show how fast it becomes less; and the entries that a step costs at least: it is a
+call of some functions."""
+EXACT_BITS, EXACT_DIGITS = 100_000, 3e6
+"""Bits of a fraction from which on its growth is noticed, and the digits after all steps, estimated,
+with which an exact computation ends."""
+
 # Repeated squaring (transient/squaring.py).
 SQUARING_STATES = 300
 """States up to which matrices are full: a squaring of 300 takes a quarter of a second."""
