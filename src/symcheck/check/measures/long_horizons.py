@@ -202,4 +202,3 @@ class RestOfSteps:
                 f"{digits:.0e} digits\n"
                 "  hint: without -exact, bounds on the value are computed"
             )
-
