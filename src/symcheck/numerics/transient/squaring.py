@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from symcheck.kernels.chains.interval_matrices import interval_product
-from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.matrices.rows import Bools, Floats, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 
@@ -47,7 +47,7 @@ class _Bounds:
     lower: Floats
     upper: Floats
 
-    def scaled(self, error: float, roundings: int, possible: Floats | bool) -> _Bounds:
+    def scaled(self, error: float, roundings: int, possible: Bools) -> _Bounds:
         """The bounds, moved outwards by a relative error and by that of small numbers.
 
         roundings: of small numbers. possible: the entries that are not known to be 0.
@@ -150,8 +150,9 @@ class IntervalChain:
                 reward = reward.plus(_times(earned, tails[k] / mean))
         most = (terms + 2) * beyond / mean * step * float(reward_rate.max(initial=0.0))
         paid = once.possible @ (rewards > 0.0) > 0.0
-        total, reward = total.scaled(error, terms, once.possible), reward.scaled(error, terms, paid)
-        total = _Bounds(total.lower, total.upper + np.where(once.possible, beyond, 0.0))
+        within = once.possible > 0.0
+        total, reward = total.scaled(error, terms, within), reward.scaled(error, terms, paid)
+        total = _Bounds(total.lower, total.upper + np.where(within, beyond, 0.0))
         reward = _Bounds(reward.lower, reward.upper + np.where(paid, most, 0.0))
         return replace(once, matrix=_with_sum_one(total)), reward, halvings
 
@@ -222,7 +223,7 @@ def _dense(matrix: SparseMatrix, leave: Floats) -> Floats:
     return out
 
 
-def _closure(edges: Floats) -> Floats:
+def _closure(edges: Bools) -> Floats:
     """Whether a path of any length, 0 included, leads from one state to another: 0.0 or 1.0."""
     reached = np.asarray(edges | np.eye(len(edges), dtype=bool), np.float64)
     for _ in range(max(1, len(edges).bit_length())):
@@ -263,7 +264,7 @@ def _with_sum_one(bounds: _Bounds) -> _Bounds:
     return _Bounds(lower, upper)
 
 
-def _product(rows: _Bounds, columns: _Bounds, possible: Floats) -> _Bounds:
+def _product(rows: _Bounds, columns: _Bounds, possible: Bools) -> _Bounds:
     """Bounds on a product of rows with the sum 1, rounding included.
 
     possible: the entries of the product that are not known to be 0.

@@ -159,7 +159,8 @@ class _Horizon:
     def by_squaring(self, terminal: Floats | None, reward_rate: Floats | None) -> Transient:
         """Both parts, for a small chain."""
         rates, leave = self.rates, self.leave
-        assert isinstance(rates, SparseMatrix) and leave is not None
+        assert isinstance(rates, SparseMatrix)
+        assert leave is not None
         error = tuning.ENTRY_ERROR + rates.longest * tuning.UNIT_ROUNDOFF
         earned = np.zeros(rates.states) if reward_rate is None else reward_rate
         chain, reward, halvings = IntervalChain.of_rates(rates, leave, self.time, earned, error)
@@ -180,24 +181,28 @@ class _Horizon:
         if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
             steps = float(self.exit_rates.max()) * self.time
             entries = steps * (rates.entries + rates.rows)
-            result, least, close = None, 0.0, None
-            if len(interest) == 1 and tuning.FORWARD_ENTRIES < entries:
-                if steps <= tuning.FORWARD_WORK:  # each visits at least one entry
-                    result, least = self.by_forward_steps(rates, int(interest[0]), start, source)
+            result, least = None, 0.0
+            # Each step visits at least one entry.
+            forward = entries > tuning.FORWARD_ENTRIES and steps <= tuning.FORWARD_WORK
+            if len(interest) == 1 and forward:
+                result, least = self.by_forward_steps(rates, int(interest[0]), start, source)
             if result is None and source and entries > tuning.TRUNCATION_ENTRIES:
                 result = self.if_negligible(rates, interest, start, least)
                 result = result or self.on_truncated_space(rates, interest, start)
-            if result is not None:
-                if _close_enough(result.lower[interest], result.upper[interest], self.settings):
-                    return result
-                close = result
-            if steps <= tuning.LARGEST_POISSON_RATE:
+            if result is None and steps <= tuning.LARGEST_POISSON_RATE:
                 result = self.by_rational_krylov(rates, interest, start, source)
-                if result is not None:
-                    return result
-            if close is not None:
-                return close
+                if result is not None and not self.suffices(result, interest, entries):
+                    result = None
+            if result is not None:
+                return result
         return self.by_series(start, source)
+
+    def suffices(self, found: Transient, interest: Int64s, entries: float) -> bool:
+        """Whether the bounds are as close as requested, or uniformisation, which would visit these
+        entries, takes too long for closer ones.
+        """
+        close = _close_enough(found.lower[interest], found.upper[interest], self.settings)
+        return close or entries > tuning.AFTER_KRYLOV_ENTRIES
 
     def by_series(self, start: Floats, source: bool) -> Transient:
         """Uniformisation."""
@@ -275,7 +280,8 @@ class _Horizon:
         weights: positive; values are divided by them, and Q becomes diag(w)^-1 Q diag(w). None: 1.
 
         Returns:
-            None if the chain is not stiff or the subspace does not converge.
+            Bounds, perhaps further apart than requested (see `krylov_values`); None if the chain
+            is not stiff or the subspace does not converge.
         """
         chain, exit_rates, time = self.chain, self.exit_rates, self.time
         settings, observer = self.settings, self.observer
@@ -317,8 +323,6 @@ class _Horizon:
         error = (result.error + smoothing_error * later_growth * (1.0 + 1e-6)) * scale
         values = result.values * scale
         lower, upper = np.maximum(values - error, 0.0), values + error
-        if not _close_enough(lower[interest], upper[interest], settings):
-            return None
         note = (
             f"uniformisation, {steps} steps, then a rational Krylov subspace of "
             f"{result.vectors} vectors, {result.steps} steps of BiCGStab"
@@ -377,6 +381,9 @@ class _Horizon:
             weights = importance(matrix, exit_rates[kept], reward_rate[kept], time, cut.values)
             if weights is not None:
                 result = smaller.by_rational_krylov(matrix, at, reward_rate[kept], True, weights)
+                entries = smaller.chain.q * time * smaller.chain.entries
+                if result is not None and not smaller.suffices(result, at, entries):
+                    result = None
         result = result or smaller.by_series(reward_rate[kept], True)
         lower, upper = self.trivial_bounds(reward_rate, True)
         lower[interest] = result.lower[at]
