@@ -123,7 +123,7 @@ FIRST_STEP_CHECK, STEP_CHECKS, STEP_ENTRIES = 1_000, 8, 30_000
 """Steps of a step-bounded property before the rest is estimated; estimates, each after half as many
 steps again, that show how fast it becomes less; and the entries that a step costs at least: it is a
 call of some functions."""
-EXACT_BITS, EXACT_DIGITS = 100_000, 3e6
+EXACT_BITS, EXACT_DIGITS = 20_000, 3e6
 """Bits of a fraction from which on its growth is noticed, and the digits after all steps,
 estimated, with which an exact computation ends."""
 

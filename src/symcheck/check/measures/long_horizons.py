@@ -98,7 +98,7 @@ class RestOfSteps:
     earns: bool
     grows: bool | None = None
     unbounded: Callable[[], Values] | None = None
-    _next_check: int = field(default=tuning.FIRST_STEP_CHECK, init=False)
+    _next_check: int = field(default=0, init=False)
     _bits: int = field(default=0, init=False)
     _widths: list[tuple[int, float]] = field(default_factory=list, init=False)
 
@@ -113,7 +113,8 @@ class RestOfSteps:
         Raises:
             UnsupportedError: the numbers of exact values become too large.
         """
-        if taken < self._next_check or taken >= self.steps:
+        first = tuning.FIRST_STEP_CHECK // (8 if self.context.engine.exact else 1)
+        if taken < max(self._next_check, first) or taken >= self.steps:
             return False
         self._next_check = taken + max(taken // 2, 1)
         if self.context.engine.exact:

@@ -480,7 +480,12 @@ def _sum_series(
             below = below + least * rest
             rest = remaining_weight * (1.0 + error if source else 1.0)
             above = np.minimum(above, total * (1.0 + error) + rest * most * (1.0 + error_now))
-        if limit is not None and largest is None and min(k, end - k) >= tuning.LIMIT_STEPS:
+        out_of_work = (
+            work > tuning.LONG_SERIES_ENTRIES
+            and k * float(chain.entries or len(start)) > tuning.SERIES_ENTRIES
+        )
+        compares = out_of_work or min(k, end - k) >= tuning.LIMIT_STEPS
+        if limit is not None and largest is None and compares:
             largest = limit()
         if largest is not None:
             above = np.maximum(np.minimum(above, largest), below)
@@ -489,10 +494,7 @@ def _sum_series(
         if (
             k >= end
             or _close_enough(at_interest(below), at_interest(above), settings)
-            or (
-                work > tuning.LONG_SERIES_ENTRIES
-                and k * float(chain.entries or len(start)) > tuning.SERIES_ENTRIES
-            )
+            or out_of_work
         ):
             return _result(below, above, k, end, "")
         if (
