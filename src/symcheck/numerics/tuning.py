@@ -208,7 +208,7 @@ SPURIOUS_GROWTH = 10.0
 MISSED_WIDTH, STALLED = 1e-3, 0.5
 """A subspace that misses the accuracy is the result if its bounds are closer than the first number
 relative to the value, and uniformisation would visit more than `AFTER_KRYLOV_ENTRIES`; and the part
-of the last width above which further vectors gain nothing but rounding errors."""
+of the last error above which still larger subspaces gain nothing but rounding errors."""
 AFTER_KRYLOV_ENTRIES = 2e10
 """See there; some twenty seconds."""
 KRYLOV_BICGSTAB_STEPS = 400

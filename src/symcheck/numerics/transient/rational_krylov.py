@@ -144,7 +144,7 @@ def krylov_values(
             if float(values.max()) > tuning.MAX_VALUE_RANGE * least:
                 return best
             if width <= tuning.MISSED_WIDTH * least:
-                stalls = best is not None and error > tuning.STALLED * best.error
+                stalls = size in larger and best is not None and error > tuning.STALLED * best.error
                 best = found if best is None or error < best.error else best
                 if stalls:
                     return best  # rounding
