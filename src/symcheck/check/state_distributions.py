@@ -24,7 +24,13 @@ from symcheck.kernels.rows import sparse
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Floats, Int32s, SparseMatrix
 from symcheck.numerics import graph
-from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.numerics.tuning import (
+    ENTRY_ERROR,
+    SQUARING_STATES,
+    SQUARING_STEPS,
+    STEP_ENTRIES,
+    UNIT_ROUNDOFF,
+)
 from symcheck.options import Options
 from symcheck.syntax.ast import ModelType
 from symcheck.tables import Table, state_table
@@ -152,8 +158,18 @@ def _matrix(engine: Engine) -> SparseMatrix:
 def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Floats, str]:
     """Bounds after products with the transposed matrix, and an explanation.
 
-    All terms are non-negative, so the rounding error is relative.
+    All terms are non-negative, so the rounding error is relative. Small chains are squared.
     """
+    if matrix.states <= SQUARING_STATES and steps > SQUARING_STEPS:
+        from symcheck.numerics.transient.squaring import IntervalChain, squaring_entries
+
+        chain = IntervalChain.of_steps(
+            matrix, np.zeros(len(start)), ENTRY_ERROR + matrix.longest * UNIT_ROUNDOFF
+        )
+        cheap = squaring_entries(matrix.states, steps) < steps * max(matrix.entries, STEP_ENTRIES)
+        if chain is not None and cheap:
+            found = chain.distribution(steps, start)
+            return found.lower, found.upper, f"{found.squarings} squarings of a matrix"
     indptr, indices, data = sparse.transpose_values(*matrix.arrays, matrix.columns)
     longest = int(np.max(np.diff(indptr), initial=0))
     x, y = start.copy(), np.empty(len(start))

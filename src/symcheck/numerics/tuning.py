@@ -110,6 +110,37 @@ at most."""
 TRUNCATION_FIRST_SWEEPS = 100
 """Sweeps after which BiCGStab has a guess to start from. After 30, it diverges on cluster N=256."""
 
+SERIES_ENTRIES, LONG_SERIES_ENTRIES = 4e10, 3e12
+"""Entries that are visited of a horizon with more than the second number: the bounds so far are
+then the result. They take about a minute; the second number an hour."""
+TRANSIENT_ROWS_STATES = 10_000
+"""States up to which engines without rows write them for transient analysis; for long horizons, all
+that they are ready to write: rational Krylov subspaces need rows."""
+LIMIT_STEPS = 10_000
+"""Steps from which on values are compared with those without a time bound."""
+
+FIRST_STEP_CHECK, STEP_CHECKS, STEP_ENTRIES = 1_000, 8, 30_000
+"""Steps of a step-bounded property before the rest is estimated; estimates, each after half as many
+steps again, that show how fast it becomes less; and the entries that a step costs at least: it is a
+call of some functions."""
+EXACT_BITS, EXACT_DIGITS = 20_000, 3e6
+"""Bits of a fraction from which on its growth is noticed, and the digits after all steps,
+estimated, with which an exact computation ends."""
+
+# Repeated squaring (transient/squaring.py).
+SQUARING_STATES = 300
+"""States up to which matrices are full: a squaring of 300 takes a quarter of a second."""
+SQUARING_STEPS = 10_000
+"""Steps up to which vectors are multiplied, whose results have no wider bounds than rounding."""
+SQUARING_EXPONENT = -10
+"""The base-2 logarithm of the jumps in the shortest time, so that few terms are needed."""
+SQUARING_TERMS = 8
+"""Terms of the shortest time that are expected."""
+SQUARING_REST = 1e-25
+"""The rest of these terms, relative to the least probability of a jump."""
+ENTRY_ERROR = 8.0 * UNIT_ROUNDOFF
+"""Relative error of a probability or rate of a model: some roundings of its expression."""
+
 # Forward uniformisation (transient/forward.py).
 FORWARD_ENTRIES = 2e9
 """Entries that uniformisation would visit, from which on the active states are followed first."""
@@ -174,6 +205,12 @@ VECTORS_BEFORE_JUDGEMENT, RECENT_VECTORS = 24, 3
 recent rate is measured, at least."""
 SPURIOUS_GROWTH = 10.0
 """A bound that is so many times the last one comes from a projection that is not used."""
+MISSED_WIDTH, STALLED = 1e-3, 0.5
+"""A subspace that misses the accuracy is the result if its bounds are closer than the first number
+relative to the value, and uniformisation would visit more than `AFTER_KRYLOV_ENTRIES`; and the part
+of the last error above which still larger subspaces gain nothing but rounding errors."""
+AFTER_KRYLOV_ENTRIES = 2e10
+"""See there; some twenty seconds."""
 KRYLOV_BICGSTAB_STEPS = 400
 """Steps of BiCGStab per vector."""
 KRYLOV_ELIMINATION_STATES, KRYLOV_ELIMINATION_OPERATIONS = 50_000, 1500

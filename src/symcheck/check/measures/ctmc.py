@@ -20,6 +20,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Floats
+from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.numerics.underflow import enclosed
 from symcheck.semantics.rewards import Reward
@@ -79,12 +80,16 @@ def bounded_until(
     """
     lower, upper = path.window.times()
     if lower == 0:
-        return unbounded(context) if upper is None else _within(context, path, upper)
+        return unbounded(context) if upper is None else _within(context, path, upper, unbounded)
     # The values at time a are needed at all states that may be reached by then; the two
     # computations share the error.
     context = context.with_epsilon(context.options.epsilon / 3)
     everywhere = replace(context, relevant_states=None)
-    later = unbounded(everywhere) if upper is None else _within(everywhere, path, upper - lower)
+    later = (
+        unbounded(everywhere)
+        if upper is None
+        else _within(everywhere, path, upper - lower, unbounded)
+    )
     return _delayed(context, path.left, later, lower, float(path.negative))
 
 
@@ -143,8 +148,12 @@ def _refuse_rationals(context: Context) -> None:
         )
 
 
-def _within(context: Context, path: UntilPath, time: float) -> Values:
-    """Probability of `left U<=t right`, or of its complement."""
+def _within(
+    context: Context, path: UntilPath, time: float, unbounded: Callable[[Context], Values]
+) -> Values:
+    """Probability of `left U<=t right`, or of its complement, which `unbounded` computes for t
+    without end.
+    """
     engine = context.engine
     possible = engine.graph.exists_until(path.left, path.right)
     goal = ~possible if path.negative else path.right
@@ -153,7 +162,19 @@ def _within(context: Context, path: UntilPath, time: float) -> Values:
     system = engine.system((path.left - path.right) & possible)
     rate = system.one_step_probability(goal)
     end = np.ones(system.n) if path.negative else None
-    lower, upper = _transient_bounds(context, system, time, terminal=end, reward_rate=rate)
+
+    def limit() -> Floats:
+        _, most = unbounded(replace(context, relevant_states=None)).at(system.states)
+        return np.minimum(most * (1.0 + ROUNDING), 1.0)
+
+    lower, upper = _transient_bounds(
+        context,
+        system,
+        time,
+        terminal=end,
+        reward_rate=rate,
+        limit=None if path.negative else limit,
+    )
     return system.lift(np.minimum(lower, 1.0), np.minimum(upper, 1.0), [(goal, 1.0)])
 
 
@@ -205,8 +226,11 @@ def _transient_bounds(
     *,
     terminal: Floats | None = None,
     reward_rate: Floats | None = None,
+    limit: Callable[[], Floats] | None = None,
 ) -> tuple[Floats, Floats]:
     """Bounds on x(time) for x' = Q x + reward_rate, x(0) = terminal, over the states of the system.
+
+    limit: computes an upper bound on the values at any time.
 
     Returns:
         The lower and the upper bounds, float64[n] each.
@@ -216,19 +240,26 @@ def _transient_bounds(
     _refuse_rationals(context)
     if system.n == 0:
         return np.empty(0), np.empty(0)
-    rates = system.matrix if context.engine.has_rows else system.operator
+    exit_rates = system.row_sums()
+    steps = float(exit_rates.max()) * time
+    few_rows = system.has_rows and (
+        system.n <= tuning.TRANSIENT_ROWS_STATES or steps >= tuning.KRYLOV_STEPS
+    )
+    rates = system.matrix if context.engine.has_rows or few_rows else system.operator
     interest = None
     if context.relevant_states is not None:
         interest = np.flatnonzero(system.restrict(context.relevant_states))
     transient = transient_values(
         rates,
-        system.row_sums(),
+        exit_rates,
         time,
         context.options,
         terminal=terminal,
         reward_rate=reward_rate,
         interest=interest,
         observer=context.observer,
+        leave=system.one_step_probability(~system.states),
+        limit=limit,
     )
     context.log.runs.append(
         SolverRun(

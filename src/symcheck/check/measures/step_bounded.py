@@ -9,12 +9,14 @@ thousands of steps. Values close to underflow become bounds (`symcheck.numerics.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 
 import numpy as np
 
 from symcheck.check.context import Context
+from symcheck.check.measures.long_horizons import RestOfSteps, squared_steps
 from symcheck.check.path_formulas import UntilPath
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
@@ -22,7 +24,7 @@ from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.matrices.numbers import Numbers, is_exact
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.linear.problem import Progress, largest_width
-from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.numerics.tuning import LIMIT_STEPS, UNIT_ROUNDOFF
 from symcheck.numerics.underflow import enclosed, may_underflow
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
@@ -92,6 +94,8 @@ def bounded_until(
             direction,
             system.one_step_probability(goal),
             [(goal, 1.0)],
+            grows=not path.negative,
+            unbounded=lambda: unbounded(replace(context, relevant_states=None)),
         )
     return (
         values if steps.lower == 0 else _delayed(context, left, values, steps.lower, direction, end)
@@ -164,11 +168,19 @@ def _repeat(
     add: Numbers | int = 0,
     rest: Sequence[tuple[StateSet, float]] = (),
     taken: int = 0,
+    *,
+    grows: bool | None = None,
+    unbounded: Callable[[], Values] | None = None,
 ) -> Values:
     """The values after `steps` steps, of which `taken` were taken; `add` is added in each.
 
     sides: the values so far, or their lower and their upper bounds. rest: values of other states.
+    grows, unbounded: as in `RestOfSteps`.
     """
+    squared = squared_steps(context, system, sides, steps - taken, add)
+    if squared is not None:
+        return system.lift(*squared, rest)
+    remaining = RestOfSteps(context, system, steps, bool(np.any(add)), grows, unbounded)
     exact = len(sides) == 1 or not np.any(sides[1] - sides[0] > 2 * UNDERFLOW_MARGIN)
     numbers = [*sides, add] if isinstance(add, np.ndarray) else sides
     signed = any(len(x) > 0 and x.min() < 0 for x in numbers)
@@ -182,12 +194,22 @@ def _repeat(
             following = enclosed(following, positive, signed=signed)
         if context.observer is not None:
             context.observer(Progress("step by step", taken, 0.0, system.n))
-        if len(sides) == len(following) and all(map(np.array_equal, sides, following)):
+        settled = len(sides) == len(following) and all(map(np.array_equal, sides, following))
+        known = settled or remaining.is_known(taken, sides, following)
+        before, sides = sides, following
+        if known:
             break
-        sides = following
     _note(context, system.n, taken)
-    rounding = taken * 2 * (system.operator.longest + 2) * UNIT_ROUNDOFF
-    return lift_bounds(context, system, sides, rounding, rest, exact=exact)
+    if context.engine.exact or steps - taken < LIMIT_STEPS:
+        # Rounded values that stay the same may hide changes in each of the other steps.
+        rounding = steps * 2 * (system.operator.longest + 2) * UNIT_ROUNDOFF
+        return lift_bounds(context, system, sides, rounding, rest, exact=exact)
+    lower, upper = remaining.bounds(taken, before, sides)
+    relevant = context.relevant_states
+    members = slice(None) if relevant is None else system.restrict(relevant) > 0
+    width = largest_width(lower[members], upper[members], context.options.relative)
+    context.warn_if_wide(width, f"{taken:,} of {steps:,} steps were made")
+    return system.lift(lower, upper, rest)
 
 
 def _product(

@@ -65,16 +65,22 @@ class WeightSequence:
     """A sequence of weights: `constant` for k < left, then `values`, then 0.
 
     It is not stored in full, as left may be 1e9. missing: a bound on the sum of what the weights
-    lack, since the window ends.
+    lack, since the window ends. spread: up to how many numbers later the values really are.
     """
 
     left: int
     constant: float
     values: Floats
     missing: float = 0.0
+    spread: float = 0.0
+
+    @property
+    def end(self) -> int:
+        """The number of weights, which may be beyond 64 bits."""
+        return self.left + len(self.values)
 
     def __len__(self) -> int:
-        return self.left + len(self.values)
+        return self.end
 
     def between(self, begin: int, end: int) -> Floats:
         """The weights of begin <= k < end, float64[end - begin]."""
@@ -92,8 +98,11 @@ class WeightSequence:
         flat = self.constant * max(0, self.left - begin)
         return flat + float(self._tail_sums[max(0, begin - self.left) :][:1].sum())
 
-    def powers(self, begin: int, ratio: float) -> float:
-        """The sum over k >= begin of weight_k * ratio^(k - begin), relative error about 1e-10."""
+    def powers(self, begin: int, ratio: float, upper: bool = True) -> float:
+        """The sum over k >= begin of weight_k * ratio^(k - begin), relative error about 1e-10.
+
+        upper: whether it should be too large rather than too small, if values are spread.
+        """
         if ratio <= 0.0:
             return float(self.between(begin, begin + 1).sum())
         flat = max(0, self.left - begin)
@@ -103,7 +112,8 @@ class WeightSequence:
             front = self.constant * (flat if log == 0.0 else _expm1(flat * log) / math.expm1(log))
         values = self.values[max(0, begin - self.left) :]
         with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-            whole = front + float(values @ np.exp(log * (flat + np.arange(len(values)))))
+            later = self.spread if (log > 0.0) == upper else 0.0
+            whole = front + float(values @ np.exp(log * (flat + later + np.arange(len(values)))))
         # A weight of 0 times an overflow is NaN.
         return math.inf if math.isnan(whole) else whole
 

@@ -89,7 +89,8 @@ def krylov_values(
         poles: those of the rational functions of Q, times `time`; used in turn.
 
     Returns:
-        None if the subspace does not converge.
+        The values, which are less accurate than requested where rounding, or the sizes of the
+        subspace, do not allow for more; None if the subspace does not converge.
     """
     system = _System.of(
         rates, exit_rates, tuple(p / time for p in poles), tuning.ELIMINATION_POLE / time
@@ -111,14 +112,15 @@ def krylov_values(
     goal, allowed = math.inf, 0.0
     larger = () if system.factors is None else tuning.LARGER_SUBSPACE_SIZES
     sizes = (*tuning.SUBSPACE_SIZES, *larger)
+    best: KrylovValues | None = None
     for size in sizes:
         if not space.extend(size, allowed):
-            return None
+            return best
         try:
             projection = space.projection(size)
             path = _path(projection, time, 3e-3 * goal / (growth * tuning.SAMPLING_FACTOR))
         except (np.linalg.LinAlgError, OverflowError):  # singular, or not finite
-            return None
+            return best
         end, rounded = projection.at_end(path)
         error = (_defect(projection, path) + rounded + fixed) * growth * (1.0 + 1e-6)
         # The sum with the start is rounded too.
@@ -134,18 +136,24 @@ def krylov_values(
             continue  # probably a Ritz value in the right half-plane; most projections have none
         history.append((size, width))
         goal = settings.epsilon * (least if settings.relative else 1.0)
-        if width > goal and not (least > 0.0 and _converges(history, goal, sizes[-1])):
-            return None
-        if width <= goal or len(history) == 1:
+        if width <= goal or width <= tuning.MISSED_WIDTH * least or len(history) == 1:
             values = start + _combination(end, space.basis)
+            found = KrylovValues(values, error, size, space.steps)
             if width <= goal:
-                return KrylovValues(values, error, size, space.steps)
+                return found
             if float(values.max()) > tuning.MAX_VALUE_RANGE * least:
-                return None
+                return best
+            if width <= tuning.MISSED_WIDTH * least:
+                stalls = size in larger and best is not None and error > tuning.STALLED * best.error
+                best = found if best is None or error < best.error else best
+                if stalls:
+                    return best  # rounding
+        if not (least > 0.0 and _converges(history, goal, sizes[-1])):
+            return best
         if width < least:  # otherwise the goal is a guess
             weight = time * growth * float(np.max(np.abs(path.nodes[:, -1])))
             allowed = tuning.VECTOR_SHARE * goal / weight if weight > 0.0 else 0.0
-    return None
+    return best
 
 
 def importance(

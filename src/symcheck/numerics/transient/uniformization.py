@@ -9,7 +9,10 @@ rewards, terminal is the reward; for cumulative rewards, reward_rate is the rewa
 Long horizons need fewer steps: if a y_k <= P y_k <= b y_k then a^m y_k <= P^m y_k <= b^m y_k
 for all m (Collatz & Wielandt). The ratio bounds converge as the chain forgets its start, to a
 steady state (a = b = 1) or to a quasi-stationary decay or growth, and the rest of the sum is then
-known.
+known. Even without them, P^m y_k lies between the least (if no jump leaves the states) and the
+greatest entry of y_k, or 0, however large m is: nothing remains once all is absorbed.
+
+Small chains with a long horizon are squared instead (see `squaring`).
 """
 
 from __future__ import annotations
@@ -29,8 +32,9 @@ from symcheck.numerics.linear.preconditioned_bicgstab import scaled
 from symcheck.numerics.linear.problem import Observer, Progress, largest_width
 from symcheck.numerics.settings import Settings
 from symcheck.numerics.transient.forward import forward_value
-from symcheck.numerics.transient.poisson import PoissonWeights, poisson
+from symcheck.numerics.transient.poisson import PoissonWeights, WeightSequence, poisson
 from symcheck.numerics.transient.rational_krylov import importance, krylov_values, largest_growth
+from symcheck.numerics.transient.squaring import IntervalChain, squaring_entries
 from symcheck.numerics.transient.state_space_truncation import truncate
 from symcheck.numerics.transient.supermartingale import bound_negligible_values
 from symcheck.numerics.transient.uniformized_chain import UniformizedChain, uniformize
@@ -80,6 +84,8 @@ def transient_values(
     reward_rate: Floats | None = None,
     interest: Int64s | None = None,
     observer: Observer | None = None,
+    leave: Floats | None = None,
+    limit: Callable[[], Floats] | None = None,
 ) -> Transient:
     """Bounds on x(time) for every state. All arrays are non-negative, float64[n].
 
@@ -91,9 +97,13 @@ def transient_values(
         terminal, reward_rate: the initial values and the source (see the module).
         interest: states whose values need the accuracy; None: all.
         observer: receives the progress.
+        leave: the rates of leaving for states outside, with a relative error; None: not known, and
+            small chains are not squared.
+        limit: computes an upper bound on the values at any time.
 
     Returns:
-        Bounds. Values below 1e-300, such as those of states that earn nothing, may have the bounds
+        Bounds, which are further apart than requested if rounding or the work does not allow for
+        it. Values below 1e-300, such as those of states that earn nothing, may have the bounds
         0 and 2e-300.
 
     Raises:
@@ -101,12 +111,17 @@ def transient_values(
     """
     n = len(exit_rates)
     total: Transient | None = None
-    horizon = _Horizon(rates, exit_rates, time, settings, interest, observer)
-    for start, source in ((terminal, False), (reward_rate, True)):
-        if start is None or not np.any(start):
-            continue
-        if start.min() < 0.0:
-            raise NumericalError("transient values require non-negative rewards")
+    horizon = _Horizon(rates, exit_rates, time, settings, interest, observer, leave, limit)
+    starts = [
+        (start, source)
+        for start, source in ((terminal, False), (reward_rate, True))
+        if start is not None and np.any(start)
+    ]
+    if any(start.min() < 0.0 for start, _ in starts):
+        raise NumericalError("transient values require non-negative rewards")
+    if starts and horizon.is_squared:
+        return horizon.by_squaring(terminal, reward_rate)
+    for start, source in starts:
         part = horizon.part(start, source)
         total = part if total is None else total.plus(part)
     return (
@@ -126,6 +141,34 @@ class _Horizon:
     settings: Settings
     interest: Int64s | None
     observer: Observer | None
+    leave: Floats | None = None
+    limit: Callable[[], Floats] | None = None
+
+    @property
+    def is_squared(self) -> bool:
+        """Whether squaring takes fewer multiplications than the steps of uniformisation."""
+        rates, steps = self.rates, float(self.exit_rates.max()) * self.time
+        return (
+            isinstance(rates, SparseMatrix)
+            and self.leave is not None
+            and rates.states <= tuning.SQUARING_STATES
+            and steps > tuning.SQUARING_STEPS
+            and squaring_entries(rates.states, steps) < steps * (rates.entries + rates.rows)
+        )
+
+    def by_squaring(self, terminal: Floats | None, reward_rate: Floats | None) -> Transient:
+        """Both parts, for a small chain."""
+        rates, leave = self.rates, self.leave
+        assert isinstance(rates, SparseMatrix)
+        assert leave is not None
+        error = tuning.ENTRY_ERROR + rates.longest * tuning.UNIT_ROUNDOFF
+        earned = np.zeros(rates.states) if reward_rate is None else reward_rate
+        chain, reward, halvings = IntervalChain.of_rates(rates, leave, self.time, earned, error)
+        end = None if terminal is None else (terminal, terminal)
+        found = chain.values(1 << halvings, end, None if reward_rate is None else reward)
+        return Transient(
+            found.lower, found.upper, found.squarings, f"{found.squarings} squarings of a matrix"
+        )
 
     @cached_property
     def chain(self) -> UniformizedChain:
@@ -136,23 +179,45 @@ class _Horizon:
         """The part of the terminal values or of the reward rate, by the first that applies."""
         rates, interest = self.rates, self.interest
         if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
-            entries = float(self.exit_rates.max()) * self.time * (rates.entries + rates.rows)
+            steps = float(self.exit_rates.max()) * self.time
+            entries = steps * (rates.entries + rates.rows)
             result, least = None, 0.0
-            if len(interest) == 1 and entries > tuning.FORWARD_ENTRIES:
+            # Each step visits at least one entry.
+            forward = entries > tuning.FORWARD_ENTRIES and steps <= tuning.FORWARD_WORK
+            if len(interest) == 1 and forward:
                 result, least = self.by_forward_steps(rates, int(interest[0]), start, source)
             if result is None and source and entries > tuning.TRUNCATION_ENTRIES:
                 result = self.if_negligible(rates, interest, start, least)
                 result = result or self.on_truncated_space(rates, interest, start)
-            result = result or self.by_rational_krylov(rates, interest, start, source)
+            if result is None and steps <= tuning.LARGEST_POISSON_RATE:
+                result = self.by_rational_krylov(rates, interest, start, source)
+                if result is not None and not self.suffices(result, interest, entries):
+                    result = None
             if result is not None:
                 return result
         return self.by_series(start, source)
 
+    def suffices(self, found: Transient, interest: Int64s, entries: float) -> bool:
+        """Whether the bounds are as close as requested, or uniformisation, which would visit these
+        entries, takes too long for closer ones.
+        """
+        close = _close_enough(found.lower[interest], found.upper[interest], self.settings)
+        return close or entries > tuning.AFTER_KRYLOV_ENTRIES
+
     def by_series(self, start: Floats, source: bool) -> Transient:
         """Uniformisation."""
         y = start / self.chain.q if source else start
+        conservative = self.leave is not None and not np.any(self.leave)
         return _sum_series(
-            self.chain, y, self.time, source, self.settings, self.interest, self.observer
+            self.chain,
+            y,
+            self.time,
+            source,
+            self.settings,
+            self.interest,
+            self.observer,
+            conservative=conservative,
+            limit=self.limit if source else None,
         )
 
     def by_forward_steps(
@@ -215,7 +280,8 @@ class _Horizon:
         weights: positive; values are divided by them, and Q becomes diag(w)^-1 Q diag(w). None: 1.
 
         Returns:
-            None if the chain is not stiff or the subspace does not converge.
+            Bounds, perhaps further apart than requested (see `krylov_values`); None if the chain
+            is not stiff or the subspace does not converge.
         """
         chain, exit_rates, time = self.chain, self.exit_rates, self.time
         settings, observer = self.settings, self.observer
@@ -235,6 +301,9 @@ class _Horizon:
             )
             if math.isinf(later_growth):
                 return None
+        rounding = 2.0 * (rates.longest + 6) * tuning.UNIT_ROUNDOFF * chain.q * time
+        if settings.relative and rounding > settings.epsilon:
+            return None  # it is an error relative to the greatest value (see `krylov_values`)
         terms = start / chain.q if source else start
         smooth, steps, smoothing_error = _smooth(chain, terms, smoothing, source, growth, observer)
         reward_rate = start if source else None
@@ -254,8 +323,6 @@ class _Horizon:
         error = (result.error + smoothing_error * later_growth * (1.0 + 1e-6)) * scale
         values = result.values * scale
         lower, upper = np.maximum(values - error, 0.0), values + error
-        if not _close_enough(lower[interest], upper[interest], settings):
-            return None
         note = (
             f"uniformisation, {steps} steps, then a rational Krylov subspace of "
             f"{result.vectors} vectors, {result.steps} steps of BiCGStab"
@@ -292,11 +359,31 @@ class _Horizon:
         if cut is None or len(kept) > tuning.TRUNCATION_MAX_KEPT * rates.states:
             return None
         at = index[interest].astype(np.int64)
-        smaller = _Horizon(matrix, exit_rates[kept], time, self.settings, at, self.observer)
-        weights = importance(matrix, exit_rates[kept], reward_rate[kept], time, cut.values)
-        result = None
-        if weights is not None:
-            result = smaller.by_rational_krylov(matrix, at, reward_rate[kept], True, weights)
+        leave, limit = None, self.limit
+        if self.leave is not None:
+            members = np.zeros(rates.states, np.bool_)
+            members[kept] = True
+            cut_off = np.zeros(rates.states)
+            cut_off[members] = rates.sums(members, ~members)
+            leave = (self.leave + cut_off)[kept]
+        smaller = _Horizon(
+            matrix,
+            exit_rates[kept],
+            time,
+            self.settings,
+            at,
+            self.observer,
+            leave,
+            None if limit is None else lambda: limit()[kept],
+        )
+        result = smaller.by_squaring(None, reward_rate[kept]) if smaller.is_squared else None
+        if result is None and smaller.chain.q * time <= tuning.LARGEST_POISSON_RATE:
+            weights = importance(matrix, exit_rates[kept], reward_rate[kept], time, cut.values)
+            if weights is not None:
+                result = smaller.by_rational_krylov(matrix, at, reward_rate[kept], True, weights)
+                entries = smaller.chain.q * time * smaller.chain.entries
+                if result is not None and not smaller.suffices(result, at, entries):
+                    result = None
         result = result or smaller.by_series(reward_rate[kept], True)
         lower, upper = self.trivial_bounds(reward_rate, True)
         lower[interest] = result.lower[at]
@@ -320,6 +407,18 @@ def transient_distribution(
         time: the time.
         settings: accuracy and limits.
     """
+    steps = float(exit_rates.max(initial=0.0)) * time
+    if (
+        rates.states <= tuning.SQUARING_STATES
+        and steps > tuning.SQUARING_STEPS
+        and squaring_entries(rates.states, steps) < steps * (rates.entries + rates.rows)
+    ):
+        nothing = np.zeros(rates.states)
+        error = tuning.ENTRY_ERROR + rates.longest * tuning.UNIT_ROUNDOFF
+        squared, _, halvings = IntervalChain.of_rates(rates, nothing, time, nothing, error)
+        found = squared.distribution(1 << halvings, initial)
+        text = f"{found.squarings} squarings of a matrix"
+        return Transient(found.lower, found.upper, found.squarings, text)
     chain = uniformize(rates, exit_rates, transposed=True)
     series = _sum_series(chain, initial, time, False, settings, None, None, mass=True)
     series.upper[:] = np.minimum(series.upper, 1.0)
@@ -335,41 +434,69 @@ def _sum_series(
     interest: Int64s | None,
     observer: Observer | None,
     mass: bool = False,
+    conservative: bool = False,
+    limit: Callable[[], Floats] | None = None,
 ) -> Transient:
     """The sum of weight_k * P^k start over the Poisson window, cut short if bounds permit it.
 
     source: the weights are P(N > k), else P(N = k).
     mass: start is a distribution, whose sum does not grow; else values, whose maximum does not.
+    conservative: no jump leaves the states, so that the minimum of values does not fall.
+    limit: computes an upper bound on the values.
     """
-    window = poisson(chain.q * time)
-    weights = window.tails() if source else window.masses()
+    work = chain.q * time * (chain.entries or len(start))
+    window, weights = _weights(chain.q * time, source, work > tuning.LONG_SERIES_ENTRIES)
+    end = weights.end
     y, z, total = start.copy(), np.empty_like(start), np.zeros_like(start)
     at_interest: Callable[[Floats], Floats] = (
         (lambda v: v) if interest is None else (lambda v: v[interest])
     )
-    k, check_interval = 0, min(tuning.CHECK_INTERVAL, len(weights))
+    k, check_interval = 0, min(tuning.CHECK_INTERVAL, end)
     rounding_error = _step_error(chain)
+    largest: Floats | None = None
     while True:
         # The ratio bounds ignore negligible entries, which converge last.
         floor = (
             0.0
             if mass or k == 0
-            else 1e-3 * settings.epsilon * float(at_interest(y).min(initial=np.inf)) / len(weights)
+            else 1e-3 * settings.epsilon * float(at_interest(y).min(initial=np.inf)) / end
         )
         floor = floor if np.isfinite(floor) else 0.0
         y, z, low, high, most = chain.advance(
             y, z, total, weights.between(k, k + check_interval), floor
         )
         k += check_interval
-        error = _series_error(chain, window, k)
-        below = total * (1.0 - error)
+        error = _series_error(chain, window, k, source and not mass)
+        below = total * max(1.0 - error, 0.0)
         remaining_weight = weights.tail_sum(k) + weights.missing
         size = float(y.sum()) if mass else most
         above = total * (1.0 + error) + remaining_weight * size * (1.0 + error)
+        if not mass and k <= weights.left:
+            # All that is left is between the least and the greatest entry.
+            error_now = _error_of_extremes(chain, k, source, error)
+            least = float(y.min()) - error_now * (float(y.min()) if source else most)
+            least = max(least, 0.0) if conservative else 0.0
+            rest = weights.tail_sum(k) * (max(1.0 - error, 0.0) if source else 1.0)
+            below = below + least * rest
+            rest = remaining_weight * (1.0 + error if source else 1.0)
+            above = np.minimum(above, total * (1.0 + error) + rest * most * (1.0 + error_now))
+        out_of_work = (
+            work > tuning.LONG_SERIES_ENTRIES
+            and k * float(chain.entries or len(start)) > tuning.SERIES_ENTRIES
+        )
+        compares = out_of_work or min(k, end - k) >= tuning.LIMIT_STEPS
+        if limit is not None and largest is None and compares:
+            largest = limit()
+        if largest is not None:
+            above = np.maximum(np.minimum(above, largest), below)
         if observer is not None:
             observer(Progress("uniformisation", k, high - low, len(start)))
-        if k >= len(weights) or _close_enough(at_interest(below), at_interest(above), settings):
-            return _result(below, above, k, len(weights), "")
+        if (
+            k >= end
+            or _close_enough(at_interest(below), at_interest(above), settings)
+            or out_of_work
+        ):
+            return _result(below, above, k, end, "")
         if (
             low <= high < np.inf
             and _worth_computing(
@@ -377,12 +504,15 @@ def _sum_series(
             )
             and math.isfinite(powers := weights.powers(k, high * (1.0 + rounding_error)))
         ):
-            least = weights.powers(k, low * (1.0 - rounding_error))
+            least = weights.powers(k, low * (1.0 - rounding_error), upper=False)
             greatest = powers + 2.0 * weights.missing
             kept = np.where(y > floor / (1.0 - rounding_error), y, 0.0)
+            error = _series_error(chain, window, k)
             shortcut = (
-                below + least * kept * (1.0 - error),
-                total * (1.0 + error) + greatest * (y + 2.0 * floor) * (1.0 + error),
+                np.maximum(below, (total + least * kept) * (1.0 - error)),
+                np.minimum(
+                    above, total * (1.0 + error) + greatest * (y + 2.0 * floor) * (1.0 + error)
+                ),
             )
             # Ratios that differ by rounding only will not converge further.
             if high - low <= 2.0 * rounding_error or _close_enough(
@@ -391,10 +521,29 @@ def _sum_series(
                 return _result(
                     *shortcut,
                     k,
-                    len(weights),
+                    end,
                     f", then a steady ratio of {0.5 * (low + high):.12g} per step",
                 )
-        check_interval = min(max(tuning.CHECK_INTERVAL, k // 20), len(weights) - k)
+        check_interval = min(max(tuning.CHECK_INTERVAL, k // 20), end - k)
+
+
+def _weights(rate: float, source: bool, shortened: bool) -> tuple[PoissonWeights, WeightSequence]:
+    """The window and the sequence of weights.
+
+    shortened: the steps are too many, so that the end is not reached. Then one number stands for
+    all within 40 standard deviations, where all but 1e-300 of the probability is. So any rate is
+    possible, and the sums from the numbers before on are right.
+    """
+    deviations = 40.0 * math.sqrt(rate)
+    if not shortened or deviations > 0.1 * rate:
+        window = poisson(rate)
+        return window, window.tails() if source else window.masses()
+    if not math.isfinite(rate):
+        raise NumericalError("the greatest rate times the time is beyond doubles")
+    left = int(rate - deviations)
+    window = PoissonWeights(rate, left, np.ones(1), 1e-300, 1e-15)
+    last = rate - left if source else 1.0
+    return window, WeightSequence(left, float(source), np.full(1, last), 1e-300, 2.0 * deviations)
 
 
 def _smooth(
@@ -434,16 +583,42 @@ def _step_error(chain: UniformizedChain) -> float:
     return (chain.longest + 14) * tuning.UNIT_ROUNDOFF
 
 
-def _series_error(chain: UniformizedChain, window: PoissonWeights, steps: int) -> float:
+def _series_error(
+    chain: UniformizedChain, window: PoissonWeights, steps: int, grows: bool = False
+) -> float:
     """The relative error of the sum after some steps.
 
     Exit rates are rounded sums, and q t is a rounded product: if they differ by e relatively, the
     weight of each path has a factor within exp(±e q t), however many steps it has. 1e-10 is the
     error of `WeightSequence.powers`; it also covers that weights beyond the window count more than
     twice where values grow.
+
+    grows: what is summed are rewards up to the time. If all states are left faster by a factor of
+    up to 1 + e, a run earns what it earned, divided by up to 1 + e, within a time longer by the
+    same factor. With the rate r and the window up to r + d, P(N > k) changes relatively by at most
+    8 e max(sqrt(r), d): P(N > k) is at least P(N = k) min(sqrt(r), r/d) / 8 for k <= r + d. For k
+    far below r, it is 1, and the sum of those that follow is that of all, r, minus k.
     """
-    fixed = 1e-10 + window.error + (chain.longest + 2) * tuning.UNIT_ROUNDOFF * window.rate
-    return (steps + 4) * _step_error(chain) + fixed
+    differ = (chain.longest + 2) * tuning.UNIT_ROUNDOFF
+    fixed = 1e-10 + window.error
+    if grows:
+        beyond = max(40.0 * math.sqrt(window.rate), window.right - window.rate, 1.0)
+        early = steps <= 0.5 * window.left
+        fixed += 2.0 * differ * (2.0 if early else 1.0 + 8.0 * beyond)
+    else:
+        fixed += differ * window.rate
+    return math.expm1(min((steps + 4) * _step_error(chain) + fixed, 200.0))
+
+
+def _error_of_extremes(chain: UniformizedChain, steps: int, source: bool, error: float) -> float:
+    """The error of the least and the greatest entry of P^k start, relative to the greatest.
+
+    Rates that only grow with the time are those of a chain with other exit rates (see
+    `_series_error`), of which the entries are as accurate as the sum. Otherwise an entry of P on
+    the diagonal is wrong by as much as exit rates are, relative to 1, in each step.
+    """
+    differ = (chain.longest + 2) * tuning.UNIT_ROUNDOFF
+    return error if source else (steps + 4) * (_step_error(chain) + 2.0 * differ)
 
 
 def _worth_computing(
@@ -471,5 +646,6 @@ def _close_enough(below: Floats, above: Floats, settings: Settings) -> bool:
 
 
 def _result(lower: Floats, upper: Floats, steps: int, all_steps: int, note: str) -> Transient:
-    text = f"uniformisation, {steps} of {all_steps} steps{note}"
+    count = f"{all_steps}" if all_steps < 10**15 else f"{float(all_steps):.1e}"
+    text = f"uniformisation, {steps} of {count} steps{note}"
     return Transient(lower, upper, steps, text)

@@ -1,0 +1,159 @@
+"""Horizons far beyond the steps that can be made, on every engine: a run ends, with bounds that hold.
+
+The oracles are closed forms. Work is counted in steps, which the log of a result has.
+"""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import pytest
+
+import symcheck
+from symcheck.check.result import Result
+from symcheck.errors import SymcheckError
+
+ENGINES = ("explicit", "sparse", "hybrid", "mtbdd")
+ABSORBED = """ctmc
+module m
+  x : [0..1] init 0;
+  [] x=0 -> 7:(x'=1);
+endmodule
+rewards x=0 : 1; endrewards
+"""
+STIFF = """ctmc
+module m
+  x : [0..8] init 0;
+  [] x<8 & mod(x,2)=0 -> 1e6:(x'=x+1);
+  [] x<8 & mod(x,2)=1 -> 1e-5:(x'=x+1) + 1e6:(x'=x-1);
+endmodule
+"""
+NEARLY_DECOMPOSABLE = """{kind}
+const double e = 1/1099511627776;
+module m
+  x : [0..2] init 0;
+  [] x=0 -> 1/2:(x'=1) + (1/2-e):(x'=0) + e:(x'=2);
+  [] x=1 -> 1/2:(x'=0) + (1/2-e):(x'=1) + e:(x'=2);
+endmodule
+rewards x<2 : 1; endrewards
+"""
+"""Each step is the last with the probability 2^-40."""
+
+
+def holds(result: Result, exact: float, width: float = 1e-6) -> bool:
+    """Whether the bounds contain the value and are close."""
+    accuracy = result.accuracy
+    lower = getattr(accuracy, "lower", result.value)
+    upper = getattr(accuracy, "upper", result.value)
+    room = 1e-12 * abs(exact)
+    return bool(lower - room <= exact <= upper + room and upper - lower <= width * upper + 1e-299)
+
+
+def steps_of(result: Result) -> int:
+    return sum(run.iterations for run in result.runs)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("time", ["1e6", "1e9", "1e13", "1e300"])
+def test_a_time_bound_after_all_is_absorbed(engine: str, time: str) -> None:
+    model = symcheck.loads(ABSORBED).with_options(engine=engine)
+    for query, exact in (
+        (f"P=? [ F<={time} x=1 ]", 1.0),
+        (f"P=? [ F[1,{time}] x=1 ]", 1.0),
+        (f"P=? [ G<={time} x=0 ]", 0.0),
+        (f"R=? [ C<={time} ]", 1 / 7),
+        (f"R=? [ I={time} ]", 0.0),
+    ):
+        result = model.check(query)
+        assert holds(result, exact), (query, result)
+        assert steps_of(result) <= 3000
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_stiff_chains_take_as_few_steps_on_every_engine(engine: str) -> None:
+    """The odd states are left forwards with the probability 1e-11: in 10 time units, 5 million times."""
+    result = symcheck.loads(STIFF).with_options(engine=engine).check("P=? [ F<=10 x=8 ]")
+    assert holds(result, 2.6040604189156805e-19, 1e-9)  # e^(Q t) in balls of 200 digits
+    assert steps_of(result) <= 100
+
+
+@pytest.mark.parametrize("kind", ["dtmc", "mdp"])
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("steps", [10**6, 10**12, 2**63 - 1])
+def test_nearly_decomposable_chains(kind: str, engine: str, steps: int) -> None:
+    model = symcheck.loads(NEARLY_DECOMPOSABLE.format(kind=kind)).with_options(engine=engine)
+    best = "" if kind == "dtmc" else "max"
+    stays = steps * math.log1p(-(2.0**-40))
+    for query, exact in (
+        (f"P{best}=? [ F<={steps} x=2 ]", -math.expm1(stays)),
+        (f"P{best}=? [ G<={steps} x<2 ]", math.exp(stays)),
+        (f"R{best}=? [ C<={steps} ]", -math.expm1(stays) * 2.0**40),
+        (f"R{best}=? [ I={steps} ]", math.exp(stays)),
+    ):
+        result = model.check(query)
+        assert holds(result, exact), (query, result)
+        assert steps_of(result) <= 2000
+
+
+def test_the_distribution_after_1e12_steps() -> None:
+    model = symcheck.loads(NEARLY_DECOMPOSABLE.format(kind="dtmc"))
+    found = model.transient(10**12)
+    exact = -math.expm1(10**12 * math.log1p(-(2.0**-40)))
+    assert found.lower[2] <= exact * (1 + 1e-12)
+    assert found.upper[2] >= exact * (1 - 1e-12)
+    assert found.error <= 1e-9
+
+
+SLOW_MDP = """mdp
+module m
+  x : [0..2] init 0;
+  [] x=0 -> {p}:(x'=1) + {q}:(x'=0);
+  [] x=0 -> {p}/2:(x'=1) + 1-{p}/2:(x'=0);
+endmodule
+"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_mdp_ends_once_the_value_without_a_bound_is_reached(engine: str) -> None:
+    text = SLOW_MDP.format(p="1/1024", q="1023/1024")
+    model = symcheck.loads(text).with_options(engine=engine)
+    for best in ("max", "min"):
+        result = model.check(f"P{best}=? [ F<=1000000000000 x=1 ]")
+        assert holds(result, 1.0), result
+        assert steps_of(result) < 200_000
+
+
+def test_an_mdp_that_is_too_slow_ends_with_wide_bounds_and_a_warning() -> None:
+    text = SLOW_MDP.format(p="1e-12", q="1-1e-12")
+    result = symcheck.loads(text).check("Pmax=? [ F<=1000000000000 x=1 ]")
+    exact = -math.expm1(10**12 * math.log1p(-1e-12))
+    assert result.accuracy.lower <= exact <= result.accuracy.upper
+    assert any("steps were made" in warning for warning in result.warnings)
+
+
+def test_exact_values_of_too_many_digits_are_refused() -> None:
+    text = NEARLY_DECOMPOSABLE.format(kind="dtmc")
+    model = symcheck.loads(text).with_options(exact=True)
+    with pytest.raises(SymcheckError, match="fraction of about"):
+        model.check("P=? [ F<=1000000000000 x=2 ]")
+
+
+def test_rounded_values_that_no_longer_change_are_not_called_exact() -> None:
+    """A reward of 1/2 + 2^-61 per step: doubles stay at 1/2 for ever, and the true value does not."""
+    text = """dtmc
+module m
+  x : [0..400] init 0;
+  [] x=0 -> 1-pow(2,-60.0):(x'=0) + pow(2,-60.0):(x'=1);
+  [] x>0 & x<400 -> (x'=x+1);
+  [] x=400 -> true;
+endmodule
+rewards x=0 : 1/2; x=400 : 1; endrewards
+"""
+    steps = 2**60
+    result = symcheck.loads(text).check(f"R=? [ I={steps} ]")
+    p = Fraction(1, 2**60)
+    left = math.exp(steps * math.log1p(-float(p)))
+    exact = 0.5 * left + (1 - left)
+    assert getattr(result.accuracy, "lower", result.value) <= exact
+    assert exact <= getattr(result.accuracy, "upper", result.value)
