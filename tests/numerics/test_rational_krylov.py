@@ -250,3 +250,15 @@ def test_rates_too_large_for_any_accuracy_have_no_subspace() -> None:
         fast, leave * 1e30, np.ones(10), None, 1.0, np.arange(10), Accuracy(epsilon=1e-6)
     )
     assert found is None
+
+
+def test_what_just_misses_the_accuracy_is_not_thrown_away() -> None:
+    """Rounding does not allow for 1e-15: the closest bounds found still hold, and others may take for ever."""
+    generator, rates, leave = stiff(60, 1, 0.0)
+    reward_rate = np.random.default_rng(1).random(60)
+    found = krylov_values(
+        rates, leave, np.zeros(60), reward_rate, 20.0, np.arange(60), Accuracy(epsilon=1e-15)
+    )
+    assert found is not None
+    error = np.max(np.abs(found.values - exact(generator, np.zeros(60), reward_rate, 20.0)))
+    assert error <= found.error <= 1e-3 * found.values.min()

@@ -600,13 +600,12 @@ def _series_error(
     far below r, it is 1, and the sum of those that follow is that of all, r, minus k.
     """
     differ = (chain.longest + 2) * tuning.UNIT_ROUNDOFF
-    fixed = 1e-10 + window.error
+    shift = window.rate
     if grows:
         beyond = max(40.0 * math.sqrt(window.rate), window.right - window.rate, 1.0)
         early = steps <= 0.5 * window.left
-        fixed += 2.0 * differ * (2.0 if early else 1.0 + 8.0 * beyond)
-    else:
-        fixed += differ * window.rate
+        shift = min(shift, 4.0 if early else 2.0 + 16.0 * beyond)
+    fixed = 1e-10 + window.error + differ * shift
     return math.expm1(min((steps + 4) * _step_error(chain) + fixed, 200.0))
 
 
