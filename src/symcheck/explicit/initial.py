@@ -11,9 +11,9 @@ import numpy as np
 from symcheck.errors import ModelFault
 from symcheck.explicit import tuning
 from symcheck.explicit.candidates import conjuncts, guard_masks
+from symcheck.explicit.faults import raise_expression_fault
 from symcheck.explicit.states import Rows, StateLayout
 from symcheck.matrices.rows import Bools
-from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.semantics.state_faults import no_initial_state
@@ -55,7 +55,8 @@ class _Enumeration:
 
     def __init__(self, model: BoundModel, condition: Expression) -> None:
         parts = conjuncts(condition)
-        index = {v.name: i for i, v in enumerate(model.variables)}
+        self.variables = tuple(enumerate(model.variables))
+        index = {v.name: i for i, v in self.variables}
         allowed = guard_masks(condition, model.variables, index)
         self.domains = {
             v.name: _domain(v, parts, allowed.get(i)) for i, v in enumerate(model.variables)
@@ -85,19 +86,20 @@ class _Enumeration:
             extended = {n: np.repeat(c, len(values)) for n, c in columns.items()}
             extended[name] = np.tile(values, lanes)
             for part in self.checks[name]:
-                holds = _holds(part, extended)
+                holds = self.holds(part, extended)
                 extended = {n: c[np.broadcast_to(holds, c.shape)] for n, c in extended.items()}
             if len(extended[name]):
                 yield from self.blocks(extended, at + 1)
 
-
-def _holds(part: Expression, columns: Columns) -> Bools:
-    """Where a conjunct holds. Raises the ModelFault of the first valuation without a value."""
-    lanes = evaluate_columns(part, columns)
-    if lanes.faults is not None:
-        at = int(np.flatnonzero(lanes.faults)[0])
-        evaluate(part, {name: column[at].item() for name, column in columns.items()})
-    return lanes.values
+    def holds(self, part: Expression, columns: Columns) -> Bools:
+        """Where a conjunct holds. Raises the ModelFault of the first valuation without a value."""
+        lanes = evaluate_columns(part, columns)
+        if lanes.faults is not None:
+            faulty = np.broadcast_to(lanes.faults, next(iter(columns.values())).shape)
+            at = int(np.flatnonzero(faulty)[0])
+            assigned = {i: int(columns[v.name][at]) for i, v in self.variables if v.name in columns}
+            raise_expression_fault(part, tuple(v for _, v in self.variables), assigned, 0)
+        return lanes.values
 
 
 def _domain(variable: Variable, parts: list[Expression], allowed: Bools | None) -> Column:

@@ -17,14 +17,13 @@ from symcheck.errors import ModelFault, UnsupportedError
 from symcheck.matrices.numbers import Numbers, Rationals, rationals
 from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix
 from symcheck.semantics import state_faults
-from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.interpreter import (
     Row,
     State,
     initial_states,
     state_rewards,
     transitions,
-    valuation,
+    value,
 )
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, ModelType
@@ -75,7 +74,7 @@ class RationalModel:
 
     def evaluate(self, expression: Expression) -> Numbers:
         """The value of an expression over the variables in each state, as objects."""
-        values = [evaluate(expression, valuation(self.model, s), exact=True) for s in self.states]
+        values = [value(self.model, s, expression) for s in self.states]
         out = np.empty(len(values), dtype=object)
         out[:] = values
         return out

@@ -560,7 +560,7 @@ cdef class Expander:
         """
         cdef int action = self.event_action[event] + 1, k, status
         cdef long long i
-        cdef double total = 0.0, reward
+        cdef double total = 0.0
         cdef double* row_rewards
         if self.action_rewards[action] == self.action_rewards[action + 1]:
             return 0
@@ -570,9 +570,9 @@ cdef class Expander:
             status = execute(self.code + self.rewards[k, 1], self.code, self.r)
             if status:
                 return status
-            reward = self.r[self.rewards[k, 2]].d
-            if reward - reward != 0:
-                return Status.NOT_A_NUMBER
             row_rewards = <double*> self.rows.rewards[self.rewards[k, 0]].data
-            row_rewards[self.rows.opened - 1] += total * reward
+            row_rewards += self.rows.opened - 1
+            row_rewards[0] += total * self.r[self.rewards[k, 2]].d
+            if row_rewards[0] - row_rewards[0] != 0:
+                return Status.NOT_A_NUMBER
         return 0

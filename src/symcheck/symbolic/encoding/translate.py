@@ -526,6 +526,10 @@ class Translator:
         """The set where the row bits of `target` are a valid code."""
         return self._valid(target, target.rows)
 
+    def valuations(self) -> Bdd:
+        """The set where the row bits of every variable are a valid code."""
+        return self.manager.conjunction([self.valid(v) for v in reversed(self.encoding.ordered)])
+
     def _valid(self, target: EncodedVariable, bits: Sequence[str]) -> Bdd:
         codes = np.arange(1 << target.width)
         return self.manager.bdd_table(bits, codes <= target.high - target.low)
