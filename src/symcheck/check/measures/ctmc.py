@@ -44,6 +44,9 @@ def next_probability(
     successor.
     """
     engine = context.engine
+    lower, upper = window.times()
+    if lower == upper:  # a jump at this very time
+        return engine.constant(0)
     system = engine.system(engine.all)
     rates, value = system.row_sums(), system.embedded(system.one_step_probability(target))
     context.log.runs.append(SolverRun("transient", "one jump", system.n, 1))
@@ -53,7 +56,6 @@ def next_probability(
             ~(certain | impossible), engine.indicator(certain)
         )
     _refuse_rationals(context)
-    lower, upper = window.times()
     in_time = np.exp(-rates * lower) * (
         1.0 if upper is None else -np.expm1(-rates * (upper - lower))
     )
@@ -104,6 +106,8 @@ def cumulative_reward(
     """Expected reward up to time t: state rewards per unit of time, transition rewards per jump."""
     _, time = window.times()
     assert time is not None
+    if time == 0:
+        return context.engine.constant(0)
     system = context.engine.system(context.engine.all)
     states, rows = system.rewards(reward)
     return _sum_of_signs(context, None, states + rows, time)
@@ -116,7 +120,7 @@ def instantaneous_reward(
     system = context.engine.system(context.engine.all)
     states, _ = system.rewards(reward)
     return (
-        system.lift(states, None)
+        system.lift(states, None, exact=True)
         if time == 0
         else _sum_of_signs(context, states, None, float(time))
     )

@@ -22,7 +22,7 @@ from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, System, Values
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.numbers import Numbers, full
+from symcheck.matrices.numbers import Numbers, full, is_infinite
 from symcheck.matrices.rows import Floats
 from symcheck.numerics.linear.problem import LinearProblem, Progress, largest_width
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
@@ -66,8 +66,10 @@ def discounted_reward(
         )
     system = engine.system(engine.all, direction)
     rewards = system.step_rewards(reward)
-    if np.isinf(np.asarray(rewards, dtype=np.float64)).any():
+    if is_infinite(rewards).any():
         raise UnsupportedError("discounted rewards need finite rewards, and one of a step is not")
+    if steps == 0:
+        return engine.constant(0)
     if discount == 0 and steps is None:
         steps = 1  # and 0^0 is 1
     if steps is not None:

@@ -74,6 +74,8 @@ def bounded_until(
     steps, left, end = path.window.steps(), path.left, int(path.negative)
     if steps.upper is None:
         values = unbounded(context)
+    elif steps.upper == steps.lower:  # what holds now, without any arithmetic
+        values = context.engine.indicator(~path.right if path.negative else path.right)
     else:
         possible = context.engine.graph.exists_until(left, path.right)
         goal = ~possible if path.negative else path.right
@@ -127,6 +129,8 @@ def cumulative_reward(
     steps = window.steps().upper
     assert steps is not None
     engine = context.engine
+    if steps == 0:
+        return engine.constant(0)
     system = engine.system(engine.all)
     return _repeat(context, system, [system.full(0)], steps, direction, system.step_rewards(reward))
 
