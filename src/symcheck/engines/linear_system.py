@@ -18,10 +18,11 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.engines.base import EquationsOf, S, S_contra, SolvedValues, SystemOf, V, V_co
+from symcheck.engines.reward_sums import RewardSums
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.numbers import Numbers, is_infinite
 from symcheck.matrices.operators import SweepOperator
-from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, starts_of
+from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, per_row, starts_of
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.problem import (
@@ -30,7 +31,7 @@ from symcheck.numerics.linear.problem import (
     Solution,
 )
 from symcheck.numerics.settings import Settings
-from symcheck.semantics.rewards import Reward
+from symcheck.semantics.rewards import Reward, Structure
 
 __all__ = [
     "ExpectedReward",
@@ -40,15 +41,9 @@ __all__ = [
     "Query",
     "Reachability",
     "chosen_rows",
-    "per_row",
     "refuse_infinite_minimum",
     "solved_values",
 ]
-
-
-def per_row(groups: Int64s | None, states: Numbers) -> Numbers:
-    """A value per state, repeated for each of its rows."""
-    return states if groups is None else np.repeat(states, np.diff(groups))
 
 
 def refuse_infinite_minimum(direction: Direction | None) -> None:
@@ -57,6 +52,16 @@ def refuse_infinite_minimum(direction: Direction | None) -> None:
         raise UnsupportedError(
             "least expected rewards with an infinite reward in a single step are not supported"
         )
+
+
+def _finite(results: Numbers, *operands: Numbers) -> Numbers:
+    """The results; UnsupportedError if one of them is infinite and its operands are not."""
+    infinite = is_infinite(results)
+    if infinite.any() and not any(is_infinite(o)[infinite].any() for o in operands):
+        raise UnsupportedError(
+            "the reward of a step is beyond the range of floating-point numbers\n  hint: use -exact"
+        )
+    return results
 
 
 def require_normal_numbers(smallest: float, largest: float, successors: int, rates: bool) -> None:
@@ -100,6 +105,11 @@ class LinearSystem(SystemOf[S, V]):
         """Whether some end component lies within the states (MDP)."""
 
     @property
+    @abstractmethod
+    def reward_sums(self) -> RewardSums:
+        """The sums of rewards of the engine that floating point gets wrong."""
+
+    @property
     def preprocessing(self) -> Sequence[Preprocessing[S, V]]:
         """Steps that may shorten the equations, in the order in which they are tried."""
         return ()
@@ -117,8 +127,28 @@ class LinearSystem(SystemOf[S, V]):
 
     def step_rewards(self, reward: Reward) -> Numbers:
         """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
+        earned = self.earned(reward)
+        return _finite(self.embedded(earned), earned)
+
+    def state_rewards(self, reward: Reward) -> Numbers:
+        """The state reward per state; accurate also where items of opposite signs cancel."""
+        if isinstance(reward, Structure):
+            accurate = self.reward_sums.per_state(reward.index, self.states)
+            if accurate is not None:
+                return accurate
+        return self.rewards(reward)[0]
+
+    def earned(self, reward: Reward) -> Numbers:
+        """Per row, the sum of the state reward and the transition rewards, accurate also where they
+        cancel.
+        """
+        if isinstance(reward, Structure):
+            accurate = self.reward_sums.per_row(reward.index, self.states)
+            if accurate is not None:
+                return accurate
         states, rows = self.rewards(reward)
-        return self.embedded(per_row(self.groups, states) + rows)
+        each = per_row(self.groups, states)
+        return _finite(each + rows, each, rows)
 
     def reachability(self, target: S) -> Reachability[S, V]:
         """The equations of the probability of reaching `target`, a set outside of the states."""
@@ -282,6 +312,12 @@ class ExpectedReward(BaseEquations[S, V]):
     reward: Reward
     infinite: S
 
+    @property
+    def cancels(self) -> bool:
+        """Whether rewards of opposite signs cancel somewhere."""
+        sums = self.system.reward_sums
+        return isinstance(self.reward, Structure) and sums.cancels(self.reward.index)
+
     @cached_property
     def usable_rows(self) -> Bools | None:
         """Rows that can be optimal; None: all.
@@ -335,7 +371,12 @@ def _preprocessed(
     settings: Settings,
     observer: Observer | None,
 ) -> SolvedValues[V] | None:
-    """The solution by the first preprocessing step that has one."""
+    """The solution by the first preprocessing step that has one.
+
+    These steps add the rewards of a structure themselves.
+    """
+    if isinstance(query, ExpectedReward) and query.cancels:
+        return None
     for step in query.system.preprocessing:
         if step.accepts(query, settings):
             solution = step.apply(query, known, settings, observer)

@@ -25,6 +25,7 @@ __all__ = [
     "Choice",
     "Row",
     "State",
+    "action_rewards",
     "choices",
     "initial_states",
     "state_rewards",
@@ -142,6 +143,13 @@ def transitions(model: BoundModel, state: State, *, check_sums: bool = True) -> 
 def state_rewards(model: BoundModel, state: State) -> tuple[Value, ...]:
     """The state reward per reward structure. Raises ModelFault if one is not finite."""
     return _StateEvaluator(model, state).rewards(True, None)
+
+
+def action_rewards(model: BoundModel, state: State, action: str | None) -> tuple[Value, ...]:
+    """The reward of a transition of an action, per reward structure. Raises ModelFault if one is
+    not finite.
+    """
+    return _StateEvaluator(model, state).rewards(False, action)
 
 
 def _row(merged: tuple[Choice, ...], divisor: int) -> Row:

@@ -109,8 +109,7 @@ def cumulative_reward(
     if time == 0:
         return context.engine.constant(0)
     system = context.engine.system(context.engine.all)
-    states, rows = system.rewards(reward)
-    return _sum_of_signs(context, None, states + rows, time)
+    return _sum_of_signs(context, None, system.earned(reward), time)
 
 
 def instantaneous_reward(
@@ -118,7 +117,7 @@ def instantaneous_reward(
 ) -> Values:
     """Expected state reward at time t."""
     system = context.engine.system(context.engine.all)
-    states, _ = system.rewards(reward)
+    states = system.state_rewards(reward)
     return (
         system.lift(states, None, exact=True)
         if time == 0

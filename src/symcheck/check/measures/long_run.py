@@ -43,8 +43,7 @@ def steady_reward(context: Context, reward: Reward, direction: Direction | None 
     timed = context.engine.model.type is ModelType.CTMC  # rewards of transitions times rates
 
     def reward_of(system: System) -> tuple[Numbers, bool]:
-        states, rows = system.rewards(reward)
-        return states + rows, timed and bool(np.any(rows))
+        return system.earned(reward), timed and bool(np.any(system.rewards(reward)[1]))
 
     return _average(context, reward_of)
 

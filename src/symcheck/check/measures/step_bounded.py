@@ -143,7 +143,7 @@ def instantaneous_reward(
     steps = Window(upper=time).steps().upper
     assert steps is not None
     system = engine.system(engine.all)
-    return _repeat(context, system, [system.rewards(reward)[0]], steps, direction)
+    return _repeat(context, system, [system.state_rewards(reward)], steps, direction)
 
 
 def _repeat(

@@ -12,9 +12,9 @@ from symcheck.engines import tuning
 from symcheck.engines.base import SolvedValues
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.base import ExplicitOwner, Numeric
-from symcheck.engines.linear_system import ExpectedReward, Query, per_row, solved_values
+from symcheck.engines.linear_system import ExpectedReward, Query, solved_values
 from symcheck.matrices.numbers import Numbers
-from symcheck.matrices.rows import Bools
+from symcheck.matrices.rows import Bools, per_row
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.problem import Observer
 from symcheck.numerics.settings import Settings
