@@ -245,6 +245,10 @@ class SystemOf(Protocol[S, V]):
         """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
         ...
 
+    def step_reward_errors(self, reward: Reward) -> Numbers:
+        """Per row: a bound on the rounding error of `step_rewards`, of an engine with doubles."""
+        ...
+
     def reachability(self, target: S) -> EquationsOf[S, V]:
         """The equations of the probability of reaching `target`, a set outside of the states."""
         ...

@@ -31,6 +31,7 @@ from symcheck.numerics.linear.problem import (
     Solution,
 )
 from symcheck.numerics.settings import Settings
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.rewards import Reward, Structure
 
 __all__ = [
@@ -52,6 +53,10 @@ def refuse_infinite_minimum(direction: Direction | None) -> None:
         raise UnsupportedError(
             "least expected rewards with an infinite reward in a single step are not supported"
         )
+
+
+_ROUNDINGS = 16 * UNIT_ROUNDOFF
+"""The relative error of a reward that is not a sum of items, such as one that was read."""
 
 
 def _finite(results: Numbers, *operands: Numbers) -> Numbers:
@@ -129,6 +134,14 @@ class LinearSystem(SystemOf[S, V]):
         """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
         earned = self.earned(reward)
         return _finite(self.embedded(earned), earned)
+
+    def step_reward_errors(self, reward: Reward) -> Numbers:
+        """Per row: a bound on the rounding error of `step_rewards`, of an engine with doubles."""
+        if isinstance(reward, Structure):
+            errors = self.reward_sums.errors(reward.index, self.states)
+            if errors is not None:
+                return self.embedded(errors) * (1.0 + 1e-9)
+        return _ROUNDINGS * np.abs(self.step_rewards(reward))
 
     def state_rewards(self, reward: Reward) -> Numbers:
         """The state reward per state; accurate also where items of opposite signs cancel."""

@@ -20,6 +20,7 @@ from symcheck.engines import tuning
 from symcheck.engines.capabilities import HasActions
 from symcheck.errors import InputError, UnsupportedError
 from symcheck.matrices.rows import Bools, Floats, Int64s, per_row
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.binding.bind import exactly_bound
 from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.expressions.types import static_type
@@ -46,6 +47,9 @@ if TYPE_CHECKING:
 
 __all__ = ["RewardSums"]
 
+_Exactly = Callable[[BoundModel, int, State], Iterable[tuple[int, Value]]]
+"""The numbers and the rational values of the rows of a state, by its number."""
+
 _ZERO = Literal(Fraction(0), Type.DOUBLE)
 _ONE = Literal(Fraction(1), Type.DOUBLE)
 
@@ -56,6 +60,7 @@ class RewardSums:
 
     engine: Engine
     _rows: dict[int, Floats | None] = field(default_factory=dict, init=False, repr=False)
+    _errors: dict[int, Floats] = field(default_factory=dict, init=False, repr=False)
     _states: dict[int, Floats | None] = field(default_factory=dict, init=False, repr=False)
 
     def cancels(self, index: int) -> bool:
@@ -76,6 +81,16 @@ class RewardSums:
         assert found is not None
         members = engine.to_bools(states)
         return found if members.all() else found[per_row(engine.system(engine.all).groups, members)]
+
+    def errors(self, index: int, states: StateSet) -> Floats | None:
+        """A bound on the rounding error of what each row earns, float64[rows]; None if it is
+        relative to that, as the structure has no negative rewards.
+        """
+        self.cancels(index)
+        if index not in self._errors:
+            return None
+        engine, members = self.engine, self.engine.to_bools(states)
+        return self._errors[index][per_row(engine.system(engine.all).groups, members)]
 
     def per_state(self, index: int, states: StateSet) -> Floats | None:
         """State rewards of a structure, float64[states]; None if floating point adds them
@@ -182,9 +197,7 @@ class RewardSums:
         groups = system.groups
         states, rows = system.rewards(Structure(index))
         on_states = [i for i in items if i.on_states]
-        magnitudes = of_states = self._magnitudes(on_states)
-        if len(on_states) == len(items) and self._are_whole(items, of_states):
-            return None
+        of_states = self._magnitudes(on_states)
         magnitudes = per_row(groups, of_states)
         if len(on_states) < len(items):
             of_transitions = self._magnitudes([i for i in items if not i.on_states])
@@ -192,24 +205,37 @@ class RewardSums:
                 magnitudes = magnitudes + per_row(groups, of_transitions) * system.row_sums()
         total: Floats = per_row(groups, states) + rows
         lost = _is_lost(total, magnitudes)
+        if len(on_states) == len(items) and self._are_whole(items, of_states):
+            lost[:] = False
         if groups is None:
-            return self._corrected(
+            out = self._corrected(
                 index, total, lost, lambda model, n, state: ((n, _chain_reward(model, state)),)
             )
+        else:
+            out = self._corrected(index, total, lost, self._choices(groups), groups)
+        operations = sum(2 + len(list(nodes(item.value))) for item in items)
+        unit = (operations + system.operator.longest) * UNIT_ROUNDOFF
+        of_rows = np.abs(total if out is None else out)
+        self._errors[index] = unit * np.where(lost, of_rows, magnitudes)
+        return out
+
+    def _choices(self, groups: Int64s) -> _Exactly:
+        """What the rows of a state of an MDP earn."""
+        engine = self.engine
         known = engine.capability(HasActions)
         if known is None:
             raise UnsupportedError(f"the {engine.name} engine does not know the actions of choices")
         actions, names = known.row_actions(), engine.model.actions
         deadlocks = engine.to_bools(engine.deadlocks)
 
-        def choices(model: BoundModel, n: int, state: State) -> Iterator[tuple[int, Value]]:
+        def of_state(model: BoundModel, n: int, state: State) -> Iterator[tuple[int, Value]]:
             on_state = state_rewards(model, state)[0]
             for row in range(groups[n], groups[n + 1]):
                 action = None if actions[row] < 0 else names[actions[row]]
                 earned = 0 if deadlocks[n] else action_rewards(model, state, action)[0]
                 yield row, on_state + earned
 
-        return self._corrected(index, total, lost, choices, groups)
+        return of_state
 
     def _are_whole(self, items: Sequence[BoundReward], magnitudes: Floats) -> bool:
         """Whether sums of state rewards are exact, as those of ints below 2^53 are."""
@@ -221,14 +247,10 @@ class RewardSums:
         index: int,
         values: Floats,
         lost: Bools,
-        exactly: Callable[[BoundModel, int, State], Iterable[tuple[int, Value]]],
+        exactly: _Exactly,
         groups: Int64s | None = None,
     ) -> Floats | None:
-        """The values with rationals, rounded once, where they are lost; None if they are nowhere.
-
-        Args:
-            exactly: the numbers and rational values of the rows of a state, by its number.
-        """
+        """The values, with rationals where digits are lost, rounded once; None if nowhere."""
         if not lost.any():
             return None
         engine = self.engine
