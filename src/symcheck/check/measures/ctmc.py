@@ -13,6 +13,7 @@ from fractions import Fraction
 import numpy as np
 
 from symcheck.check.context import Context
+from symcheck.check.measures.signed_steps import REWARD_ERROR
 from symcheck.check.path_formulas import UntilPath
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
@@ -169,6 +170,7 @@ def _sum_of_signs(
     engine = context.engine
     start = terminal if terminal is not None else reward_rate
     assert start is not None
+    signed = bool(np.any(start < 0))
     parts = []
     for sign in (1.0, -1.0):
         positive_part = np.maximum(sign * start, 0.0)
@@ -183,8 +185,16 @@ def _sum_of_signs(
             terminal=None if terminal is None else rewards,
             reward_rate=None if reward_rate is None else rewards,
         )
+        if signed:  # the rewards are rounded themselves
+            lower, upper = lower * (1.0 - REWARD_ERROR), upper * (1.0 + REWARD_ERROR)
         parts.append(system.lift(lower, upper))
-    return parts[0] if not np.any(start < 0) else parts[0].map("-", parts[1])
+    if not signed:
+        return parts[0]
+    difference = parts[0].map("-", parts[1])
+    bounds = difference.at(context.relevant_states or engine.all)
+    width = largest_width(*bounds, context.options.relative)
+    context.warn_if_wide(width, "positive and negative rewards cancel")
+    return difference
 
 
 def _transient_bounds(

@@ -17,10 +17,10 @@ from symcheck.matrices.rows import Floats
 from symcheck.numerics.linear.problem import Progress, largest_width
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 
-__all__ = ["STATE_REWARD_ERROR", "Steps", "best", "is_signed", "lifted", "signed_steps"]
+__all__ = ["REWARD_ERROR", "Steps", "best", "is_signed", "lifted", "signed_steps"]
 
-STATE_REWARD_ERROR = 2.0**-43
-"""The relative error of state rewards: see `symcheck.engines.tuning.CANCELLATION`."""
+REWARD_ERROR = 2.0**-43
+"""The relative error of rewards: see `symcheck.engines.tuning.CANCELLATION`."""
 
 _SMALLEST = 2.0**-1074
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.measures.signed_steps import (
-    STATE_REWARD_ERROR,
+    REWARD_ERROR,
     Steps,
     best,
     is_signed,
@@ -147,7 +147,7 @@ def instantaneous_reward(
     system = engine.system(engine.all)
     last = system.state_rewards(reward)
     if steps and is_signed(context, last):
-        error = STATE_REWARD_ERROR * np.abs(last)
+        error = REWARD_ERROR * np.abs(last)
         zero = np.zeros(len(system.row_sums()))
         signed = Steps(system, zero, zero)
         bounds = last - error, last + error
