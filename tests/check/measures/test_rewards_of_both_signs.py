@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from checking import check_text, engine_of
 from symcheck.check.result import Accuracy, Certified, Exact, Result
+from symcheck.errors import InputError
 
 DOUBLES = ["explicit", "sparse", "hybrid", "mtbdd"]
 LAST = 3
@@ -272,3 +273,84 @@ def test_continuous_time(name, items, place):
         result = check_text(engine, query)
         assert contains(result.accuracy, result, expected), (query, result, expected)
         assert abs(Fraction(result.value) - expected) <= Fraction(1, 10**6) * abs(expected)
+
+
+CANCELLING = """dtmc module m s:[0..3];
+[a] s=0 -> 1/2:(s'=1) + 1/2:(s'=2); [b] s=1 | s=2 -> (s'=3); [] s=3 -> true; endmodule
+rewards s=1 | s=2 : 1e17; [b] s=1 : 2; [b] s=2 : 4; [b] true : -1e17; s=3 : 0.1; s=3 : 0.2; s=3 : -0.3;
+endrewards"""
+"""Steps earn 2, 4 and then nothing; as doubles, the sums are 0, 0 and 5.6e-17."""
+
+
+@pytest.mark.parametrize("name", DOUBLES)
+@pytest.mark.parametrize("bisimulation", [False, True])
+def test_sums_of_one_step_keep_their_digits(name, bisimulation):
+    engine = engine_of(CANCELLING, name)
+    for query in (
+        "C<=2",
+        "C<=9",
+        "C",
+        "F s=3",
+        "F (s=1 & X s=3) | (s=2 & X s=3)",
+        "C discount=0.5",
+    ):
+        result = check_text(engine, f"R=? [ {query} ]", bisim=bisimulation)
+        assert result.value == pytest.approx(1.5 if "discount" in query else 3, rel=1e-15), query
+        assert str(result.accuracy) == "exact up to rounding", query
+        verdicts = [check_text(engine, f"R{op} [ {query} ]").value for op in (">2.9", "<1.4")]
+        assert verdicts == [query != "C discount=0.5", False]
+    assert check_text(engine, "R=? [ S ]", bisim=bisimulation).value == 0
+    assert check_text(engine, "R>0 [ S ]", bisim=bisimulation).value is False
+
+
+def test_a_choice_that_is_not_taken_does_not_widen_the_bounds():
+    text = (
+        "mdp module m s:[0..1]; [a] s=0 -> (s'=1); [b] s=0 -> (s'=1); [c] s=1 -> (s'=0); endmodule "
+        "rewards [a] true : 2; [b] true : -1e17; [c] true : -0.5; endrewards"
+    )
+    for name in DOUBLES:
+        for query, expected in (("C discount=0.5", Fraction(7, 3)), ("C<=3", Fraction(7, 2))):
+            result = check_text(engine_of(text, name), f"Rmax=? [ {query} ]")
+            assert str(result.accuracy) == "exact up to rounding"
+            assert contains(result.accuracy, result, expected)
+            assert not result.warnings
+
+
+HUGE = """{} module m s:[0..2]; [a] s=0 -> 1/2:(s'=1) + 1/2:(s'=0); [b] s=0 -> (s'=1);
+[a] s=1 -> (s'=2); [a] s=2 -> (s'=0); endmodule
+rewards "r" s=0 : 1e200*1e200; [b] true : -3; s=1 : -1e200*1e200; endrewards
+rewards "p" s=0 : 1e200*1e200; endrewards"""
+
+
+@pytest.mark.parametrize("kind", ["dtmc", "mdp"])
+def test_rationals_may_exceed_doubles(kind):
+    engine, large = engine_of(HUGE.format(kind), "exact"), Fraction(10) ** 400
+    ways = "min" if kind == "mdp" else ""
+    chain = kind == "dtmc"  # which takes a and b equally often, so that 3/4 lead to s=1
+    expected = {
+        "C<=1": large - (Fraction(3, 2) if chain else 3),
+        "I=1": -large / 2 if chain else -large,
+        "F s=2": large / 3 - 2 if chain else Fraction(-3),
+        "S": (large / 3 - Fraction(2)) / (Fraction(10, 3)) if chain else Fraction(-1),
+    }
+    for query, value in expected.items():
+        result = check_text(engine, f'R{{"r"}}{ways}=? [ {query} ]')
+        assert str(result.accuracy) == "exact"
+        assert result.value == value, query
+    assert check_text(engine, f'R{{"p"}}>={"3" if chain else "1"} [ C discount=0.5 ]').value is True
+    if not chain:
+        assert check_text(engine, 'Pmax=? [ F{"p"}<=3 s=2 ]').value == 0
+
+
+@pytest.mark.parametrize("name", [*DOUBLES, "exact"])
+def test_a_discount_below_1_is_legal_also_where_its_double_is_1(name):
+    text = "dtmc module m s:[0..1]; [] s=0 -> (s'=1); [] s=1 -> true; endmodule rewards s=1 : 1; endrewards"
+    engine, discount = engine_of(text, name), "0.99999999999999999"
+    assert check_text(engine, f"R=? [ C<=3 discount={discount} ]").value == pytest.approx(2)
+    result = check_text(engine, f"R=? [ C discount={discount} ]")
+    low, high = result.bounds
+    assert low <= 10**17 - 1 <= high
+    assert check_text(engine, f"R>=99999999999999999 [ C discount={discount} ]").value is True
+    assert check_text(engine, f"R>99999999999999999 [ C discount={discount} ]").value is False
+    with pytest.raises(InputError, match="must be at least 0 and less than 1"):
+        check_text(engine, "R=? [ C discount=1 ]")

@@ -167,6 +167,7 @@ def _sum_of_signs(
 
     Each is computed over the states that can reach rewards of its sign.
     """
+    _refuse_rationals(context)
     engine = context.engine
     start = terminal if terminal is not None else reward_rate
     assert start is not None

@@ -282,7 +282,8 @@ class _Rounding:
             count = min(count, float(self.steps))
         relative = math.expm1(min(count * self.relative, 700.0))
         later = math.exp(-_HORIZONS) * largest
-        return np.asarray(np.minimum(absolute, relative * upper + later))
+        with np.errstate(over="ignore"):
+            return np.asarray(np.minimum(absolute, relative * upper + later))
 
 
 def _lifted(

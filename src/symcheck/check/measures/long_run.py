@@ -132,7 +132,7 @@ def _component_average(context: Context, system: System, reward: Numbers) -> tup
             low, high = low - REWARD_ERROR * size, high + REWARD_ERROR * size
     bounds = np.array([low]), np.array([high])
     width = largest_width(*bounds, relative and not signed)
-    if relative and signed:  # the average may be 0, relative to which no bounds are close
+    if width and relative and signed:  # the average may be 0, relative to which no bounds are close
         width /= float(np.abs(reward).max())
     context.warn_if_wide(width, average.explanation)
     return low, high

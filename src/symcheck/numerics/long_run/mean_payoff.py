@@ -236,6 +236,8 @@ def _narrowed(
 
 def _close_enough(low: float, high: float, rounding_error: float, settings: Settings) -> bool:
     """Whether the bounds are as close as requested, or as close as rounding permits."""
+    if low == high:
+        return True
     scale = max(abs(low), abs(high)) if settings.relative else 1.0
     return high - low <= max(0.25 * settings.epsilon * scale, 4.0 * rounding_error)
 
@@ -260,7 +262,7 @@ def _policies(
         values = part.rows(h)
         best = part.best(values)
         low, high = _narrowed(part, h, best, low, high)
-        better = best > values[policy] + 4.0 * part.rounding_error(h)
+        better = best > values[policy] + 4 * part.rounding_error(h)
         # The bounds hold for the policy that is greedy for h, not for the one that h belongs to.
         policy = np.where(better, first_best(values, part.groups), policy)
         if _close_enough(low, high, part.rounding_error(h), settings) or not better.any():
