@@ -190,7 +190,8 @@ def check_all(model: Model, queries: dict[str, Fraction]) -> None:
             result = check_text(engine, query)
             accuracy = result.accuracy
             assert contains(accuracy, result, expected), (name, query, result, expected, model.text)
-            if isinstance(accuracy, Certified) and expected:
+            # Bounds of averages are wide or close relative to the largest reward.
+            if isinstance(accuracy, Certified) and expected and "[ S ]" not in query:
                 wide = accuracy.upper - accuracy.lower > 1e-5 * abs(expected)
                 assert not wide or result.warnings, (name, query, result, model.text)
 
@@ -301,6 +302,13 @@ def test_sums_of_one_step_keep_their_digits(name, bisimulation):
         assert verdicts == [query != "C discount=0.5", False]
     assert check_text(engine, "R=? [ S ]", bisim=bisimulation).value == 0
     assert check_text(engine, "R>0 [ S ]", bisim=bisimulation).value is False
+
+
+@pytest.mark.parametrize("name", DOUBLES)
+def test_a_whole_number_beyond_53_bits_is_rounded(name):
+    text = "dtmc module m s:[0..1]; [] true -> (s'=1-s); endmodule rewards true : 1e30; true : 1; endrewards"
+    result = check_text(engine_of(text, name), "R=? [ S ]")
+    assert contains(result.accuracy, result, Fraction(10**30 + 1))
 
 
 def test_a_choice_that_is_not_taken_does_not_widen_the_bounds():

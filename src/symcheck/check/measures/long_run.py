@@ -64,8 +64,11 @@ def _average(context: Context, reward_of: RewardOf) -> Values:
     system = engine.system(recurrent)
     inside = engine.to_bools(recurrent)
     point = np.array_equal(low, high)
-    # An average that is no whole number is a sum or quotient in floating point.
-    rounded = (low == high) & (summed | (low % 1 > 0)) & (not engine.exact)
+    # An average that is no whole number is a sum or quotient in floating point, and a large one may
+    # be rounded too.
+    rounded = (low == high) & (not engine.exact)
+    if rounded.any():
+        rounded &= summed | (low % 1 > 0) | (np.abs(low) >= 2.0**53)
     if not point:
         margin = np.where(rounded, ROUNDING * np.abs(low), 0)
         low, high = low - margin, high + margin
