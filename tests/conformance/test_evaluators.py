@@ -15,16 +15,20 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import symcheck
+from checking import check_text, engine_of
 from kernels.columns import run_masked
 from symbolic.oracle import at, bound
 from symcheck.errors import InputError, ModelFault
+from symcheck.explicit.build import explore as explore_explicitly
 from symcheck.explicit.compile import compile_expression
 from symcheck.options import Options
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.vectorised import evaluate_columns
 from symcheck.semantics.model import BoundModel
 from symcheck.symbolic.build import build
+from symcheck.symbolic.matrix.transitions import transitions
 from symcheck.symbolic.model import StateSpace
+from symcheck.symbolic.reachability.search import reach
 from symcheck.symbolic.tuning import EncodingLimits
 from symcheck.syntax.ast import Type
 from symcheck.syntax.parse import parse_expression
@@ -165,3 +169,131 @@ def test_engines_agree_on_errors_of_models(engine, part, tmp_path):
     )
     with pytest.raises(ModelFault, match=r"mod\(1, 0\) has no value"):
         symcheck.load(file, engine=engine).check("R=? [ F x=0 ]")
+
+
+ENGINES = ["explicit", "exact", "sparse", "hybrid", "mtbdd"]
+FAULTS = {
+    "pow(10, 18 + x)": "int-overflow",
+    "mod(3, x - 1)": "mod-zero",
+    "pow(2, -x)": "pow-negative",
+    "floor(x * 1.0E+30)": "int-overflow",
+    "round(x * 1.0E+30) / 2": "int-overflow",
+    "x / 0": "reward-not-finite",
+    "(x - 1) / (x - 1)": "reward-not-finite",
+    "log(-x, 2)": "reward-not-finite",
+    "pow(1.0E+200, x + 1)": "reward-not-finite",
+}
+"""Rewards without a finite value at x=1, by the code of the fault."""
+
+
+@pytest.mark.parametrize("kind", ["dtmc", "ctmc", "mdp"])
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("place", ["x=1", "[a] x=1", "[b] x>0"])
+def test_a_faulty_reward_is_told_at_its_place_with_a_state(kind, engine, place):
+    # Between x=0 and x=1, so that the fault is not met in the initial state.
+    ways = "R=?" if kind != "mdp" else "Rmax=?"
+    for value, code in FAULTS.items():
+        if engine == "exact" and value == "pow(1.0E+200, x + 1)":
+            continue  # it has a rational value
+        text = (
+            f"{kind} module m x:[0..2]; [c] x=0 -> (x'=1); [a] x=1 -> (x'=2); endmodule "
+            "module n y:[0..1]; [b] y=0 -> (y'=1); [a] true -> true; endmodule "
+            f"rewards {place} : {value}; endrewards"
+        )
+        with pytest.raises(ModelFault) as found:
+            check_text(engine_of(text, engine), f"{ways} [ F x=2 & y=1 ]")
+        (fault,) = found.value.diagnostics
+        assert fault.code == code
+        assert "for example in state (x=1,y=" in fault.message
+        assert fault.span.text in value or value in fault.span.text
+
+
+@pytest.mark.parametrize("kind", ["dtmc", "ctmc", "mdp"])
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_reward_without_a_value_is_no_fault_where_no_step_earns_it(kind, engine):
+    # x=2 is not reached; in x=1 the action is not enabled, or carries no probability.
+    zero = "0" if kind == "ctmc" else "0:(x'=0) + 1"
+    text = (
+        f"{kind} module m x:[0..2]; [a] x=0 -> (x'=1); [b] x=1 -> true; [d] x=1 -> {zero}:true;"
+        " endmodule rewards [a] true : mod(2, 3*(1-x)); [d] x=2 : mod(3, 0); x=2 : pow(10, 19);"
+        f" {'[d] true : mod(3, 0);' if kind == 'ctmc' else ''} x=0 : x!=0 ? mod(3, 0) : 3; "
+        "endrewards"
+    )
+    ways = "R=?" if kind != "mdp" else "Rmax=?"
+    assert check_text(engine_of(text, engine), f"{ways} [ F x=1 ]").value == 3 + 2
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_faulty_rate_is_told_where_the_command_is_enabled(engine):
+    text = (
+        "ctmc module m x:[0..2]; [] x=0 -> (x'=1); [] x=1 -> pow(10, 18 + x):(x'=2);"
+        " [] x=2 -> true; endmodule"
+    )
+    with pytest.raises(ModelFault, match=r"beyond 64 bits, for example in state \(x=1\)"):
+        engine_of(text, engine)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_faulty_condition_on_initial_states_is_told(engine):
+    text = "dtmc module m x:[0..2]; [] true -> true; endmodule init mod(3, x - 1) = 0 endinit"
+    with pytest.raises(ModelFault, match=r"mod\(3, 0\) has no value, for example in state \(x=1\)"):
+        engine_of(text, engine)
+    guarded = text.replace("mod(3, x - 1) = 0", "x != 1 & mod(3, x - 1) = 0")
+    assert engine_of(guarded, engine).states == 2
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_rewards_beyond_doubles_are_refused_not_infinite(engine):
+    sums = (
+        "dtmc module m x:[0..1]; [] x=0 -> (x'=1); [] x=1 -> true; endmodule "
+        "rewards x=0 : 1e308; x=0 : 1e308; endrewards"
+    )
+    products = (
+        "ctmc module m x:[0..1]; [a] x=0 -> 1e200:(x'=1); [b] x=1 -> true; endmodule "
+        "rewards [a] true : 1e200; endrewards"
+    )
+    for text in (sums, products):
+        if engine == "exact":
+            assert check_text(engine_of(text, engine), "R=? [ F x=1 ]").value in (
+                2 * 10**308,
+                10**200,
+            )
+            continue
+        with pytest.raises(ModelFault, match=r"Infinity, for example in state \(x=0\)"):
+            check_text(engine_of(text, engine), "R=? [ F x=1 ]")
+
+
+GUARDS = ["true", "x>=1", "y=0 | x>1", "pow(2,x)>y", "mod(7,x)=0", "x=0 | mod(7,x)=0"]
+
+
+@settings(max_examples=50, deadline=None)
+@given(_int, st.sampled_from(GUARDS), st.sampled_from(sorted(WAYS)), st.sampled_from(["", "[a] "]))
+def test_diagrams_meet_the_faults_of_random_rewards(value, guard, way, action):
+    text = (
+        "mdp module m x:[0..3]; y:[-2..2]; [a] x<3 -> 1/2:(x'=x+1)&(y'=1-x) + 1/2:(x'=x+1); "
+        f"[b] x=3 -> true; endmodule rewards {action}{guard} : {value}; endrewards"
+    )
+    try:
+        model = bound(text)
+    except InputError:  # a fault of a constant part
+        return
+    expected = faulty = None
+    try:
+        expected = explore_explicitly(model, Options())
+    except ModelFault as fault:
+        faulty = fault
+    limits = WAYS[way]
+    made = transitions(
+        reach(build(model, Options(), limits=limits), schedule="frontier"), Options()
+    )
+    if faulty is not None:
+        with pytest.raises(ModelFault) as found:
+            made.state_rewards[0], made.transition_rewards[0]
+        assert {d.code for d in found.value.diagnostics} == {d.code for d in faulty.diagnostics}
+        return
+    found = [at(made.space, made.state_rewards[0], s) for s in expected.states]
+    assert found == expected.state_rewards[0].tolist()
+    states = iter(expected.states)
+    for state, reward in zip(states, expected.choice_rewards[0].tolist(), strict=True):
+        rewards = [at(made.space, r, state) for r in made.transition_rewards[0]]
+        assert sum(rewards) == reward

@@ -7,11 +7,12 @@ from dataclasses import replace
 from symcheck.check.context import Context
 from symcheck.engines.base import Engine, erased
 from symcheck.errors import UnsupportedError
+from symcheck.semantics.binding.bind import exactly_bound
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 from symcheck.syntax.traversal import nodes
 
-__all__ = ["exact_twin", "exactly_bound"]
+__all__ = ["exact_twin"]
 
 
 def exact_twin(context: Context, formula: Expression) -> tuple[Context, Expression]:
@@ -24,23 +25,6 @@ def exact_twin(context: Context, formula: Expression) -> tuple[Context, Expressi
     return replace(context, engine=engine, relevant_states=None), _twin(
         context, engine.model, formula
     )
-
-
-def exactly_bound(model: BoundModel) -> BoundModel:
-    """The model with the numbers of its text as rationals."""
-    from symcheck.semantics.binding.bind import bind
-
-    if model.exact:
-        return model
-    given = {
-        c.name: model.constants[c.name]
-        for c in model.program.constants
-        if c.value is None and c.name in model.constants
-    }
-    # What is divided by its sum in the model is divided by it here, too.
-    normalise = bool(model.warnings)
-    exact = bind(model.program, given, model_type=model.type, exact=True, normalise=normalise)
-    return exact if model.derivation is None else model.derivation(exact)
 
 
 def _exact_engine(context: Context) -> Engine:

@@ -225,6 +225,16 @@ class SystemOf(Protocol[S, V]):
         """
         ...
 
+    def state_rewards(self, reward: Reward) -> Numbers:
+        """The state reward per state; accurate also where items of opposite signs cancel."""
+        ...
+
+    def earned(self, reward: Reward) -> Numbers:
+        """Per row, the sum of the state reward and the transition rewards, accurate also where they
+        cancel. In a CTMC, the reward per unit of time.
+        """
+        ...
+
     def embedded(self, rows: Numbers) -> Numbers:
         """Rates per row of a CTMC as probabilities of its embedded DTMC; of other models, the
         values themselves.
@@ -233,6 +243,10 @@ class SystemOf(Protocol[S, V]):
 
     def step_rewards(self, reward: Reward) -> Numbers:
         """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
+        ...
+
+    def step_reward_errors(self, reward: Reward) -> Numbers:
+        """Per row: a bound on the rounding error of `step_rewards`, of an engine with doubles."""
         ...
 
     def reachability(self, target: S) -> EquationsOf[S, V]:

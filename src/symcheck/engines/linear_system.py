@@ -18,10 +18,11 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.engines.base import EquationsOf, S, S_contra, SolvedValues, SystemOf, V, V_co
+from symcheck.engines.reward_sums import RewardSums
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.numbers import Numbers, is_exact
+from symcheck.matrices.numbers import Numbers, is_exact, is_infinite
 from symcheck.matrices.operators import SweepOperator
-from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, starts_of
+from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, per_row, starts_of
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.problem import (
@@ -30,7 +31,8 @@ from symcheck.numerics.linear.problem import (
     Solution,
 )
 from symcheck.numerics.settings import Settings
-from symcheck.semantics.rewards import Reward
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.semantics.rewards import Reward, Structure
 
 __all__ = [
     "ExpectedReward",
@@ -40,17 +42,11 @@ __all__ = [
     "Query",
     "Reachability",
     "chosen_rows",
-    "per_row",
     "refuse_infinite_minimum",
     "require_normal_numbers",
     "require_normal_rewards",
     "solved_values",
 ]
-
-
-def per_row(groups: Int64s | None, states: Numbers) -> Numbers:
-    """A value per state, repeated for each of its rows."""
-    return states if groups is None else np.repeat(states, np.diff(groups))
 
 
 def refuse_infinite_minimum(direction: Direction | None) -> None:
@@ -59,6 +55,20 @@ def refuse_infinite_minimum(direction: Direction | None) -> None:
         raise UnsupportedError(
             "least expected rewards with an infinite reward in a single step are not supported"
         )
+
+
+_ROUNDINGS = 16 * UNIT_ROUNDOFF
+"""The relative error of a reward that is not a sum of items, such as one that was read."""
+
+
+def _finite(results: Numbers, *operands: Numbers) -> Numbers:
+    """The results; UnsupportedError if one of them is infinite and its operands are not."""
+    infinite = is_infinite(results)
+    if infinite.any() and not any(is_infinite(o)[infinite].any() for o in operands):
+        raise UnsupportedError(
+            "the reward of a step is beyond the range of floating-point numbers\n  hint: use -exact"
+        )
+    return results
 
 
 def require_normal_numbers(smallest: float, largest: float, successors: int, rates: bool) -> None:
@@ -119,6 +129,11 @@ class LinearSystem(SystemOf[S, V]):
         """Whether some end component lies within the states (MDP)."""
 
     @property
+    @abstractmethod
+    def reward_sums(self) -> RewardSums:
+        """The sums of rewards of the engine that floating point gets wrong."""
+
+    @property
     def preprocessing(self) -> Sequence[Preprocessing[S, V]]:
         """Steps that may shorten the equations, in the order in which they are tried."""
         return ()
@@ -136,12 +151,39 @@ class LinearSystem(SystemOf[S, V]):
 
     def step_rewards(self, reward: Reward) -> Numbers:
         """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
-        states, rows = self.rewards(reward)
-        earned = per_row(self.groups, states) + rows
-        steps = self.embedded(earned)
+        earned = self.earned(reward)
+        steps = _finite(self.embedded(earned), earned)
         if steps is not earned and not is_exact(steps):
             require_normal_rewards(np.where((steps == 0.0) & (earned != 0.0), 5e-324, steps))
         return steps
+
+    def step_reward_errors(self, reward: Reward) -> Numbers:
+        """Per row: a bound on the rounding error of `step_rewards`, of an engine with doubles."""
+        if isinstance(reward, Structure):
+            errors = self.reward_sums.errors(reward.index, self.states)
+            if errors is not None:
+                return self.embedded(errors) * (1.0 + 1e-9)
+        return _ROUNDINGS * np.abs(self.step_rewards(reward))
+
+    def state_rewards(self, reward: Reward) -> Numbers:
+        """The state reward per state; accurate also where items of opposite signs cancel."""
+        if isinstance(reward, Structure):
+            accurate = self.reward_sums.per_state(reward.index, self.states)
+            if accurate is not None:
+                return accurate
+        return self.rewards(reward)[0]
+
+    def earned(self, reward: Reward) -> Numbers:
+        """Per row, the sum of the state reward and the transition rewards, accurate also where they
+        cancel.
+        """
+        if isinstance(reward, Structure):
+            accurate = self.reward_sums.per_row(reward.index, self.states)
+            if accurate is not None:
+                return accurate
+        states, rows = self.rewards(reward)
+        each = per_row(self.groups, states)
+        return _finite(each + rows, each, rows)
 
     def reachability(self, target: S) -> Reachability[S, V]:
         """The equations of the probability of reaching `target`, a set outside of the states."""
@@ -305,6 +347,12 @@ class ExpectedReward(BaseEquations[S, V]):
     reward: Reward
     infinite: S
 
+    @property
+    def cancels(self) -> bool:
+        """Whether rewards of opposite signs cancel somewhere."""
+        sums = self.system.reward_sums
+        return isinstance(self.reward, Structure) and sums.cancels(self.reward.index)
+
     @cached_property
     def usable_rows(self) -> Bools | None:
         """Rows that can be optimal; None: all.
@@ -358,7 +406,12 @@ def _preprocessed(
     settings: Settings,
     observer: Observer | None,
 ) -> SolvedValues[V] | None:
-    """The solution by the first preprocessing step that has one."""
+    """The solution by the first preprocessing step that has one.
+
+    These steps add the rewards of a structure themselves.
+    """
+    if isinstance(query, ExpectedReward) and query.cancels:
+        return None
     for step in query.system.preprocessing:
         if step.accepts(query, settings):
             solution = step.apply(query, known, settings, observer)

@@ -171,3 +171,12 @@ SWEEP_STEPS = 10
 """Products of diagrams in a sweep of the MTBDD engine, before the vector becomes an array again. On
 nand with N=20, K=2, interval iteration takes 1.48 s with 1 product, 1.36 s with 10 and 1.22 s with
 100; more products delay the test of convergence."""
+
+# ------------------------------------------------------------------------------------------ rewards
+
+CANCELLATION = 64.0
+"""A sum of rewards keeps its digits if the absolute values of its terms are at most so many times
+as large: its relative error is then below 1e-13."""
+
+RATIONAL_REWARD_STATES = 200_000
+"""States in which rewards are added in rational arithmetic, some thousands a second."""

@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NoReturn
 
-from symcheck.errors import Diagnostic, ModelFault
+from symcheck.errors import Diagnostic, InputError, ModelFault
 from symcheck.semantics import interpreter
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundModel, Variable
-from symcheck.semantics.state_faults import describe_state
+from symcheck.semantics.state_faults import at_state, describe_state
 from symcheck.syntax.ast import Expression, Type
 
 __all__ = ["raise_expression_fault", "raise_model_fault"]
@@ -25,16 +25,18 @@ def raise_expression_fault(
     """Raise the ModelFault of an expression that has no value.
 
     Args:
-        values: variable index to value, for the variables that the expression reads.
+        values: variable index to value, with those of all variables that the expression reads.
         status: of the register machine, for the message of an internal error.
     """
-    evaluate(
-        expression,
-        {
-            variables[i].name: bool(v) if variables[i].type is Type.BOOL else v
-            for i, v in values.items()
-        },
-    )
+    read = [variables[i] for i in values]
+    named = {
+        v.name: bool(x) if v.type is Type.BOOL else x
+        for v, x in zip(read, values.values(), strict=True)
+    }
+    try:
+        evaluate(expression, named)
+    except InputError as fault:
+        raise at_state(fault, describe_state(read, list(values.values()))) from None
     raise AssertionError(
         f"the register machine stopped with status {status}, "
         f"but the interpreter finds a value: {expression}"

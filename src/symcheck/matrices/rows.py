@@ -22,6 +22,7 @@ __all__ = [
     "Int64s",
     "SparseMatrix",
     "first_best",
+    "per_row",
     "spans",
     "starts_of",
 ]
@@ -227,6 +228,11 @@ def first_best(values: Numbers, groups: Int64s) -> Int64s:
     rows = np.flatnonzero(values == best)
     _, first = np.unique(np.searchsorted(groups, rows, side="right"), return_index=True)
     return rows[first]
+
+
+def per_row(groups: Int64s | None, states: Numbers) -> Numbers:
+    """A value per state, repeated for each of its rows."""
+    return states if groups is None else np.repeat(states, np.diff(groups))
 
 
 def starts_of(sizes: ArrayLike) -> Int64s:

@@ -15,6 +15,9 @@ SMALLEST_DIVISOR = 1e-300
 """Widths are relative to at least this, so that a value of 0 has a finite relative width."""
 UNDERFLOW_RISK = 1e-290
 """Values below it may differ from their bounds by underflow, not only by rounding."""
+CANCELLATION = 8.0
+"""A difference of two values that are exact up to rounding is so too if their sum is at most so
+many times as large."""
 ROUNDING_WIDTH = 1e-9
 """Bounds of this relative width that follow from exact steps differ by rounding; wider ones, by
 underflow."""

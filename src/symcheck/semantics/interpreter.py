@@ -18,18 +18,20 @@ from symcheck.errors import InputError, ModelFault
 from symcheck.semantics import state_faults
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import to_float
-from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Value
+from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate, Value
 from symcheck.syntax.ast import Expression, ModelType
 
 __all__ = [
     "Choice",
     "Row",
     "State",
+    "action_rewards",
     "choices",
     "initial_states",
     "state_rewards",
     "transitions",
     "valuation",
+    "value",
 ]
 
 State = tuple[bool | int, ...]
@@ -71,6 +73,13 @@ def valuation(model: BoundModel, state: State) -> dict[str, Value]:
     return dict(zip((v.name for v in model.variables), state, strict=True))
 
 
+def value(model: BoundModel, state: State, expression: Expression) -> Value:
+    """The value of an expression over the variables. Raises ModelFault, with the state, if it has
+    none.
+    """
+    return _StateEvaluator(model, state).value(expression)
+
+
 def initial_states(model: BoundModel) -> tuple[State, ...]:
     """The initial states in lexicographic order.
 
@@ -98,6 +107,8 @@ def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tupl
     """
     evaluator = _StateEvaluator(model, state)
     result = []
+    is_mdp = model.type is ModelType.MDP
+    total = nothing = [0.0] * len(model.rewards)
     for event in model.events:
         enabled = (
             [c for c in commands if evaluator.value(c.guard)] for commands in event.participants
@@ -105,11 +116,10 @@ def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tupl
         for combination in product(*enabled):
             branches = evaluator.branches(combination, check_sums)
             if branches:
-                result.append(
-                    Choice(
-                        event.action, combination, branches, evaluator.rewards(False, event.action)
-                    )
-                )
+                rewards = evaluator.rewards(False, event.action)
+                result.append(Choice(event.action, combination, branches, rewards))
+                if not model.exact:
+                    total = evaluator.earned(result[-1], nothing if is_mdp else total)
     return tuple(result)
 
 
@@ -133,6 +143,13 @@ def transitions(model: BoundModel, state: State, *, check_sums: bool = True) -> 
 def state_rewards(model: BoundModel, state: State) -> tuple[Value, ...]:
     """The state reward per reward structure. Raises ModelFault if one is not finite."""
     return _StateEvaluator(model, state).rewards(True, None)
+
+
+def action_rewards(model: BoundModel, state: State, action: str | None) -> tuple[Value, ...]:
+    """The reward of a transition of an action, per reward structure. Raises ModelFault if one is
+    not finite.
+    """
+    return _StateEvaluator(model, state).rewards(False, action)
 
 
 def _row(merged: tuple[Choice, ...], divisor: int) -> Row:
@@ -226,11 +243,30 @@ class _StateEvaluator:
             total: Fraction | float = 0
             for item in structure.items:
                 if item.on_states == on_states and item.action == action and self.value(item.guard):
-                    value = self.real(item.value)
-                    if isinstance(value, float) and not math.isfinite(value):
-                        raise ModelFault(
-                            state_faults.reward_not_finite(item, value, self.describe())
-                        )
-                    total += value
+                    total += self.finite(item, self.real(item.value), "this reward")
+                    self.finite(item, total, "the sum of the rewards up to this one")
             totals.append(total)
         return tuple(totals)
+
+    def finite(self, item: BoundReward, value: Fraction | float, what: str) -> Fraction | float:
+        """A number that belongs to a reward item. Raises ModelFault if it is not finite."""
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ModelFault(state_faults.reward_not_finite(item, value, what, self.describe()))
+        return value
+
+    def earned(self, choice: Choice, before: list[float]) -> list[float]:
+        """Per reward structure, what was earned before plus the reward of a choice times its
+        probability (rate). Raises ModelFault where that is infinite.
+        """
+        weight = sum(p for p, _ in choice.branches)
+        totals = []
+        for structure, reward, total in zip(
+            self.model.rewards, choice.rewards, before, strict=True
+        ):
+            total += weight * reward
+            for item in structure.items:
+                if not item.on_states and item.action == choice.action:
+                    what = f"this reward times the {state_faults.weight_name(self.model.type)}"
+                    self.finite(item, total, what)
+            totals.append(total)
+        return totals

@@ -29,6 +29,7 @@ __all__ = [
     "update_not_finite",
     "update_range",
     "update_sum",
+    "weight_name",
 ]
 
 SUM_TOLERANCE = 1e-5
@@ -84,7 +85,7 @@ def negative_update(
     command: BoundCommand, update: BoundUpdate, value: Value, state: str, kind: ModelType
 ) -> Diagnostic:
     """A probability or rate is below 0."""
-    message = f"{_what(kind)} {_short(value)} is negative, for example in state {state}"
+    message = f"{weight_name(kind)} {_short(value)} is negative, for example in state {state}"
     return Diagnostic(message, _probability_span(command, update), "update-negative")
 
 
@@ -92,7 +93,7 @@ def update_not_finite(
     command: BoundCommand, update: BoundUpdate, value: Value, state: str, kind: ModelType
 ) -> Diagnostic:
     """A probability or rate is NaN or infinite."""
-    message = f"{_what(kind)} is {_short(value)}, for example in state {state}"
+    message = f"{weight_name(kind)} is {_short(value)}, for example in state {state}"
     hint = "is something divided by zero?"
     return Diagnostic(message, _probability_span(command, update), "update-not-finite", hint)
 
@@ -112,10 +113,10 @@ def update_range(
     )
 
 
-def reward_not_finite(item: BoundReward, value: Value, state: str) -> Diagnostic:
-    """A reward is NaN or infinite."""
+def reward_not_finite(item: BoundReward, value: Value, what: str, state: str) -> Diagnostic:
+    """A reward, or a number that is computed from it, is NaN or infinite."""
     return Diagnostic(
-        f"this reward is {_short(value)}, for example in state {state}",
+        f"{what} is {_short(value)}, for example in state {state}",
         item.span,
         "reward-not-finite",
     )
@@ -145,7 +146,8 @@ def at_state(fault: InputError, state: str) -> ModelFault:
     return ModelFault(*result)
 
 
-def _what(kind: ModelType) -> str:
+def weight_name(kind: ModelType) -> str:
+    """What the weights of updates are in a model of this type."""
     return "rate" if kind is ModelType.CTMC else "probability"
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from symcheck.errors import Diagnostic, InputError, ModelFault
 from symcheck.options import Options
 from symcheck.semantics import interpreter, state_faults
-from symcheck.symbolic.events.commands import positive
+from symcheck.symbolic.events.commands import positive, possible
 from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace, SymbolicModel
 from symcheck.syntax.ast import ModelType
 
@@ -31,9 +31,13 @@ __all__ = ["check_initial", "check_model"]
 
 
 def check_initial(symbolic: SymbolicModel) -> None:
-    """Raise ModelFault if no state satisfies `init … endinit`."""
-    if not symbolic.initial and symbolic.model.initial is not None:
-        raise ModelFault(state_faults.no_initial_state(symbolic.model.initial.span))
+    """Raise ModelFault if no state satisfies `init … endinit`, or if it has no value in one."""
+    condition = symbolic.model.initial
+    if condition is None:
+        return
+    symbolic.raise_fault(condition, symbolic.translator.valuations())
+    if not symbolic.initial:
+        raise ModelFault(state_faults.no_initial_state(condition.span))
 
 
 def check_model(space: StateSpace, options: Options) -> None:
@@ -87,19 +91,7 @@ def _violations(space: StateSpace, options: Options) -> Iterator[Bdd]:
 
 
 def _happening(space: StateSpace, event: EncodedEvent, enabled: LazySet) -> Bdd:
-    return enabled() & _possible(space, event)
-
-
-def _possible(space: StateSpace, event: EncodedEvent) -> Bdd:
-    """The rows where each participant has an update of positive probability (rate); elsewhere none
-    is carried out.
-    """
-    manager, translator = space.symbolic.manager, space.symbolic.translator
-    moves = [
-        [c.guard & positive(translator, u) for c in commands for u in c.updates]
-        for commands in event.participants
-    ]
-    return manager.conjunction([manager.disjunction(m) for m in moves])
+    return enabled() & possible(space.symbolic.translator, event.participants)
 
 
 def _command_violations(
@@ -121,6 +113,7 @@ def _command_violations(
                 update.probability.compare("<", 0.0)
                 | infinite
                 | translator.undefined(update.update.probability)
+                | translator.faults(update.update.probability)
             )
         outside = (command.guard - update.in_range) & positive(translator, update)
         if outside:

@@ -17,7 +17,7 @@ from functools import cached_property
 from itertools import islice
 from typing import TYPE_CHECKING, TypeVar, overload
 
-from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.interpreter import value
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Event
 from symcheck.symbolic.encoding.enumerate_states import enumerate_states
 from symcheck.symbolic.encoding.variables import Encoding
@@ -163,6 +163,15 @@ class SymbolicModel:
         """The states with a transition into `states`, reachable or not."""
         return self.manager.disjunction([relation.preimage(states) for relation in self.relations])
 
+    def raise_fault(self, expression: Expression, states: Bdd) -> None:
+        """Raise the ModelFault of an expression that has been translated, if it has no value in
+        one of the states.
+        """
+        faulty = self.translator.faults(expression) & states
+        for state in islice(enumerate_states(self.manager, self.encoding, faulty), 1):
+            value(self.model, state, expression)
+            raise AssertionError(f"no value in {state}, where the interpreter finds one")
+
     def __repr__(self) -> str:
         nodes = sum(r.relation.node_count for r in self.relations)
         return (
@@ -250,7 +259,7 @@ class StateSpace:
         Raises ModelFault if it has no value in one of them.
         """
         satisfying = self.symbolic.translator.boolean_on(expression, self.states) & self.states
-        self._raise_fault(expression, self.states)
+        self.symbolic.raise_fault(expression, self.states)
         return satisfying
 
     def values(self, expression: Expression, states: Bdd | None = None) -> Mtbdd:
@@ -262,15 +271,8 @@ class StateSpace:
         """
         chosen = self.states if states is None else states & self.states
         values = self.symbolic.translator.number_on(expression, chosen)
-        self._raise_fault(expression, chosen)
+        self.symbolic.raise_fault(expression, chosen)
         return values
-
-    def _raise_fault(self, expression: Expression, states: Bdd) -> None:
-        """Raise what the scalar evaluation raises at the first of the states where it does."""
-        faulty = self.valuations(self.symbolic.translator.faults(expression) & states)
-        for state in islice(faulty, 1):
-            names = (v.name for v in self.symbolic.model.variables)
-            evaluate(expression, dict(zip(names, state, strict=True)))
 
     def valuations(self, states: Bdd) -> Iterator[tuple[bool | int, ...]]:
         """The values of the variables in the reachable states of a set, in diagram order (take few

@@ -227,7 +227,7 @@ def test_bounds_close_to_underflow_reach_a_fixed_point() -> None:
     text = TWO_JUMPS.replace("1-1e-200:true", "1-1e-200:(s'=3)")
     results = [symcheck.loads(text).check(f"P=? [ F<={k} s=2 ]") for k in (2, 10**12)]
     assert results[0].bounds == pytest.approx(results[1].bounds)
-    assert results[1].iterations < 10
+    assert results[1].iterations < 64  # squarings
 
 
 @pytest.mark.parametrize("engine", ENGINES)

@@ -38,7 +38,6 @@ from symcheck.check.path_formulas import (
     temporal,
 )
 from symcheck.check.queries.rewards import reward_of
-from symcheck.check.rebind_exact import exactly_bound
 from symcheck.check.state_formulas import satisfying, states_of, threshold_of
 from symcheck.check.strategies.counters import counter_product
 from symcheck.check.strategies.strategy import strategy_of, temporal_strategy
@@ -52,6 +51,7 @@ from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.numerics.likeliest_paths import FoundPath, StepProblem, WalkProblem
 from symcheck.numerics.transient.phase_type import least_probability_within
+from symcheck.semantics.binding.bind import exactly_bound
 from symcheck.semantics.rewards import Reward, Time
 from symcheck.semantics.time_bounds import Window, window
 from symcheck.syntax.ast import (

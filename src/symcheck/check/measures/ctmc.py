@@ -13,6 +13,7 @@ from fractions import Fraction
 import numpy as np
 
 from symcheck.check.context import Context
+from symcheck.check.measures.signed_steps import REWARD_ERROR
 from symcheck.check.measures.step_bounded import lift_bounds
 from symcheck.check.path_formulas import UntilPath
 from symcheck.check.result import SolverRun
@@ -47,6 +48,9 @@ def next_probability(
     successor.
     """
     engine = context.engine
+    lower, upper = window.times()
+    if lower == upper:  # a jump at this very time
+        return engine.constant(0)
     system = engine.system(engine.all)
     rates, value = system.row_sums(), system.embedded(system.one_step_probability(target))
     context.log.runs.append(SolverRun("transient", "one jump", system.n, 1))
@@ -56,7 +60,6 @@ def next_probability(
             ~(certain | impossible), engine.indicator(certain)
         )
     _refuse_rationals(context)
-    lower, upper = window.times()
     in_time = np.exp(-rates * lower) * (
         1.0 if upper is None else -np.expm1(-rates * (upper - lower))
     )
@@ -123,9 +126,10 @@ def cumulative_reward(
     """Expected reward up to time t: state rewards per unit of time, transition rewards per jump."""
     _, time = window.times()
     assert time is not None
+    if time == 0:
+        return context.engine.constant(0)
     system = context.engine.system(context.engine.all)
-    states, rows = system.rewards(reward)
-    return _sum_of_signs(context, None, states + rows, time)
+    return _sum_of_signs(context, None, system.earned(reward), time)
 
 
 def instantaneous_reward(
@@ -133,9 +137,9 @@ def instantaneous_reward(
 ) -> Values:
     """Expected state reward at time t."""
     system = context.engine.system(context.engine.all)
-    states, _ = system.rewards(reward)
+    states = system.state_rewards(reward)
     return (
-        system.lift(states, None)
+        system.lift(states, None, exact=True)
         if time == 0
         else _sum_of_signs(context, states, None, float(time))
     )
@@ -198,9 +202,11 @@ def _sum_of_signs(
 
     Each is computed over the states that can reach rewards of its sign.
     """
+    _refuse_rationals(context)
     engine = context.engine
     start = terminal if terminal is not None else reward_rate
     assert start is not None
+    signed = bool(np.any(start < 0))
     parts = []
     for sign in (1.0, -1.0):
         positive_part = np.maximum(sign * start, 0.0)
@@ -215,8 +221,16 @@ def _sum_of_signs(
             terminal=None if terminal is None else rewards,
             reward_rate=None if reward_rate is None else rewards,
         )
+        if signed:  # the rewards are rounded themselves
+            lower, upper = lower * (1.0 - REWARD_ERROR), upper * (1.0 + REWARD_ERROR)
         parts.append(system.lift(lower, upper))
-    return parts[0] if not np.any(start < 0) else parts[0].map("-", parts[1])
+    if not signed:
+        return parts[0]
+    difference = parts[0].map("-", parts[1])
+    bounds = difference.at(context.relevant_states or engine.all)
+    width = largest_width(*bounds, context.options.relative)
+    context.warn_if_wide(width, "positive and negative rewards cancel")
+    return difference
 
 
 def _transient_bounds(

@@ -17,13 +17,14 @@ from functools import cached_property, partial
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.check.measures.step_bounded import best
+from symcheck.check.measures.signed_steps import Steps, best, is_signed, lifted, signed_steps
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, System, Values
+from symcheck.engines.linear_system import chosen_rows
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.numbers import Numbers, full
-from symcheck.matrices.rows import Floats
+from symcheck.matrices.numbers import Numbers, full, is_infinite
+from symcheck.matrices.rows import Floats, per_row
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.linear.problem import LinearProblem, Progress, largest_width
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
@@ -33,6 +34,7 @@ from symcheck.syntax.ast import ModelType
 
 __all__ = ["discounted_problem", "discounted_reward"]
 
+_NAME = "discounted rewards"
 _HORIZONS = 64.0
 """After 64 / (1 - discount) steps, the remaining reward is at most exp(-64) < 2e-28 of the largest
 value."""
@@ -68,13 +70,27 @@ def discounted_reward(
         )
     system = engine.system(engine.all, direction)
     rewards = system.step_rewards(reward)
-    if np.isinf(np.asarray(rewards, dtype=np.float64)).any():
+    if is_infinite(rewards).any():
         raise UnsupportedError("discounted rewards need finite rewards, and one of a step is not")
+    if steps == 0:
+        return engine.constant(0)
     if discount == 0 and steps is None:
         steps = 1  # and 0^0 is 1
+    signed = None
+    if is_signed(context, rewards):
+        errors = system.step_reward_errors(reward)
+        signed = Steps(system, rewards, errors, float(discount))
     if steps is not None:
+        if signed is not None:
+            zero = system.full(0)
+            return signed_steps(context, signed, (zero, zero), steps, direction, _NAME)
         return _iterated(context, system, rewards, discount, steps, direction)
     if not (system.has_rows or engine.exact):
+        if float(discount) == 1.0:
+            raise UnsupportedError(
+                "the discount rounds to 1 in floating point, so that iteration does not converge\n"
+                "  hint: use -exact, or an engine with rows (-ex, -s)"
+            )
         return _iterated(context, system, rewards, discount, None, direction)
     from symcheck.numerics.linear.methods import solve_linear
 
@@ -95,7 +111,56 @@ def discounted_reward(
         return system.lift(solution.middle, None, exact=True)
     bounds = solution.lower, solution.upper
     rounding = _Rounding(system, rewards, discount, None)
-    return _lifted(context, rounding, bounds, rounding.margins(bounds[1], _largest(*bounds)))
+    margins = rounding.margins(bounds[1], _largest(*bounds))
+    if signed is not None:
+        return _around(context, signed, discount, bounds, margins, direction)
+    return _lifted(context, rounding, bounds, margins)
+
+
+def _around(
+    context: Context,
+    signed: Steps,
+    discount: Fraction,
+    bounds: tuple[Floats, Floats],
+    margins: Floats,
+    direction: Direction | None,
+) -> Values:
+    """Bounds on values of both signs, from bounds of the same error for all states.
+
+    The error e(s) of an approximation x is at most that of the rows a that may be optimal: the
+    residual of the row, its rounding error, and discount P_a e. This is a discounted reward too.
+
+    Args:
+        signed: a step.
+        bounds: computed bounds, wrong by at most `margins`.
+        direction: as for `discounted_reward`.
+    """
+    from symcheck.numerics.linear.methods import solve_linear
+
+    system = signed.system
+    lower, upper = bounds[0] - margins, bounds[1] + margins
+    x = 0.5 * (bounds[0] + bounds[1])
+    low, high = signed.bounds(lower, upper)
+    least, most = best(low, system, direction), best(high, system, direction)
+    maximises = direction is Direction.MAX
+    optimal = (
+        high >= per_row(system.groups, least) if maximises else low <= per_row(system.groups, most)
+    )
+    below, above = signed.bounds(x, x)
+    excess = np.maximum(above - per_row(system.groups, x), 0.0)
+    deficit = np.maximum(per_row(system.groups, x) - below, 0.0)
+    # The chosen rows bound the value from one side, and all that may be optimal from the other.
+    chosen = 0.5 * (below + above)
+    chosen = chosen == per_row(system.groups, best(chosen, system, direction))
+    wanted, other = (excess, deficit) if maximises else (deficit, excess)
+    residual = np.where(chosen, np.maximum(wanted, other), wanted)
+    upwards = None if direction is None else Direction.MAX
+    problem = discounted_problem(system, residual, discount, upwards)
+    if direction is not None:
+        problem = chosen_rows(problem, system.matrix, optimal | chosen)
+    error = solve_linear(problem, context.options, context.observer).upper * (1.0 + 1e-6)
+    lower, upper = np.maximum(lower, x - error), np.minimum(upper, x + error)
+    return lifted(context, system, lower, upper, _NAME)
 
 
 def discounted_problem(
@@ -228,7 +293,8 @@ class _Rounding:
         relative = math.expm1(min(count * self.relative, 700.0))
         later = math.exp(-_HORIZONS) * largest
         lost = count * UNDERFLOW_MARGIN
-        return np.asarray(np.minimum(absolute, relative * upper + later) + lost)
+        with np.errstate(over="ignore"):
+            return np.asarray(np.minimum(absolute, relative * upper + later) + lost)
 
 
 def _lifted(

@@ -11,6 +11,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.measures.reachability import boundary_values
+from symcheck.check.measures.signed_steps import REWARD_ERROR
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, Number, StateSet, System, Values
@@ -18,6 +19,7 @@ from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import largest_width
+from symcheck.numerics.tuning import CANCELLATION
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
 
@@ -43,8 +45,7 @@ def steady_reward(context: Context, reward: Reward, direction: Direction | None 
     timed = context.engine.model.type is ModelType.CTMC  # rewards of transitions times rates
 
     def reward_of(system: System) -> tuple[Numbers, bool]:
-        states, rows = system.rewards(reward)
-        return states + rows, timed and bool(np.any(rows))
+        return system.earned(reward), timed and bool(np.any(system.rewards(reward)[1]))
 
     return _average(context, reward_of)
 
@@ -63,8 +64,11 @@ def _average(context: Context, reward_of: RewardOf) -> Values:
     system = engine.system(recurrent)
     inside = engine.to_bools(recurrent)
     point = np.array_equal(low, high)
-    # An average that is no whole number is a sum or quotient in floating point.
-    rounded = (low == high) & (summed | (low % 1 > 0)) & (not engine.exact)
+    # An average that is no whole number is a sum or quotient in floating point, and a large one may
+    # be rounded too.
+    rounded = (low == high) & (not engine.exact)
+    if rounded.any():
+        rounded &= summed | (low % 1 > 0) | (np.abs(low) >= 2.0**53)
     if not point:
         margin = np.where(rounded, ROUNDING * np.abs(low), 0)
         low, high = low - margin, high + margin
@@ -123,10 +127,15 @@ def _component_average(context: Context, system: System, reward: Numbers) -> tup
             average.explanation,
         )
     )
-    bounds = np.array([average.lower]), np.array([average.upper])
+    low, high = average.lower, average.upper
     relative, signed = context.options.relative, reward.min() < 0
+    if signed and not context.engine.exact:
+        size = long_run_average(system.matrix, np.abs(reward), context.options).upper
+        if size > CANCELLATION * abs(low):
+            low, high = low - REWARD_ERROR * size, high + REWARD_ERROR * size
+    bounds = np.array([low]), np.array([high])
     width = largest_width(*bounds, relative and not signed)
-    if relative and signed:  # the average may be 0, relative to which no bounds are close
+    if width and relative and signed:  # the average may be 0, relative to which no bounds are close
         width /= float(np.abs(reward).max())
     context.warn_if_wide(width, average.explanation)
-    return average.lower, average.upper
+    return low, high

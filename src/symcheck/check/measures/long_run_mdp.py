@@ -14,10 +14,9 @@ from symcheck.check.context import Context
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
-from symcheck.engines.linear_system import per_row
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
-from symcheck.matrices.rows import Bools
+from symcheck.matrices.rows import Bools, per_row
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.semantics.rewards import Reward
 

@@ -23,10 +23,9 @@ from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.engines.capabilities import HasBlocks, HasImportedStates, HasMatrix
-from symcheck.engines.linear_system import per_row
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
-from symcheck.matrices.rows import Bools
+from symcheck.matrices.rows import Bools, per_row
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.semantics.model import BoundReward
 from symcheck.semantics.rewards import Reward, Steps, Structure, reward_items
@@ -148,9 +147,7 @@ def row_rewards(context: Context, system: System, count: RewardWindow) -> Number
             "supported; a bound on transition rewards is"
         )
     check_uniform_rewards(context, count.reward, paying=bool(rows.any()))
-    if kind is ModelType.CTMC:
-        rows = rows / system.row_sums()
-    return np.asarray(per_row(system.groups, states) + rows)
+    return system.step_rewards(count.reward)
 
 
 def check_uniform_rewards(context: Context, reward: Reward, *, paying: bool) -> None:

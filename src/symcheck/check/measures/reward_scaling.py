@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import reduce
-from math import ceil, floor, gcd, isfinite, isinf
+from math import ceil, floor, gcd, inf
 
 import numpy as np
 
@@ -98,7 +98,7 @@ def scale_bound(
     represented = Fraction if exact else _fraction
     values: list[Fraction] = []
     for i, v in enumerate(distinct.tolist()):
-        nearest = represented(Fraction(v)) if isfinite(v) and v >= 0 else None
+        nearest = represented(Fraction(v)) if 0 <= v < inf else None
         if nearest is None:
             raise _not_a_multiple(context, system, v, int(np.flatnonzero(inverse == i)[0]))
         values.append(nearest)
@@ -139,7 +139,7 @@ def _not_a_multiple(
         "negative"
         if value < 0
         else "infinite"
-        if isinf(value)
+        if value == inf
         else "not a fraction with a denominator up to a million"
     )
     return UnsupportedError(

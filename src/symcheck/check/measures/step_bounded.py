@@ -17,6 +17,13 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.measures.long_horizons import RestOfSteps, squared_steps
+from symcheck.check.measures.signed_steps import (
+    REWARD_ERROR,
+    Steps,
+    best,
+    is_signed,
+    signed_steps,
+)
 from symcheck.check.path_formulas import UntilPath
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
@@ -38,15 +45,6 @@ __all__ = [
     "next_probability",
     "prob_greater_zero",
 ]
-
-
-def best(rows: Numbers, system: System, direction: Direction | None) -> Numbers:
-    """The least or greatest value of the rows of each state: float64[rows] -> float64[n]."""
-    groups = system.groups
-    if groups is None or len(rows) == 0:
-        return rows
-    fold = np.minimum if direction is Direction.MIN else np.maximum
-    return np.asarray(fold.reduceat(rows, groups[:-1]))
 
 
 def next_probability(
@@ -81,6 +79,8 @@ def bounded_until(
     steps, left, end = path.window.steps(), path.left, int(path.negative)
     if steps.upper is None:
         values = unbounded(context)
+    elif steps.upper == steps.lower:  # what holds now, without any arithmetic
+        values = context.engine.indicator(~path.right if path.negative else path.right)
     else:
         possible = context.engine.graph.exists_until(left, path.right)
         goal = ~possible if path.negative else path.right
@@ -144,8 +144,14 @@ def cumulative_reward(
     steps = window.steps().upper
     assert steps is not None
     engine = context.engine
+    if steps == 0:
+        return engine.constant(0)
     system = engine.system(engine.all)
-    return _repeat(context, system, [system.full(0)], steps, direction, system.step_rewards(reward))
+    rewards, zero = system.step_rewards(reward), system.full(0)
+    if is_signed(context, rewards):
+        signed = Steps(system, rewards, system.step_reward_errors(reward))
+        return signed_steps(context, signed, (zero, zero), steps, direction, "rewards of k steps")
+    return _repeat(context, system, [zero], steps, direction, rewards)
 
 
 def instantaneous_reward(
@@ -156,7 +162,14 @@ def instantaneous_reward(
     steps = Window(upper=time).steps().upper
     assert steps is not None
     system = engine.system(engine.all)
-    return _repeat(context, system, [system.rewards(reward)[0]], steps, direction)
+    last = system.state_rewards(reward)
+    if steps and is_signed(context, last):
+        error = REWARD_ERROR * np.abs(last)
+        zero = np.zeros(len(system.row_sums()))
+        signed = Steps(system, zero, zero)
+        bounds = last - error, last + error
+        return signed_steps(context, signed, bounds, steps, direction, "rewards after k steps")
+    return _repeat(context, system, [last], steps, direction)
 
 
 def _repeat(

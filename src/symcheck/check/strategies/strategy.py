@@ -31,8 +31,8 @@ from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet
 from symcheck.engines.explicit.strategy import Strategy
-from symcheck.engines.linear_system import per_row
 from symcheck.errors import UnsupportedError
+from symcheck.matrices.rows import per_row
 from symcheck.semantics.rewards import Reward, Time
 from symcheck.semantics.time_bounds import Window, bound_value, window
 from symcheck.syntax.ast import (
@@ -179,7 +179,7 @@ def _reward(
         case InstantaneousReward(time):
             steps = Window(upper=bound_value(time)).steps().upper
             assert steps is not None
-            last = system.rewards(reward)[0]
+            last = system.state_rewards(reward)
             return first_steps(context, None, steps, direction, last=last)
         case CostBoundedReward():
             raise UnsupportedError("strategies are not supported for rewards within a cost")

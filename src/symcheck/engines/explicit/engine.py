@@ -17,7 +17,7 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.engines import tuning
-from symcheck.engines.base import Automaton, Number, require_expression
+from symcheck.engines.base import Automaton, Number, erased, require_expression
 from symcheck.engines.capabilities import (
     Capable,
     HasActions,
@@ -37,6 +37,7 @@ from symcheck.engines.linear_system import (
     require_normal_numbers,
     require_normal_rewards,
 )
+from symcheck.engines.reward_sums import RewardSums
 from symcheck.explicit.explored import ExploredModel
 from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
@@ -210,6 +211,11 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
             finite = finite - self.graph.exists_until(~target, infinite)
         return finite
 
+    @cached_property
+    def reward_sums(self) -> RewardSums:
+        """The sums of rewards that floating point gets wrong."""
+        return RewardSums(erased(self))
+
     def row_actions(self) -> Int32s:
         """Per row, the number of its action among the model's, -1 for none."""
         actions: Int32s = self.explored.choice_actions
@@ -291,6 +297,11 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
     def has_end_components(self) -> bool:
         """Whether some end component lies within the states (MDP)."""
         return next(self.engine.graph.end_components(self.states), None) is not None
+
+    @property
+    def reward_sums(self) -> RewardSums:
+        """The sums of rewards of the engine that floating point gets wrong."""
+        return self.engine.reward_sums
 
     @property
     def preprocessing(self) -> Sequence[Preprocessing[ArraySet, Numeric]]:

@@ -15,12 +15,11 @@ from symcheck.engines.explicit.base import ExplicitOwner, Numeric
 from symcheck.engines.linear_system import (
     ExpectedReward,
     Query,
-    per_row,
     require_normal_rewards,
     solved_values,
 )
 from symcheck.matrices.numbers import Numbers
-from symcheck.matrices.rows import Bools
+from symcheck.matrices.rows import Bools, per_row
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.problem import Observer
 from symcheck.numerics.settings import Settings

@@ -27,13 +27,12 @@ from symcheck.machine import available_memory, used_data
 from symcheck.matrices.numbers import Numbers, Rationals, rationals
 from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix
 from symcheck.semantics import state_faults
-from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.interpreter import (
     Row,
     State,
     state_rewards,
     transitions,
-    valuation,
+    value,
 )
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, ModelType
@@ -87,7 +86,7 @@ class RationalModel:
 
     def evaluate(self, expression: Expression) -> Numbers:
         """The value of an expression over the variables in each state, as objects."""
-        values = [evaluate(expression, valuation(self.model, s), exact=True) for s in self.states]
+        values = [value(self.model, s, expression) for s in self.states]
         out = np.empty(len(values), dtype=object)
         out[:] = values
         return out

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from symcheck.direction import Direction
 from symcheck.engines import tuning
-from symcheck.engines.base import require_expression
+from symcheck.engines.base import erased, require_expression
 from symcheck.engines.capabilities import Capable, HasActions
 from symcheck.engines.linear_system import (
     Preprocessing,
     refuse_infinite_minimum,
     require_normal_numbers,
 )
+from symcheck.engines.reward_sums import RewardSums
 from symcheck.engines.symbolic.acyclic import AcyclicSolution
 from symcheck.engines.symbolic.deterministic_elimination import DeterministicElimination, ReducedSet
 from symcheck.engines.symbolic.diagrams import Diagrams, HasDiagrams, diagrams_of
@@ -187,6 +188,11 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
             self._last.clear()
             self._last[key] = SymbolicSystem(self, states, direction)
         return self._last[key]
+
+    @cached_property
+    def reward_sums(self) -> RewardSums:
+        """The sums of rewards that floating point gets wrong."""
+        return RewardSums(erased(self))
 
     def row_actions(self) -> Int32s:
         """Per row of an MDP, the number of its action among the model's, -1 for none."""

@@ -14,6 +14,7 @@ from symcheck.dd.odd import Odd
 from symcheck.direction import Direction
 from symcheck.engines.base import Number
 from symcheck.engines.linear_system import LinearSystem, Preprocessing
+from symcheck.engines.reward_sums import RewardSums
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.engines.symbolic.sets import (
     Piece,
@@ -47,6 +48,11 @@ class Owner(SymbolicOwner, Protocol):
 
     def operator(self, system: SymbolicSystem) -> SparseMatrix | DivisibleOperator:
         """The matrix of a system in the engine's form."""
+        ...
+
+    @property
+    def reward_sums(self) -> RewardSums:
+        """The sums of rewards that floating point gets wrong."""
         ...
 
     @property
@@ -158,6 +164,11 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
     def has_end_components(self) -> bool:
         """Whether some end component lies within the states (MDP)."""
         return next(self.engine.graph.end_components(self.states), None) is not None
+
+    @property
+    def reward_sums(self) -> RewardSums:
+        """The sums of rewards of the engine that floating point gets wrong."""
+        return self.engine.reward_sums
 
     @property
     def preprocessing(self) -> Sequence[Preprocessing[SymbolicSet, SymbolicValues]]:

@@ -579,12 +579,13 @@ cdef class Expander:
             status = self._execute(self.rewards[k, 1])
             if status:
                 return status
-            reward = self.r[self.rewards[k, 2]].d
-            if reward - reward != 0:
-                return Status.NOT_A_NUMBER
             row_rewards = <double*> self.rows.rewards[self.rewards[k, 0]].data
+            row_rewards += self.rows.opened - 1
+            reward = self.r[self.rewards[k, 2]].d
             earned = total * reward
             if earned == 0 and total > 0 and reward != 0:
                 earned = 5e-324  # it underflows; the equations refuse subnormal numbers
-            row_rewards[self.rows.opened - 1] += earned
+            row_rewards[0] += earned
+            if row_rewards[0] - row_rewards[0] != 0:
+                return Status.NOT_A_NUMBER
         return 0

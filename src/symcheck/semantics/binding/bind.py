@@ -5,6 +5,7 @@ from __future__ import annotations
 from symcheck.semantics.binding.bind_model import (
     bind,
     check_constant_names,
+    exactly_bound,
     undefined_constants,
 )
 from symcheck.semantics.binding.bind_properties import (
@@ -27,6 +28,7 @@ __all__ = [
     "bind_properties",
     "bind_property",
     "check_constant_names",
+    "exactly_bound",
     "needed_constants",
     "split_constants",
     "undefined_constants",

@@ -34,7 +34,7 @@ from symcheck.semantics.model import (
 from symcheck.syntax.ast import Expression, Literal, ModelType, Type
 from symcheck.syntax.declarations import Command, Constant, Program, RewardStructure, Update
 
-__all__ = ["bind", "check_constant_names", "undefined_constants"]
+__all__ = ["bind", "check_constant_names", "exactly_bound", "undefined_constants"]
 
 _ONE = Literal(Fraction(1), Type.DOUBLE)
 
@@ -232,3 +232,18 @@ class _Builder:
             guard, value = scope.expand(item.guard), scope.expand(item.value)
             items.append(BoundReward(on_states, action, guard, value, span=item.span))
         return BoundRewards(structure.name, tuple(items))
+
+
+def exactly_bound(model: BoundModel) -> BoundModel:
+    """The model with the numbers of its text as rationals."""
+    if model.exact:
+        return model
+    given = {
+        c.name: model.constants[c.name]
+        for c in model.program.constants
+        if c.value is None and c.name in model.constants
+    }
+    # What is divided by its sum in the model is divided by it here, too.
+    normalise = bool(model.warnings)
+    exact = bind(model.program, given, model_type=model.type, exact=True, normalise=normalise)
+    return exact if model.derivation is None else model.derivation(exact)

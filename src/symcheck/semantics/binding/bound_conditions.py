@@ -81,7 +81,7 @@ class _Conditions:
             case _:
                 pass
 
-    def _constant(self, expression: Expression, what: str) -> Value | None:
+    def _constant(self, expression: Expression, what: str, *, exact: bool = False) -> Value | None:
         """The value of an expression that must be constant."""
         if not all(
             isinstance(n, Literal | Unary | Binary | Call | Conditional) for n in nodes(expression)
@@ -89,7 +89,7 @@ class _Conditions:
             self.report.input("not-constant", f"{what} must be constant", expression.span)
             return None
         try:
-            return evaluate(expression, {}, exact=self.model.exact)
+            return evaluate(expression, {}, exact=exact or self.model.exact)
         except InputError as fault:
             self.report.absorb(fault)
             return None
@@ -128,13 +128,17 @@ class _Conditions:
             self.report.input("threshold", message, threshold.span)
 
     def _discount(self, discount: Expression) -> None:
-        value = self._constant(discount, "the discount")
+        # 1 - 1e-17 is less than 1, and as a double it is not.
+        value = self._constant(discount, "the discount", exact=True)
         if value is not None and not 0 <= value < 1:
             self.report.input(
                 "discount",
                 f"the discount must be at least 0 and less than 1, not {format_value(value)}",
                 discount.span,
-                "R [ C ] without a discount is the total reward",
+                "R [ C ] without a discount is the total reward"
+                if self.model.exact or value != 1
+                else "R [ C ] without a discount is the total reward; -exact does not round "
+                "what is computed",
             )
 
     def _structure(self, structure: str | Expression | None, node: Tree) -> None:

@@ -37,7 +37,7 @@ from symcheck.syntax.ast import (
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 from symcheck.syntax.traversal import names, nodes
 
-__all__ = ["Liveness", "is_safe", "liveness", "may_be_undefined"]
+__all__ = ["Liveness", "int_bounds", "is_safe", "liveness", "may_be_undefined"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,9 +177,14 @@ def is_safe(value: Expression, variable: Variable, variables: Sequence[Variable]
     """
     within = True
     if variable.type is not Type.BOOL and variable.low is not None and variable.high is not None:
-        low, high = _interval(value, {v.name: v for v in variables})
+        low, high = int_bounds(value, variables)
         within = variable.low <= low and high <= variable.high
     return within and not any(may_be_undefined(n) for n in nodes(value))
+
+
+def int_bounds(value: Expression, variables: Sequence[Variable]) -> Interval:
+    """Lower and upper bound of an int expression, infinite where it is unbounded or unknown."""
+    return _interval(value, {v.name: v for v in variables})
 
 
 _DEFINED = frozenset(

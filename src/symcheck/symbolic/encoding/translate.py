@@ -618,6 +618,10 @@ class Translator:
         """The set where the row bits of `target` are a valid code."""
         return self._valid(target, target.rows)
 
+    def valuations(self) -> Bdd:
+        """The set where the row bits of every variable are a valid code."""
+        return self.manager.conjunction([self.valid(v) for v in reversed(self.encoding.ordered)])
+
     def _valid(self, target: EncodedVariable, bits: Sequence[str]) -> Bdd:
         largest, result = target.high - target.low, self.manager.true
         for bit, name in enumerate(reversed(bits)):  # from the least significant one

@@ -23,6 +23,7 @@ __all__ = [
     "evaluated_valuations",
     "frame",
     "positive",
+    "possible",
     "touched_by",
 ]
 
@@ -107,6 +108,18 @@ def positive(translator: Translator, update: EncodedUpdate) -> Bdd:
     if isinstance(update.probability, float):
         return translator.manager.true if update.probability > 0 else translator.manager.false
     return update.probability.compare(">", 0.0)
+
+
+def possible(translator: Translator, participants: Sequence[Sequence[EncodedCommand]]) -> Bdd:
+    """The rows where each participant has an update of positive probability (rate); elsewhere none
+    is carried out.
+    """
+    manager = translator.manager
+    moves = [
+        [c.guard & positive(translator, u) for c in commands for u in c.updates]
+        for commands in participants
+    ]
+    return manager.conjunction([manager.disjunction(m) for m in moves])
 
 
 def touched_by(commands: Sequence[EncodedCommand]) -> tuple[int, ...]:

@@ -69,7 +69,5 @@ def _initial_states(model: BoundModel, translator: Translator) -> Bdd:
                 if v.variable.initial is not None
             }
         )
-    valuations = translator.manager.conjunction(
-        [translator.valid(v) for v in reversed(encoding.ordered)]
-    )
+    valuations = translator.valuations()
     return valuations & translator.boolean_on(model.initial, valuations)

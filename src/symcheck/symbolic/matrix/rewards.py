@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from symcheck.semantics import interpreter
 from symcheck.semantics.model import BoundRewards
+from symcheck.symbolic.events.commands import possible
 from symcheck.symbolic.matrix.choice_coloring import JointClass
 from symcheck.symbolic.matrix.products import nothing_lost
 from symcheck.symbolic.model import EncodedCommand, LazySequence, StateSpace
@@ -45,14 +46,14 @@ def chain_rewards(space: StateSpace, numbers: Mtbdd | None) -> LazySequence[tupl
 def _chain_reward(
     space: StateSpace, structure: BoundRewards, numbers: Mtbdd | None
 ) -> tuple[Mtbdd, ...]:
-    actions = dict.fromkeys(e.event.action for e in space.symbolic.events)
     parts = []
-    for action in actions:
+    for action in dict.fromkeys(e.event.action for e in space.symbolic.events):
         if _rewards_action(structure, action):
             weight = _action_weight(space, action)
-            earned = _earned(space, structure, space.states, False, action)
+            earned = _earned(space, structure, weight.compare(">", 0.0), False, action)
             parts.append(nothing_lost(weight * earned, weight, earned))
     total = space.symbolic.manager.sum(parts)
+    _raise_fault(space, _infinite(total), on_states=False)
     return (total if numbers is None else nothing_lost(total / numbers, total),)
 
 
@@ -72,7 +73,8 @@ def _class_reward(
     by_action: dict[str | None, list[Bdd]] = {}
     for joint in choice_class:
         if _rewards_action(structure, joint.event.event.action):
-            by_action.setdefault(joint.event.event.action, []).append(joint.guard)
+            happening = joint.guard & possible(space.symbolic.translator, joint.participants)
+            by_action.setdefault(joint.event.event.action, []).append(happening)
     return manager.sum(
         [_earned(space, structure, manager.disjunction(g), False, a) for a, g in by_action.items()]
     )
@@ -85,33 +87,43 @@ def _rewards_action(structure: BoundRewards, action: str | None) -> bool:
 def _earned(
     space: StateSpace, structure: BoundRewards, states: Bdd, on_states: bool, action: str | None
 ) -> Mtbdd:
-    """Sum of the items on states, or on transitions of `action`, within `states`."""
+    """Sum of the items on states, or on transitions of `action`, within `states`.
+
+    Raises the interpreter's ModelFault where a reward is infinite or has no value.
+    """
     items = [
         i for i in structure.items if i.on_states == on_states and (on_states or i.action == action)
     ]
-    parts = []
-    translator = space.symbolic.translator
+    parts, faulty = [], []
+    translator, manager = space.symbolic.translator, space.symbolic.manager
     for item in items:
-        where = translator.boolean_on(item.guard, space.states) & states
-        if faults := translator.faults(item.guard) & states:
-            check_finite(space, space.symbolic.manager.zero, faults, on_states)
+        where = translator.boolean_on(item.guard, states) & states
+        faulty.append(translator.faults(item.guard) & states)
         if where:
             value = translator.number_on(item.value, where)
-            check_finite(space, value, where & translator.undefined(item.value), on_states)
+            without_value = translator.faults(item.value) | translator.undefined(item.value)
+            faulty += [where & without_value, _infinite(value)]
             parts.append(value)
-    return space.symbolic.manager.sum(parts)
+    total = manager.sum(parts)
+    _raise_fault(space, manager.disjunction([*faulty, _infinite(total)]), on_states)
+    return total
 
 
-def check_finite(space: StateSpace, value: Mtbdd, undefined: Bdd, on_states: bool) -> None:
-    """Raise the interpreter's ModelFault where a reward is infinite or has no value."""
-    if not undefined and value.maximum_leaf < inf and value.minimum_leaf > -inf:
-        return
-    bad = undefined | value.equal(inf) | value.equal(-inf)
-    for state in islice(space.valuations(bad), 1):
+def _infinite(value: Mtbdd) -> Bdd:
+    return value.equal(inf) | value.equal(-inf)
+
+
+def _raise_fault(space: StateSpace, faulty: Bdd, on_states: bool) -> None:
+    """Raise what the interpreter raises in the first state of a set, unless the set is empty."""
+    for state in islice(space.valuations(faulty), 1):
+        model = space.symbolic.model
         if on_states:
-            interpreter.state_rewards(space.symbolic.model, state)
+            interpreter.state_rewards(model, state)
         else:
-            interpreter.choices(space.symbolic.model, state)
+            interpreter.choices(model, state, check_sums=False)
+        raise AssertionError(
+            f"a reward without a finite value in {state}, where the interpreter finds no fault"
+        )
 
 
 def _action_weight(space: StateSpace, action: str | None) -> Mtbdd:

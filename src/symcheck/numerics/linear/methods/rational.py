@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 
@@ -33,6 +34,8 @@ from symcheck.numerics.settings import Accuracy, Settings
 __all__ = ["solve"]
 
 _POLICIES = 10_000
+_LARGE = 1e300
+"""Constants up to this are doubles, and so are sums of some millions of them."""
 
 Chooser = Callable[[LinearProblem, Settings], Solution]
 """A method in floating point that gives a strategy."""
@@ -111,10 +114,13 @@ def _first_policy(problem: LinearProblem, chooser: Chooser) -> Int64s:
     """The best policy in floating point; for least rewards, a policy that leaves almost surely."""
     groups = problem.choices
     assert groups is not None
+    # Beyond doubles, constants are divided by the largest one: the best policy is the same.
+    largest = np.abs(problem.constant).max(initial=0)
+    scale = largest if _LARGE < largest < inf else 1
     rounded = replace(
         problem,
         matrix=problem.rows.doubles(),
-        constant=doubles(problem.constant),
+        constant=doubles(problem.constant / scale),
         upper=None,
         exit=_rounded_exits(problem),
     )

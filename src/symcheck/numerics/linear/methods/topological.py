@@ -378,11 +378,17 @@ def _signed(problem: LinearProblem, settings: Settings, observer: Observer | Non
         lower,
         upper,
         "topological",
-        plus.exact and minus.exact,
+        plus.exact and minus.exact and _keeps_digits(plus, minus),
         True,
         plus.iterations + minus.iterations,
         note,
     )
+
+
+def _keeps_digits(plus: Solution, minus: Solution) -> bool:
+    """Whether no difference is much smaller than its operands: it has the error of these."""
+    size = plus.upper + minus.upper
+    return bool((size <= tuning.CANCELLATION * np.abs(plus.middle - minus.middle)).all())
 
 
 def _solution(

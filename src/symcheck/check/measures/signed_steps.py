@@ -1,0 +1,113 @@
+"""Rewards of both signs, step by step: what cancels leaves an error that is not relative to the
+value, so that lower and upper bounds are carried along.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.result import SolverRun
+from symcheck.direction import Direction
+from symcheck.engines.base import ROUNDING, System, Values
+from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.rows import Floats
+from symcheck.numerics.linear.problem import Progress, largest_width
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
+
+__all__ = ["REWARD_ERROR", "Steps", "best", "is_signed", "lifted", "signed_steps"]
+
+REWARD_ERROR = 2.0**-43
+"""The relative error of rewards: see `symcheck.engines.tuning.CANCELLATION`."""
+
+_SMALLEST = 2.0**-1074
+
+
+def best(rows: Numbers, system: System, direction: Direction | None) -> Numbers:
+    """The least or greatest value of the rows of each state: float64[rows] -> float64[n]."""
+    groups = system.groups
+    if groups is None or len(rows) == 0:
+        return rows
+    fold = np.minimum if direction is Direction.MIN else np.maximum
+    return np.asarray(fold.reduceat(rows, groups[:-1]))
+
+
+def is_signed(context: Context, rewards: Numbers) -> bool:
+    """Whether rewards in floating point are negative somewhere."""
+    return not context.engine.exact and bool(rewards.min(initial=0.0) < 0)
+
+
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """The steps x' = rewards + factor A x of the rows of a system, with bounds on their errors.
+
+    Args:
+        rewards: per row.
+        errors: bounds on the errors of the rewards, per row.
+        factor: the discount of later steps.
+    """
+
+    system: System
+    rewards: Floats
+    errors: Floats
+    factor: float = 1.0
+
+    def bounds(self, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
+        """Bounds per row on what a step gives, from bounds per state on what comes after it."""
+        multiply = self.system.operator.multiply
+        size = self.factor * multiply(np.maximum(np.abs(lower), np.abs(upper)))
+        size += np.abs(self.rewards)
+        unit = 2 * (self.system.operator.longest + 6) * UNIT_ROUNDOFF
+        tiny = (self.system.operator.longest + 6) * _SMALLEST
+        error = np.where(size > 0.0, unit * size + self.errors + tiny, 0.0)
+        return (
+            self.factor * multiply(lower) + self.rewards - error,
+            self.factor * multiply(upper) + self.rewards + error,
+        )
+
+
+def signed_steps(
+    context: Context,
+    steps: Steps,
+    start: tuple[Floats, Floats],
+    count: int,
+    direction: Direction | None,
+    name: str,
+) -> Values:
+    """The values after some steps.
+
+    Args:
+        start: lower and upper bounds on the values after the last step.
+        count: the number of steps.
+        name: of the measure, for a warning.
+    """
+    system = steps.system
+    lower, upper = start
+    taken = 0
+    while taken < count:
+        taken += 1
+        low, high = (best(rows, system, direction) for rows in steps.bounds(lower, upper))
+        if context.observer is not None:
+            context.observer(Progress("step by step", taken, 0.0, system.n))
+        if np.array_equal(low, lower) and np.array_equal(high, upper):
+            break
+        lower, upper = low, high
+    context.log.runs.append(SolverRun("steps", "step by step", system.n, taken))
+    return lifted(context, system, lower, upper, name)
+
+
+def lifted(context: Context, system: System, lower: Floats, upper: Floats, name: str) -> Values:
+    """Bounds as values: exact up to rounding where they are close, with a warning where they are
+    not.
+    """
+    width = largest_width(lower, upper, relative=True)
+    if width <= ROUNDING:
+        return system.lift(0.5 * (lower + upper), None, exact=True)
+    relevant = np.ones(len(lower), np.bool_)
+    if context.relevant_states is not None:
+        relevant = system.restrict(context.relevant_states) > 0
+    width = largest_width(lower[relevant], upper[relevant], context.options.relative)
+    context.warn_if_wide(width, f"{name}: positive and negative ones cancel")
+    return system.lift(lower, upper)
