@@ -32,12 +32,7 @@ def exactly_bound(model: BoundModel) -> BoundModel:
 
     if model.exact:
         return model
-    given = {
-        c.name: model.constants[c.name]
-        for c in model.program.constants
-        if c.value is None and c.name in model.constants
-    }
-    exact = bind(model.program, given, model_type=model.type, exact=True)
+    exact = bind(model.program, model.given, model_type=model.type, exact=True)
     return exact if model.derivation is None else model.derivation(exact)
 
 

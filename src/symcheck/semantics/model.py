@@ -143,6 +143,7 @@ class BoundModel:
         events: the flattened composition (see `symcheck.semantics.binding.composition`).
         initial: the condition on initial states; None: the variables' initial values.
         exact: doubles in literals are used as the fractions that they are.
+        given: the values of constants as they were given, which `constants` may have rounded.
         derivation: of a transformed model (such as a reduced one), the function that transforms
             another bound model of the same text in the same way.
         builder: of a model without a text, the function that builds its engine from options.
@@ -162,6 +163,7 @@ class BoundModel:
     rewards: tuple[BoundRewards, ...]
     constants: Mapping[str, Value]
     exact: bool = False
+    given: Mapping[str, Value | str] = field(default_factory=dict, compare=False)
     system: Composition | None = None
     derivation: Callable[[BoundModel], BoundModel] | None = field(default=None, compare=False)
     builder: Callable[..., object] | None = field(default=None, compare=False)

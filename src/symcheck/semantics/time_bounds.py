@@ -7,7 +7,7 @@ from fractions import Fraction
 from math import ceil, floor, isfinite
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, Span
-from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.evaluate import evaluate_constant
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, bounded_reward
 from symcheck.syntax.ast import Expression, Limits, RewardBound, RewardBounds, TimeBound
@@ -69,7 +69,7 @@ class RewardWindow:
 
 def bound_value(expression: Expression) -> Fraction:
     """The exact value of a bound. Raises InputError if it is negative or not finite."""
-    value = evaluate(expression, {}, exact=True)
+    value = evaluate_constant(expression)
     if not isfinite(value) or value < 0:
         raise InputError(
             Diagnostic(

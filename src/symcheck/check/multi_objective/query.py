@@ -35,7 +35,7 @@ from symcheck.engines.capabilities import RepresentsOrbits
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
 from symcheck.matrices.numbers import numbers
 from symcheck.numerics.multi_objective.exact_lp import ROWS
-from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.evaluate import evaluate_constant
 from symcheck.syntax.ast import (
     Bound,
     ExpectedTime,
@@ -266,5 +266,5 @@ def _objective(formula: Expression) -> Objective:
             return Objective(
                 formula,
                 1 if operator == ">=" else -1,
-                Fraction(evaluate(threshold, {}, exact=True)),
+                Fraction(evaluate_constant(threshold)),
             )

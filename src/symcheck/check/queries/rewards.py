@@ -13,7 +13,7 @@ from symcheck.check.path_formulas import StatesOf, UntilPath, resolve, temporal
 from symcheck.direction import Direction
 from symcheck.engines.base import Values
 from symcheck.errors import UnsupportedError
-from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.evaluate import evaluate_constant
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.semantics.time_bounds import bound_value, counts, window
 from symcheck.syntax.ast import (
@@ -86,7 +86,7 @@ def reward_values(
 
 def discount_of(factor: Expression) -> Fraction:
     """The discount of a query, which binding has checked to be from 0 to less than 1."""
-    return Fraction(evaluate(factor, {}, exact=True))
+    return Fraction(evaluate_constant(factor))
 
 
 def expected_time(

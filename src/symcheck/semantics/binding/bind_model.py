@@ -81,14 +81,15 @@ def bind(
     check_values_given(table, program.constants)
     checked = check_program(program, table)
     report.raise_all()
-    return _Builder(checked).build(model_type or program.type or ModelType.MDP)
+    return _Builder(checked, constants or {}).build(model_type or program.type or ModelType.MDP)
 
 
 class _Builder:
     """Builds the bound model of a checked program; collects evaluation faults and raises them."""
 
-    def __init__(self, checked: CheckedProgram) -> None:
+    def __init__(self, checked: CheckedProgram, given: Mapping[str, ConstantValue]) -> None:
         self.program = checked.program
+        self.given = given
         self.checked = checked
         self.table = checked.table
         self.report = checked.table.report
@@ -123,6 +124,7 @@ class _Builder:
             rewards=rewards,
             constants=constants,
             exact=self.table.exact,
+            given=dict(self.given),
             system=self.program.system,
         )
 

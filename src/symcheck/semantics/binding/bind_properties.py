@@ -6,6 +6,7 @@ Each property is bound separately: its fault or its missing constants do not aff
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -240,13 +241,32 @@ def bind_expression(
 
 
 def _table(model: BoundModel, report: DiagnosticCollector) -> SymbolTable:
-    """The symbols of a model, as properties refer to them."""
-    table = SymbolTable(report, model.exact)
+    """The symbols of a model, as properties refer to them.
+
+    Properties are bound in rational arithmetic on every engine: 0.1 is a tenth in them.
+    """
+    table = SymbolTable(report, exact=True, irrational=not model.exact)
+    values = _rational_constants(model)
     for constant in model.program.constants:
-        table.define(constant, model.constants[constant.name])
+        table.define(constant, values[constant.name])
     table.formulas.update({f.name: f for f in model.program.formulas})
     table.variables.update({v.name: v.type for v in model.variables})
     return table
+
+
+def _rational_constants(model: BoundModel) -> Mapping[str, Value]:
+    """The values of the constants of a model, without the rounding of its own arithmetic."""
+    if model.exact:
+        return model.constants
+    program, values = model.program, dict(model.constants)
+    table = SymbolTable(DiagnosticCollector(), exact=True, irrational=True)
+    table.add(program.constants, program.formulas)
+    set_constants(table, program.constants, model.given)
+    for constant in program.constants:
+        if constant.type is Type.DOUBLE:
+            with suppress(InputError):
+                values[constant.name] = table.value(constant.name)
+    return values
 
 
 class _Properties:
@@ -285,7 +305,7 @@ class _Properties:
             report.raise_all()
         check_constants(self.scope, self.file.constants)
         check_labels(self.scope, self.file.labels, self.model.labels)
-        self.texts.check_names()
+        self.texts.check_labels()
         report.raise_all()
         self.table.check_repeated()
         for label in self.file.labels:
@@ -321,7 +341,7 @@ class _Properties:
         formula: Expression | None = None
         fault: InputError | None = None
         try:
-            whole, result = self._typed(text.formula)
+            whole, result = self._typed(number)
             if missing:
                 raise NameFault(*(undefined(self.table.constants[n]) for n in missing))
             for label in self.texts.used_labels(whole):
@@ -335,12 +355,14 @@ class _Properties:
             text.name, result, constants, needed, missing, fault, text.comments, text.span, formula
         )
 
-    def _typed(self, formula: Expression) -> tuple[Expression, Type]:
+    def _typed(self, number: int) -> tuple[Expression, Type]:
         """The formula with properties inlined, and its type. Raises NameFault or TypeFault."""
         self.table.report = DiagnosticCollector()
+        self.texts.check_property(number)
+        self.table.report.raise_all()
         # A new scope reports a fault in a formula for every property that uses it.
         typer = Scope(self.table).typer(self._label_type)
-        whole = self.texts.inlined(formula)
+        whole = self.texts.inlined(self.file.properties[number].formula)
         result = typer.state(whole)
         for node in nodes(whole):
             if isinstance(node, Quantile):

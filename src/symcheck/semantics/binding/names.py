@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from symcheck.errors import Diagnostic, InputError, NameFault, Span, TypeFault
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
-from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.evaluate import evaluate, evaluate_constant
 from symcheck.semantics.expressions.literals import as_expression, convert, format_value
 from symcheck.semantics.expressions.simplify import simplify_node
 from symcheck.semantics.expressions.types import Typer, type_of
@@ -41,11 +41,15 @@ class SymbolTable:
         labels: the names of the labels, for a hint at forgotten quotes.
         given: values for constants that the text leaves undefined.
         repeated: values for constants that the text defines; they must agree with the definition.
+        irrational: whether a constant without a rational value has the nearest double (`exact`).
     """
 
-    def __init__(self, report: DiagnosticCollector, exact: bool) -> None:
+    def __init__(
+        self, report: DiagnosticCollector, exact: bool, *, irrational: bool = False
+    ) -> None:
         self.report = report
         self.exact = exact
+        self.irrational = irrational
         self.constants: dict[str, Constant] = {}
         self.formulas: dict[str, Formula] = {}
         self.variables: dict[str, Type] = {}
@@ -176,7 +180,12 @@ class SymbolTable:
         if constant.value is None:
             raise NameFault(undefined(constant))
         bare = self._without_variables(constant.value)
-        return convert(evaluate(bare, {}, exact=self.exact), constant.type, self.exact)
+        return convert(self._evaluate(bare), constant.type, self.exact)
+
+    def _evaluate(self, expression: Expression) -> Value:
+        if self.irrational:
+            return evaluate_constant(expression)
+        return evaluate(expression, {}, exact=self.exact)
 
     def _without_variables(self, expression: Expression) -> Expression:
         def replace(node: Tree) -> Tree:
@@ -204,7 +213,7 @@ class SymbolTable:
                         Diagnostic(f"unknown name {node.name}", node.span, "unknown-name", hint)
                     )
             bare = self._without_variables(expression)
-            given = evaluate(bare, {}, exact=self.exact)
+            given = self._evaluate(bare)
             result = type_of(bare, {})
             given = convert(given, result, self.exact)
         elif isinstance(given, float) and self.exact and given - given == 0:

@@ -49,10 +49,21 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 
-__all__ = ["BINARY", "FUNCTIONS", "INT_MAX", "INT_MIN", "evaluate", "is_int64"]
+__all__ = [
+    "BINARY",
+    "FUNCTIONS",
+    "INT_MAX",
+    "INT_MIN",
+    "IRRATIONAL",
+    "evaluate",
+    "evaluate_constant",
+    "is_int64",
+]
 
 INT_MIN, INT_MAX = -(2**63), 2**63 - 1
 _EXPONENT_LIMIT = 1 << 20
+IRRATIONAL = frozenset({"exact-power", "exact-log"})
+"""The codes of the faults of values that no rational is, or that would be too long."""
 
 Meaning = Callable[[Value, Value, bool, Node], Value]
 """The function of an operator: two values, whether arithmetic is exact, and the node for errors."""
@@ -79,6 +90,19 @@ def evaluate(
         NameFault: a name has no value.
     """
     return _evaluate(expression, valuation, exact)
+
+
+def evaluate_constant(expression: Expression) -> Value:
+    """The value of an expression without names: rational, or the nearest double where it is not.
+
+    Raises ModelFault as `evaluate`.
+    """
+    try:
+        return evaluate(expression, {}, exact=True)
+    except ModelFault as fault:
+        if not IRRATIONAL.issuperset(d.code for d in fault.diagnostics):
+            raise
+        return evaluate(expression, {})
 
 
 def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: bool) -> Value:
