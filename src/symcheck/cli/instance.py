@@ -10,7 +10,11 @@ from symcheck.api import Model, ReducedModel
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.testing.property_tests import property_test
 from symcheck.cli import exports
-from symcheck.cli.check_property import check_property, report_unbuilt_model
+from symcheck.cli.check_property import (
+    check_property,
+    report_unbuilt_model,
+    report_unparsed,
+)
 from symcheck.cli.output_paths import ConstantTexts
 from symcheck.cli.progress import Progress
 from symcheck.cli.run_state import RunState
@@ -96,6 +100,7 @@ def _check_instance(
                 "the model; each gets its own"
             )
     for instance in instances:
+        report_unparsed(state, instance.index)
         texts = {n: str(v) for n, v in instance.relevant.items() if len(of_properties[n]) > 1}
         name = file.properties[instance.index].name or str(instance.index + 1)
         number = {"property": name} if len(indices) > 1 else {}

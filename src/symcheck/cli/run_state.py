@@ -14,6 +14,7 @@ from symcheck.experiments.rows import Row
 from symcheck.options import Options
 
 if TYPE_CHECKING:  # most runs do without
+    from symcheck.experiments.properties_input import UnparsedProperty
     from symcheck.parallel.workers import Workers
 
 __all__ = ["RunState", "TestFailed"]
@@ -29,7 +30,8 @@ class RunState:
 
     lost: number of instances whose process was killed. varying: the constants that were given
     several values. build_seconds: time of building the current model. workers: sample the paths of
-    -sim; None: this process.
+    -sim; None: this process. unparsed: the properties that do not follow the grammar and are not
+    reported yet, by index.
     """
 
     arguments: Arguments
@@ -41,6 +43,7 @@ class RunState:
     varying: tuple[str, ...] = ()
     build_seconds: float = 0.0
     workers: Workers | None = None
+    unparsed: dict[int, UnparsedProperty] = field(default_factory=dict)
 
     @cached_property
     def options(self) -> Options:
