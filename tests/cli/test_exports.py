@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -142,7 +143,7 @@ def test_transient_and_steady_state(die, engine, capsys):
     status, out, _ = run(capsys, die / "q.sm", "-tr", "0.5", "-ss", engine)
     assert status == 0
     lines = {
-        line.partition("=")[0]: float(line.partition("=")[2])
+        line.partition("=")[0]: float(Fraction(line.partition("=")[2]))
         for line in out.splitlines()
         if line[:3] in ("0:(", "1:(")
     }

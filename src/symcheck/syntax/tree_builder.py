@@ -192,10 +192,20 @@ class Builder:
             return self.real(values)
         span = self._words(values)
         if len(digits) > 19 or int(digits) > _LARGEST_INT:
+            if self._is_of_fraction(span) and len(digits) <= _MOST_DIGITS:
+                return ast.Literal(Fraction(int(digits)), ast.Type.DOUBLE, span=span)
             hint = f"integers end at {_LARGEST_INT}; a double may be larger, such as 1e20"
             self._wrong("this integer is too large", span, "number", hint)
             return ast.Literal(0, ast.Type.INT, span=span)
         return ast.Literal(int(digits), ast.Type.INT, span=span)
+
+    def _is_of_fraction(self, span: Span) -> bool:
+        """Whether a number is divided, or divides: `/` gives doubles, which may be larger."""
+        before, after = (
+            self.source.text[: span.start].rstrip(),
+            self.source.text[span.end :].lstrip(),
+        )
+        return before.endswith("/") or (after.startswith("/") and not after.startswith("//"))
 
     def real(self, values: Values) -> ast.Literal:
         span = self._words(values)

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from symcheck.errors import Diagnostic, InputError, NameFault, Span, TypeFault
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
-from symcheck.semantics.expressions.evaluate import evaluate, evaluate_constant
+from symcheck.semantics.expressions.evaluate import INT_MAX, evaluate, evaluate_constant, is_int64
 from symcheck.semantics.expressions.literals import as_expression, convert, format_value
 from symcheck.semantics.expressions.simplify import simplify_node
 from symcheck.semantics.expressions.types import Typer, type_of
@@ -225,11 +225,13 @@ class SymbolTable:
                 f"constant {constant.name} is of type {constant.type.value}: its value cannot be "
                 f"{format_value(given)}"
             )
-            hint = _TYPE_HINTS[constant.type]
+            large = isinstance(given, Fraction | float) and not -(2**63) < given < 2**63
+            hint = _LARGEST_INT if large else _TYPE_HINTS[constant.type]
             raise TypeFault(Diagnostic(message, constant.span, "constant-type", hint)) from None
 
 
 _VALUE_HINT = "a value is a number, true, false, or an expression over other constants"
+_LARGEST_INT = f"a value of type int is at most {INT_MAX}; one of type double may be larger"
 _TYPE_HINTS = {
     Type.INT: "a value of type int is a whole number without a decimal point, such as 3",
     Type.DOUBLE: "a value of type double is a number, such as 0.25 or 1/4",
@@ -256,7 +258,10 @@ def read_value(text: str, name: str = "<expression>") -> Expression:
         return Literal(plain.lower() == "true", Type.BOOL)
     digits = plain.removeprefix("-")
     if digits.isascii() and digits.isdigit():
-        return Literal(int(plain), Type.INT)
+        whole = int(plain)
+        return (
+            Literal(whole, Type.INT) if is_int64(whole) else Literal(Fraction(whole), Type.DOUBLE)
+        )
     if digits[:1].isdigit() and not {"/", "_"} & set(plain):
         with suppress(ValueError):
             return Literal(Fraction(plain), Type.DOUBLE)
