@@ -369,4 +369,4 @@ def test_a_strategy_that_needs_no_decision_in_some_states_is_read_without_a_warn
     assert "leaves out" not in capsys.readouterr().out
     file.write_text("(0)=a\n")
     assert main([str(model), "-pf", "P=? [ F x=1 ]", "-importstrat", str(file)]) == 0
-    assert "leaves out 1 states" in capsys.readouterr().out
+    assert "leaves out 1 state with several choices" in capsys.readouterr().out

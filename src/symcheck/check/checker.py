@@ -47,6 +47,7 @@ from symcheck.syntax.ast import (
     Type,
 )
 from symcheck.syntax.declarations import Property
+from symcheck.tables import counted
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
@@ -175,7 +176,7 @@ def _check_on_quotient(
     except (UnsupportedError, NumericalError) as error:
         context.log.warn(f"checked without -bisim: {error}")
         return None
-    size = f"{context.engine.states} states -> {smaller.engine.states}"
+    size = f"{counted(context.engine.states, 'state')} -> {smaller.engine.states}"
     text = f"bisimulation: {size}, {smaller.cost}"
     context.log.runs.insert(
         0, SolverRun("graph", "bisimulation", context.engine.states, smaller.rounds, text)
@@ -255,7 +256,8 @@ def _filter_result(
     context: Context, formula: Filter | StateFilter, applied: AppliedFilter, type: Type
 ) -> Result:
     """The result of a filter; that of the initial states if it has no single value (argmin)."""
-    about = "+".join(formula.operators) if isinstance(formula, StateFilter) else formula.operator
+    about = formula.operator if isinstance(formula, Filter) else "+".join(formula.operators)
+    about = about or "state"  # P=? [ path {states} ]
     if type is Type.BOOL:
         condition = applied.condition()
         if condition.value is None:

@@ -28,7 +28,7 @@ from symcheck.numerics import graph
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.options import Options
 from symcheck.syntax.ast import ModelType
-from symcheck.tables import SHOWN_ROWS, Table, state_table
+from symcheck.tables import SHOWN_ROWS, Table, counted, state_table
 
 __all__ = ["Distribution", "initial_distribution", "steady_state", "transient"]
 
@@ -127,7 +127,7 @@ def transient(
         raise UsageError(f"a DTMC takes whole steps, not {time}")
     if engine.exact and (engine.model.type is ModelType.DTMC or time == 0):
         lower = upper = _exact_steps(engine, start, time)
-        text = f"{int(time)} step{'s' if time != 1 else ''} in rational arithmetic"
+        text = f"{counted(int(time), 'step')} in rational arithmetic"
         return Distribution(engine, lower, upper, True, text, perf_counter() - started)
     matrix, start = _matrix(engine), doubles(start)
     if engine.model.type is ModelType.DTMC:
@@ -176,7 +176,7 @@ def _prepared(engine: Engine, start: Numbers | None, kind: _Kind) -> Numbers:
     if len(start) != engine.states:
         raise UsageError(
             f"the initial distribution has {len(start)} probabilities, "
-            f"and the model {engine.states} states"
+            f"and the model {counted(engine.states, 'state')}"
         )
     if not np.all(start >= 0) or abs(start.sum() - 1) > (0 if engine.exact else 1e-6):
         raise UsageError("the initial distribution does not consist of probabilities that sum to 1")
@@ -260,9 +260,7 @@ def steady_state(
         largest = solution.explanation if len(part) > 1 else largest
     if engine.exact:
         upper, largest = lower, "rational elimination"
-    text = f"{len(parts)} bottom component{'s' if len(parts) > 1 else ''}" + (
-        f"; {largest}" if largest else ""
-    )
+    text = counted(len(parts), "bottom component") + (f"; {largest}" if largest else "")
     return Distribution(engine, lower, upper, certified, text, perf_counter() - started)
 
 

@@ -23,6 +23,7 @@ from symcheck.constant_values import typed_value
 from symcheck.errors import OutputError, ResourceError, SymcheckError, UsageError
 from symcheck.semantics.model import Value
 from symcheck.syntax.declarations import PropertiesFile
+from symcheck.tables import counted
 
 __all__ = ["GivenTexts", "InstancesTask", "report_fault"]
 
@@ -116,8 +117,8 @@ def _under_strategy(state: RunState, model: Model, file: str) -> Model:
     open_ = undecided_states(strategy, file)
     if open_:
         state.output.warn(
-            f'"{file}" leaves out {open_} states that are reached and have several choices: '
-            "the first one is taken"
+            f'"{file}" leaves out {counted(open_, "state")} with several choices that paths reach: '
+            "the first choice is taken"
         )
     return induced_chain(model, strategy)
 

@@ -27,6 +27,7 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, SparseMatrix, starts_of
 from symcheck.numerics.linear.until import until_bounds
+from symcheck.tables import counted
 
 __all__ = ["conditional_reachability"]
 
@@ -73,9 +74,8 @@ def conditional_reachability(
         if direction is Direction.MIN:
             low, high = 1 - high, 1 - low
         lower[index], upper[index] = low, high
-    context.log.runs.append(
-        SolverRun("linear", "reset", system.n, len(indices), f"{len(indices)} states with resets")
-    )
+    note = f"{counted(len(indices), 'state')} with resets"
+    context.log.runs.append(SolverRun("linear", "reset", system.n, len(indices), note))
     if engine.exact:
         # Rationals have no bounds: what is not asked for is not a number.
         absent = np.setdiff1d(np.arange(system.n), indices)

@@ -28,6 +28,7 @@ from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix
 from symcheck.numerics.linear.problem import Observer, Progress
 from symcheck.numerics.long_run.drift import average_by_drift
 from symcheck.numerics.settings import Accuracy, Settings
+from symcheck.tables import counted
 
 __all__ = ["Average", "Stationary", "long_run_average", "stationary_distribution"]
 
@@ -78,7 +79,8 @@ def stationary_distribution(
     if known is not None:
         return known
     pi, count = _estimate(rates, settings, observer)
-    return Stationary(pi, pi, False, f"{n} states: Gauss-Seidel, {count} sweeps; an estimate")
+    note = f"{counted(n, 'state')}: Gauss-Seidel, {counted(count, 'sweep')}; an estimate"
+    return Stationary(pi, pi, False, note)
 
 
 def _eliminated(rates: SparseMatrix, limit: int) -> Stationary | None:
@@ -89,9 +91,8 @@ def _eliminated(rates: SparseMatrix, limit: int) -> Stationary | None:
         return None
     pi = factors.stationary()
     error = factors.error + (n + 4) * tuning.UNIT_ROUNDOFF
-    return Stationary(
-        pi * (1.0 - error), np.minimum(pi * (1.0 + error), 1.0), True, f"{n} states: elimination"
-    )
+    note = f"{counted(n, 'state')}: elimination"
+    return Stationary(pi * (1.0 - error), np.minimum(pi * (1.0 + error), 1.0), True, note)
 
 
 def _estimate(
@@ -129,7 +130,8 @@ def long_run_average(
     """
     if rates.exact:
         average = (rational.stationary_distribution(rates) * rewards).sum()
-        return Average(average, average, 1, f"{rates.states} states: rational elimination")
+        note = f"{counted(rates.states, 'state')}: rational elimination"
+        return Average(average, average, 1, note)
     n = rates.states
     if n == 1:
         return Average(rewards[0], rewards[0], 1, "one state")
