@@ -164,3 +164,15 @@ def test_given_fractions_decide_thresholds_exactly():
         assert model.check("P<=1/3 [ F s=1 ]").value is True
         assert model.check("P<1/3 [ F s=1 ]").value is False
         assert model.check("P=? [ F s=1 ] = p").value is True
+
+
+@pytest.mark.parametrize("engine", ["explicit", "sparse", "hybrid", "mtbdd"])
+def test_a_product_that_underflows_has_bounds(engine: EngineName):
+    """The square of 1e-200 is positive, though its double is 0."""
+    text = "dtmc module m s:[0..2]; [] s=0 -> 1e-200:(s'=1) + 1-1e-200:(s'=2); [] s>0 -> true; endmodule"
+    model = symcheck.loads(text, engine=engine)
+    low, high = model.check("P=? [ F s=1 ] * P=? [ F s=1 ]").bounds
+    assert low <= Fraction(1, 10**400) <= high < 1e-300
+    assert model.check("P=? [ F s=1 ] * P=? [ F s=1 ] > 0").value is True
+    assert model.check("P=? [ F s=1 ] * 0 > 0").value is False
+    assert model.check("P=? [ F s=1 ] * 0").value == 0

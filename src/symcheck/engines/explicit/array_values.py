@@ -154,7 +154,8 @@ class ArrayValues:
                 value = _unsigned(_point(operator, arguments))
                 if computed is None:
                     computed = _rounded(operator, arguments, value)
-                return _without_cancellation(ArrayValues(value, value, computed, slack))
+                known = ArrayValues(value, value, computed, slack)
+                return _around(_without_cancellation(known), _underflow(operator, arguments, value))
             low, high = _interval(operator, [o._margins() for o in operands])
         return ArrayValues(*_same(_unsigned(low), _unsigned(high)))
 
@@ -228,6 +229,26 @@ def _without_cancellation(values: ArrayValues) -> ArrayValues:
     return ArrayValues(value - error, value + error, computed & ~few, values.slack)
 
 
+def _around(values: ArrayValues, tiny: Bools) -> ArrayValues:
+    """Values with bounds where they are below the least normal double."""
+    if not tiny.any():
+        return values
+    error = np.where(tiny, _LEAST_NORMAL, 0.0)
+    computed = None if values.computed is None else values.computed & ~tiny
+    return ArrayValues(values.lower - error, values.upper + error, computed, values.slack)
+
+
+def _underflow(operator: str, operands: list[Floats], value: Floats) -> Bools:
+    """Where a product, quotient or power of numbers other than 0 is 0, or nearly."""
+    if operator not in ("*", "/", "^", "pow"):
+        return np.zeros(len(value), bool)
+    tiny = np.abs(value) < _LEAST_NORMAL
+    for x in operands:
+        tiny = tiny & np.isfinite(x) & ((x != 0) | (x is not operands[0] and operator != "*"))
+    return np.asarray(tiny)
+
+
+_LEAST_NORMAL = 2.0**-1022
 _CANCELLATION = 100.0
 """How much greater than a sum its summands may be: two of sixteen digits are lost."""
 
