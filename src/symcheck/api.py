@@ -75,7 +75,6 @@ if TYPE_CHECKING:
     from symcheck.check.state_distributions import Distribution
     from symcheck.check.testing.property_tests import PropertyTests
     from symcheck.engines.transition_table import TransitionTable
-    from symcheck.matrices.rows import Floats
     from symcheck.parallel.dask import Cluster
     from symcheck.parallel.workers import Workers
     from symcheck.semantics.reduction.reset_dead_variables import Reduction
@@ -585,13 +584,13 @@ class Model:
     # --------------------------------------------------------- distributions and paths
 
     @_limited
-    def transient(self, time: float, initial: Floats | None = None) -> Distribution:
+    def transient(self, time: float, initial: Numbers | None = None) -> Distribution:
         """The distribution over the states at a time.
 
         Args:
             time: in the unit of the rates of a CTMC; for a DTMC, a number of steps.
-            initial: float64[states], the distribution at time 0; None for the initial states with
-                equal probabilities.
+            initial: the distribution at time 0, float64[states] or Fractions; None for the initial
+                states with equal probabilities.
 
         Raises:
             UnsupportedError: the model is an MDP.
@@ -601,7 +600,7 @@ class Model:
         return transient(self.engine, time, self.options, initial)
 
     @_limited
-    def steady_state(self, initial: Floats | None = None) -> Distribution:
+    def steady_state(self, initial: Numbers | None = None) -> Distribution:
         """The long-run distribution over the states.
 
         Args:

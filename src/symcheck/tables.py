@@ -16,7 +16,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from pandas import DataFrame
 
-__all__ = ["SHOWN_ROWS", "Columns", "Table", "Tabular", "optional_package", "state_table"]
+__all__ = [
+    "SHOWN_ROWS",
+    "Columns",
+    "Table",
+    "Tabular",
+    "counted",
+    "optional_package",
+    "state_table",
+]
 
 SHOWN_ROWS = 10
 """Rows of a long table that are shown; a row of dots and its last line say that there are more."""
@@ -27,6 +35,11 @@ _SHOWN_VARIABLES = 12
 
 Columns = Mapping[str, "Sequence[object] | NDArray[np.generic]"]
 """The columns of a table by name, all of one length."""
+
+
+def counted(number: int, noun: str) -> str:
+    """A number with its noun: `1 state`, `2 states`."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 class Tabular:

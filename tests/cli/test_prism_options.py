@@ -408,3 +408,36 @@ def test_messages_about_ranges(words, message, queue, capsys):
     status, out, err = run(capsys, "q.sm", *words)
     assert status in (1, 2)
     assert message in out + err
+
+
+FRACTION = "123456789012345678901234567890/987654321098765432109876543210"
+
+
+def test_fractions_that_are_printed_are_read(tmp_path, capsys):
+    """Also those whose terms are beyond 64 bits: constants, thresholds, models, RESULT lines."""
+    model, properties = tmp_path / "m.pm", tmp_path / "m.props"
+    model.write_text(
+        f"dtmc const double p; const double q = {FRACTION}; module m x:[0..2];"
+        "[] x=0 -> p:(x'=1)+1-p:(x'=2); [] x=1 -> q:(x'=2)+1-q:true; [] x=2 -> true; endmodule"
+    )
+    properties.write_text(
+        "// RESULT: 13717421/109739369\nP=? [ F x=1 ];\n"
+        f"// RESULT: {FRACTION}\nP=? [ F x=1 ];\n"
+        f"// RESULT: true\nP>={FRACTION} [ F x=1 ];\n"
+        f"// RESULT: true\nP<={FRACTION} [ F x=1 ];\n"
+        "// RESULT: true\np=q;\n"
+    )
+    words = [str(model), str(properties), "-test", "-const", f"p={FRACTION}"]
+    assert main(words) == 0
+    assert main([*words, "-exact"]) == 0
+    assert "Result: 13717421/109739369 (exact)" in capsys.readouterr().out
+
+
+def test_a_large_int_is_a_double_or_refused(tmp_path, capsys):
+    model = tmp_path / "m.pm"
+    model.write_text("dtmc const double r; const int n; module m x:[0..1]; endmodule")
+    words = [str(model), "-pf", "r=1e30", "-const"]
+    assert main([*words, f"r={10**30},n=1"]) == 0
+    assert "Result: true" in capsys.readouterr().out
+    assert main([*words, f"r=1,n={10**30}"]) == 1
+    assert "an int is at most" in capsys.readouterr().err.replace("a value of type int", "an int")

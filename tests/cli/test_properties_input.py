@@ -88,3 +88,61 @@ def test_the_value_of_a_constant_is_pointed_at(tmp_path, capsys):
     )
     assert main([str(tmp_path / "m.pm"), "-const", "mu=0.5*y"]) == 1
     assert "value of mu:1:5: error[unknown-name]: unknown name y" in capsys.readouterr().err
+
+
+def answers(tmp_path, capsys, properties):
+    (tmp_path / "m.pm").write_text(MODEL)
+    (tmp_path / "p.pctl").write_text(properties)
+    status = main([str(tmp_path / "m.pm"), str(tmp_path / "p.pctl")])
+    out = capsys.readouterr().out
+    beginnings = ("Model checking", "Result:", "Error:")
+    return status, [line for line in out.splitlines() if line.startswith(beginnings)]
+
+
+@pytest.mark.parametrize(
+    ("faulty", "code"),
+    [
+        ("P=? [ F x=", "syntax"),
+        ("P=? [ F (x=1 ]", "missing"),
+        ("<<p1>> P>=0 [ F x=1 ]", "model-type"),
+        ("P=? [ F y=1 ]", "unknown-name"),
+        ("P=? [ F 2 ]", "type"),
+        ('P=? [ F "nothing" ]', "unknown-label"),
+        ('"a": "a"', "cycle"),
+        ('"first": x=1', "duplicate-property"),
+        ("mod(1,0)", "mod-zero"),
+        ("P>2 [ F x=1 ]", "threshold"),
+        ("R=? [ F x=1 ]", "no-rewards"),
+        ("filter(sum, x=1, true)", "filter-type"),
+    ],
+)
+@pytest.mark.parametrize("end", [";", ""])
+def test_a_fault_concerns_its_own_property(tmp_path, capsys, faulty, code, end):
+    """Also where properties end without a semicolon; the order is that of the file."""
+    whole = f'"first": P=? [ F x=1 ]{end}\n{faulty}{end}\n// comment\nP>=1 [ F x=1 ]{end}\n'
+    status, lines = answers(tmp_path, capsys, whole)
+    assert status == 1
+    assert [line.partition(":")[0] for line in lines] == [
+        *("Model checking", "Result"),
+        *("Model checking", "Error"),
+        *("Model checking", "Result"),
+    ]
+    assert "p.pctl:2:" in lines[3]
+    assert lines[5] == "Result: true (satisfied in the initial state)"
+    assert code in lines[3] or code == "filter-type"
+
+
+def test_the_comment_above_a_property_stays_with_it(tmp_path, capsys):
+    (tmp_path / "m.pm").write_text(MODEL)
+    text = "// RESULT: Error\nP=? [ F x=\n\n// RESULT: 1\nP=? [ F x=1 ]\n"
+    (tmp_path / "p.pctl").write_text(text)
+    assert main([str(tmp_path / "m.pm"), str(tmp_path / "p.pctl"), "-test"]) == 0
+    assert "Tests: 2 passed" in capsys.readouterr().out
+
+
+def test_a_property_may_go_on_behind_a_line(tmp_path, capsys):
+    """Where another property is faulty: a line that starts as a property need not be one."""
+    whole = "P>=1 [ F\n  P>=1 [ F x=1 ] ]\nfilter(min,\nP=? [ F x=1 ],\ntrue)\nP=? [ F x=\n"
+    status, lines = answers(tmp_path, capsys, whole)
+    assert status == 1
+    assert [line.partition(":")[0] for line in lines].count("Result") == 2

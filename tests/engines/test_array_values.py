@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symcheck.engines.base import ROUNDING, bracket
+from symcheck.engines.base import bracket
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 
 TESTS = {
@@ -126,8 +126,7 @@ def test_a_difference_of_computed_values_has_their_error():
     )
     _, undecided = difference.compare(">", 0)
     assert undecided
-    assert difference.exact
-    assert difference.slack >= ROUNDING * 0.3
+    assert difference.lower < 0 < difference.upper
 
 
 def test_sets():

@@ -70,7 +70,7 @@ def test_transition_rewards_may_stand_alone(tmp_path):
     [
         ("# States\n(x)\n0:(1)\n", "1:1", "there is no part '# Transitions'"),
         ("0 0 1\n# Transitions (DTMC)\n1 1\n0 0 1\n", "1:1", "text before the first part"),
-        ("# Transitions\n1 1\n0 0 1\n\n# States\n(x)\n0:(1)\n1:(2)\n", "8:1", "has 1 states"),
+        ("# Transitions\n1 1\n0 0 1\n\n# States\n(x)\n0:(1)\n1:(2)\n", "8:1", "has 1 state"),
         ("# Transitions\n1 1\n0 7 1\n", "3:3", "state 7 does not exist"),
         ("# Transitions\n1 1\n0 0 1\n# Transitions\n1 1\n0 0 1\n", "4:3", "a second part"),
     ],

@@ -8,6 +8,7 @@ from fractions import Fraction
 from functools import partial
 from itertools import compress
 from math import isinf, isnan
+from sys import float_info
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -29,10 +30,12 @@ from symcheck.check.result import (
 from symcheck.check.state_formulas import applied_filter, numbers, satisfying, states_of
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.engines.capabilities import RepresentsOrbits
+from symcheck.engines.explicit.rational_values import enclosure
 from symcheck.engines.states import States, StateValues
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
 from symcheck.numerics.linear.problem import Observer
 from symcheck.options import Options
+from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.expressions.rounding_notes import notes_about
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
@@ -45,6 +48,7 @@ from symcheck.syntax.ast import (
     Type,
 )
 from symcheck.syntax.declarations import Property
+from symcheck.tables import counted
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
@@ -180,7 +184,7 @@ def _check_on_quotient(
     except (UnsupportedError, NumericalError) as error:
         context.log.warn(f"checked without -bisim: {error}")
         return None
-    size = f"{context.engine.states} states -> {smaller.engine.states}"
+    size = f"{counted(context.engine.states, 'state')} -> {smaller.engine.states}"
     text = f"bisimulation: {size}, {smaller.cost}"
     context.log.runs.insert(
         0, SolverRun("graph", "bisimulation", context.engine.states, smaller.rounds, text)
@@ -260,7 +264,8 @@ def _filter_result(
     context: Context, formula: Filter | StateFilter, applied: AppliedFilter, type: Type
 ) -> Result:
     """The result of a filter; that of the initial states if it has no single value (argmin)."""
-    about = "+".join(formula.operators) if isinstance(formula, StateFilter) else formula.operator
+    about = formula.operator if isinstance(formula, Filter) else "+".join(formula.operators)
+    about = about or "state"  # P=? [ path {states} ]
     if type is Type.BOOL:
         condition = applied.condition()
         if condition.value is None:
@@ -315,14 +320,26 @@ def _width(accuracy: Accuracy) -> float:
 def _answer(context: Context, bounds: Bounds, rounded: bool, type: Type) -> tuple[Number, Accuracy]:
     """A number between the bounds, and how accurate it is."""
     low, high = bounds
+    if isinstance(low, Fraction) and type is not Type.INT and not context.engine.exact:
+        return _nearest_double(low)
     if low != high and not (isnan(low) or isnan(high)):
         return _middle(low, high), Certified(float(low), float(high))
     if type is Type.INT and not isinf(low) and not isnan(low):
-        return int(low), Exact()
+        return int(low), Exact(rounding=rounded)
     value: Number = float(low) if isinstance(low, int) else low
     if not all(r.certified for r in context.log.runs):
         return value, Estimate()
     return value, Exact(rounding=rounded)
+
+
+def _nearest_double(value: Fraction) -> tuple[float, Accuracy]:
+    """A number that is known without error, as a double."""
+    near = to_float(value)
+    if near == value:
+        return near, Exact()
+    if isinf(near) or abs(near) < float_info.min:  # no double is near
+        return near, Certified(*enclosure(value))
+    return near, Exact(rounding=True)
 
 
 def _middle(low: Number, high: Number) -> Number:

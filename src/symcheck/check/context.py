@@ -134,8 +134,9 @@ class Context:
     def warn_if_wide(self, width: float, explanation: str) -> None:
         """Warn if bounds are further apart than requested."""
         if width > self.options.epsilon * (1 + 1e-9):
+            how = "relative to their value, " if self.options.relative else ""
             self.log.warn(
-                f"the bounds are {width:.1E} apart, further than asked for: {explanation}"
+                f"the bounds are {width:.1E} apart, {how}further than asked for: {explanation}"
             )
 
     def example(self, states: StateSet) -> str:

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Generic, TypeVar, assert_never
 
+import numpy as np
+
 from symcheck.check.context import Context
+from symcheck.check.expression_values import LARGEST_WHOLE
 from symcheck.check.result import Line
 from symcheck.check.thresholds import by_rationals
 from symcheck.engines.base import Number, StateSet, Values
 from symcheck.errors import Diagnostic, InputError, SymcheckError
+from symcheck.matrices.numbers import is_exact, rationals
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
+from symcheck.semantics.expressions.literals import to_float
 from symcheck.syntax.ast import Expression, Filter
 
 __all__ = [
@@ -135,12 +141,19 @@ class AppliedFilter:
                 bounds, rounded = values.minimum(one), values.rounded(one)
             case _:
                 assert_never(operator)
-        if operator in ("sum", "avg") and not self.context.engine.exact:
-            rounded = rounded or any(bound % 1 > 0 for bound in bounds)
+        if operator in ("sum", "avg"):
+            rounded = rounded or any(
+                isinstance(b, float) and (b % 1 > 0 or abs(b) > LARGEST_WHOLE) for b in bounds
+            )
         return self._constant(bounds, rounded)
 
     def _constant(self, bounds: Bounds, rounded: bool) -> Numeric:
-        per_state = self.context.engine.constant(*bounds, rounded=rounded)
+        engine, value = self.context.engine, bounds[0]
+        per_state = (
+            engine.rationals(rationals([value]))
+            if isinstance(value, int | Fraction)
+            else engine.constant(*bounds, rounded=rounded)
+        )
         return FilterResult(bounds, per_state, rounded)
 
     def _extreme(self, values: Values, states: StateSet) -> Condition:
@@ -187,6 +200,8 @@ def truth_lines(context: Context, formula: StateSet, states: StateSet) -> list[L
 def value_lines(context: Context, formula: Values, states: StateSet) -> list[Line]:
     """The value of a formula in each of the states, in the order of indices."""
     low, high = formula.at(states)
+    if not context.engine.exact and is_exact(low):
+        low = high = np.array([v if _is_large_whole(v) else to_float(v) for v in low], object)
     values = [_middle(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
     return _lines(context, states, values)
 
@@ -197,6 +212,11 @@ def _lines(context: Context, states: StateSet, values: Sequence[bool | float]) -
     return [
         Line(i, s, v) for i, s, v in zip(numbers, engine.valuations(states), values, strict=True)
     ]
+
+
+def _is_large_whole(value: float | Fraction) -> bool:
+    """Whether a value is an int that no double need be."""
+    return isinstance(value, Fraction) and value.denominator == 1 and abs(value) > LARGEST_WHOLE
 
 
 def _middle(low: float, high: float) -> float:

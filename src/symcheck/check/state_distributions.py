@@ -8,20 +8,21 @@ Sources: Stewart (1994), 'Introduction to the Numerical Solution of Markov Chain
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 from numbers import Real
 from time import perf_counter
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from symcheck.check.context import Context
-from symcheck.engines.base import ROUNDING, Engine, StateSet
+from symcheck.engines.base import ROUNDING, Engine, Number, StateSet
 from symcheck.engines.states import StateVector, variable_names
 from symcheck.errors import NumericalError, UnsupportedError, UsageError, converts_memory_error
 from symcheck.kernels.rows import sparse
-from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.numbers import Numbers, doubles, full, is_exact, numbers, rationals
 from symcheck.matrices.rows import Floats, Int32s, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.numerics.tuning import (
@@ -33,7 +34,7 @@ from symcheck.numerics.tuning import (
 )
 from symcheck.options import Options
 from symcheck.syntax.ast import ModelType
-from symcheck.tables import Table, state_table
+from symcheck.tables import Table, counted, state_table
 
 __all__ = ["Distribution", "initial_distribution", "steady_state", "transient"]
 
@@ -46,7 +47,7 @@ class Distribution(StateVector):
 
     Attributes:
         engine: the engine of the states.
-        lower, upper: bounds on the probabilities, float64[n].
+        lower, upper: bounds on the probabilities, float64[n]; equal Fractions if exact.
         certified: the bounds are proved.
         explanation: the method, in words.
         seconds: the time of the computation.
@@ -55,31 +56,36 @@ class Distribution(StateVector):
     _noun: ClassVar[str] = "probability"
 
     engine: Engine = field(repr=False)
-    lower: Floats = field(repr=False)
-    upper: Floats = field(repr=False)
+    lower: Numbers = field(repr=False)
+    upper: Numbers = field(repr=False)
     certified: bool = True
     explanation: str = ""
     seconds: float = 0.0
 
     @property
-    def values(self) -> Floats:
-        """The midpoints of the bounds, float64[n]."""
-        return 0.5 * (self.lower + self.upper)
+    def exact(self) -> bool:
+        """Whether the probabilities are rationals without error."""
+        return is_exact(self.lower)
+
+    @property
+    def values(self) -> Numbers:
+        """The midpoints of the bounds, float64[n], or the rationals."""
+        return self.lower if self.exact else 0.5 * (self.lower + self.upper)
 
     @property
     def error(self) -> float:
         """The largest possible distance of a value from the true probability."""
-        return 0.5 * float(np.max(self.upper - self.lower, initial=0.0))
+        return 0.0 if self.exact else 0.5 * float(np.max(self.upper - self.lower, initial=0.0))
 
     def at(self, states: StateSet) -> tuple[Numbers, Numbers]:
         """Lower and upper bounds over a set of the engine, in index order."""
         numbers = self.engine.numbers(states)
         return self.lower[numbers], self.upper[numbers]
 
-    def __iter__(self) -> Iterator[tuple[int, tuple[bool | int, ...], float]]:
+    def __iter__(self) -> Iterator[tuple[int, tuple[bool | int, ...], float | Fraction]]:
         """Index, variable values and probability of each state with positive probability."""
         values = self.values
-        some = values > 0
+        some = np.asarray(values > 0, np.bool_)
         states = self.engine.valuations(self.engine.from_bools(some))
         return zip(np.flatnonzero(some).tolist(), states, values[some].tolist(), strict=True)
 
@@ -89,17 +95,22 @@ class Distribution(StateVector):
         return state_table(variable_names(self.engine.model), rows, (self._noun,), note)
 
 
-def initial_distribution(engine: Engine) -> Floats:
-    """The uniform distribution over the initial states, float64[n]."""
-    members = engine.to_bools(engine.initial).astype(np.float64)
+def initial_distribution(engine: Engine) -> Numbers:
+    """The uniform distribution over the initial states, float64[n] or rationals."""
+    members = numbers(engine.to_bools(engine.initial), exact=engine.exact)
     return np.asarray(members / members.sum())
 
 
 @converts_memory_error()
 def transient(
-    engine: Engine, time: float, options: Options | None = None, start: Floats | None = None
+    engine: Engine,
+    time: float,
+    options: Options | None = None,
+    start: Numbers | None = None,
 ) -> Distribution:
     """The distribution after `time` steps (DTMC) or units of time (CTMC).
+
+    That of a CTMC has bounds in rational arithmetic too: it is irrational, with powers of e.
 
     Args:
         engine: the engine of a chain.
@@ -113,12 +124,16 @@ def transient(
         NumericalError: rounding errors of the steps are too large.
     """
     options, started = options or Options(), perf_counter()
-    start = _prepared(engine, start)
+    start = _prepared(engine, start, "transient")
     if not isinstance(time, Real) or not 0 <= time < np.inf:
         raise UsageError(f"a time is a number that is not negative, not {time!r}")
     if engine.model.type is ModelType.DTMC and time != int(time):
         raise UsageError(f"a DTMC takes whole steps, not {time}")
-    matrix = _matrix(engine)
+    if engine.exact and (engine.model.type is ModelType.DTMC or time == 0):
+        lower = upper = _exact_steps(engine, start, time)
+        text = f"{counted(int(time), 'step')} in rational arithmetic"
+        return Distribution(engine, lower, upper, True, text, perf_counter() - started)
+    matrix, start = _matrix(engine), doubles(start)
     if engine.model.type is ModelType.DTMC:
         lower, upper, text = _steps(matrix, start, int(time))
     elif time == 0:
@@ -131,21 +146,43 @@ def transient(
     return Distribution(engine, lower, upper, True, text, perf_counter() - started)
 
 
-def _prepared(engine: Engine, start: Floats | None) -> Floats:
+def _exact_steps(engine: Engine, start: Numbers, time: float) -> Numbers:
+    """The probabilities after some steps, as rationals."""
+    matrix, x = engine.system(engine.all).matrix, start
+    for _ in range(int(time)):
+        y = full(len(x), 0, exact=True)
+        np.add.at(y, matrix.indices, matrix.data * np.repeat(x, matrix.lengths))
+        if np.array_equal(x, y):
+            break
+        x = y
+    return x
+
+
+_Kind = Literal["transient", "steady-state"]
+_OF_AN_MDP: Mapping[_Kind, str] = {
+    "transient": "Pmin=? [ F=10 x=1 ] and Pmax=? [ F=10 x=1 ] bound a probability after 10 steps",
+    "steady-state": "Smin=? [ x=1 ] and Smax=? [ x=1 ] bound a probability in the long run",
+}
+
+
+def _prepared(engine: Engine, start: Numbers | None, kind: _Kind) -> Numbers:
     if engine.model.type is ModelType.MDP:
         raise UnsupportedError(
-            "an MDP has no distribution over its states: it depends on the strategy; "
-            "P and R properties have bounds"
+            f"an MDP has no {kind} distribution over its states: it depends on the strategy"
+            f"\n  hint: {_OF_AN_MDP[kind]}; -importstrat gives the chain of one strategy"
         )
     if start is None:
         return initial_distribution(engine)
-    start = np.asarray(start, np.float64)
+    if not engine.exact:
+        start = np.asarray(start, np.float64)
+    else:  # doubles are the decimals that users see
+        start = rationals(Fraction(repr(p)) if isinstance(p, float) else p for p in list(start))
     if len(start) != engine.states:
         raise UsageError(
             f"the initial distribution has {len(start)} probabilities, "
-            f"and the model {engine.states} states"
+            f"and the model {counted(engine.states, 'state')}"
         )
-    if not np.all(start >= 0) or abs(float(start.sum()) - 1) > 1e-6:
+    if not np.all(start >= 0) or abs(start.sum() - 1) > (0 if engine.exact else 1e-6):
         raise UsageError("the initial distribution does not consist of probabilities that sum to 1")
     return start
 
@@ -195,7 +232,7 @@ def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Flo
 
 @converts_memory_error()
 def steady_state(
-    engine: Engine, options: Options | None = None, start: Floats | None = None
+    engine: Engine, options: Options | None = None, start: Numbers | None = None
 ) -> Distribution:
     """The long-run distribution: the fraction of the time that is spent in each state.
 
@@ -211,14 +248,15 @@ def steady_state(
         UnsupportedError: the model is an MDP.
         UsageError: `start` is not a distribution.
     """
+    from symcheck.numerics.linear import rational
     from symcheck.numerics.long_run.stationary import stationary_distribution
 
     options, started = options or Options(), perf_counter()
-    start = _prepared(engine, start)
-    matrix = _matrix(engine)
+    start = _prepared(engine, start, "steady-state")
+    matrix = engine.system(engine.all).matrix
     parts = graph.bsccs(matrix)
     weights = _reached(engine, parts, start, options)
-    lower, upper = np.zeros(engine.states), np.zeros(engine.states)
+    lower, upper = (full(engine.states, 0, exact=engine.exact) for _ in range(2))
     certified, largest = True, ""
     for part, (low, high) in zip(parts, weights, strict=True):
         if high == 0.0:
@@ -226,34 +264,42 @@ def steady_state(
         index = np.full(engine.states, -1, np.int32)
         index[part] = np.arange(len(part), dtype=np.int32)
         component = matrix.select(part, index, len(part))
+        if engine.exact:
+            lower[part] = rational.stationary_distribution(component) * np.asarray(low, object)
+            continue
         solution = stationary_distribution(component, options)
         certified &= solution.certified
-        lower[part], upper[part] = solution.lower * low, np.minimum(solution.upper * high, 1.0)
+        lower[part] = solution.lower * float(low)
+        upper[part] = np.minimum(solution.upper * float(high), 1.0)
         largest = solution.explanation if len(part) > 1 else largest
-    text = f"{len(parts)} bottom component{'s' if len(parts) > 1 else ''}" + (
-        f"; {largest}" if largest else ""
-    )
+    if engine.exact:
+        upper, largest = lower, "rational elimination"
+    text = counted(len(parts), "bottom component") + (f"; {largest}" if largest else "")
     return Distribution(engine, lower, upper, certified, text, perf_counter() - started)
 
 
 def _reached(
-    engine: Engine, parts: list[Int32s], start: Floats, options: Options
-) -> list[tuple[float, float]]:
+    engine: Engine, parts: list[Int32s], start: Numbers, options: Options
+) -> list[tuple[Number, Number]]:
     """Bounds on the probability of reaching each bottom component."""
     from symcheck.check.measures.reachability import until
 
     if len(parts) == 1:
-        return [(1.0, 1.0)]
+        return [(1, 1)]
     begins, positive = engine.from_bools(start > 0), start[start > 0]
     context = Context(engine, options)
     if sum(np.count_nonzero(start[part]) for part in parts) == len(positive):
-        return [(mass, mass) for mass in (float(start[part].sum()) for part in parts)]
-    out = []
+        return [(mass, mass) for mass in (start[part].sum() for part in parts)]
+    out: list[tuple[Number, Number]] = []
     for part in parts:
         members = np.zeros(engine.states, bool)
         members[part] = True
         values = until(context, engine.all, engine.from_bools(members), None)
         low, high = values.at(begins)
+        if engine.exact:
+            mass = np.dot(low, positive)
+            out.append((mass, mass))
+            continue
         # Values that are exact up to rounding are widened by the rounding error.
         out.append(
             (

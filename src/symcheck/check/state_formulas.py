@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import partial
 from typing import assert_never
 
 from symcheck.check.context import Context
+from symcheck.check.expression_values import expression_values, in_doubles
 from symcheck.check.filters import AppliedFilter
 from symcheck.check.omega_regular import ctl
 from symcheck.check.path_formulas import StatesOf, resolve
@@ -48,7 +49,7 @@ from symcheck.syntax.ast import (
     Type,
     Unary,
 )
-from symcheck.syntax.operators import Operator, UnaryOperator, connect
+from symcheck.syntax.operators import Function, Operator, UnaryOperator, connect
 
 __all__ = [
     "applied_filter",
@@ -119,16 +120,18 @@ def satisfying(context: Context, formula: Expression, relevant: StateSet) -> Sta
 def numbers(context: Context, formula: Expression, relevant: StateSet) -> Values:
     """The value of a numeric formula at each state, within the requested accuracy."""
     if is_plain(formula):
-        return context.engine.values(formula, context.type(formula))
+        known = expression_values(context, formula)
+        if known is not None:
+            return known
     here = partial(numbers, context, relevant=relevant)
     context = context.relevant_at(relevant)
     match formula:
         case Unary(UnaryOperator.MINUS, operand):
             return here(operand).map("-")
         case Binary(operator, left, right):
-            return here(left).map(operator, here(right))
+            return _applied(context, operator, [here(left), here(right)])
         case Call(function, (first, *others)):
-            return here(first).map(function, *(here(a) for a in others))
+            return _applied(context, function, [here(a) for a in (first, *others)])
         case Conditional(condition, then, otherwise):
             return here(then).choose(satisfying(context, condition, relevant), here(otherwise))
         case LabelReference():
@@ -148,6 +151,13 @@ def numbers(context: Context, formula: Expression, relevant: StateSet) -> Values
             raise _wrong_type(formula, "a condition, not a number")
         case _:
             assert_never(formula)
+
+
+def _applied(context: Context, operator: Operator | Function, operands: Sequence[Values]) -> Values:
+    """The values of an operator or function; those that may be irrational are doubles."""
+    if operator in (Operator.POWER, Function.POW, Function.LOG):
+        operands = [in_doubles(context.engine, v) for v in operands]
+    return operands[0].map(operator, *operands[1:])
 
 
 def _clipped(context: Context, values: Values) -> Values:

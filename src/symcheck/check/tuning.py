@@ -9,7 +9,8 @@ from __future__ import annotations
 REFINED_ACCURACIES = (1e-9, 1e-12)
 """Values of epsilon that are tried in turn if a comparison is undecided."""
 RATIONAL_STATES = 20_000
-"""The most states of a model that is explored again in rational arithmetic."""
+"""The most states of a model that is explored again in rational arithmetic, or at which expressions
+of properties are evaluated in it."""
 PROVED_EQUATIONS = 300
 """The most equations of a linear program that is proved in rational arithmetic by default."""
 LARGE_MODEL_STATES = 100_000

@@ -118,8 +118,18 @@ def check_property(
         state.conclude(property_test(instance, outcome, of_model, bound.constants, exact=exact))
 
 
-def report_unparsed(state: RunState, property: UnparsedProperty) -> None:
-    """Report a property that does not follow the grammar. Raises TestFailed as `check_property`.
+def report_unparsed(state: RunState, index: int | None = None) -> None:
+    """Report the properties before an index (all) that do not follow the grammar.
+
+    Each is reported once. Raises TestFailed as `check_property`.
+    """
+    for i in sorted(state.unparsed):
+        if index is None or i < index:
+            _report_unparsed(state, state.unparsed.pop(i))
+
+
+def _report_unparsed(state: RunState, property: UnparsedProperty) -> None:
+    """Report a property that does not follow the grammar.
 
     A test of it fails, unless its RESULT line expects an error.
     """

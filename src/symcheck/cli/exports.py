@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -220,11 +221,11 @@ def report_distributions(
 
 
 def _times(argument: str) -> Iterator[tuple[str, float]]:
-    """The times that `2`, `0:5` or `0.1:0.01:0.2` denotes. Raises UsageError."""
+    """The times that `2`, `1/3`, `0:5` or `0.1:0.01:0.2` denotes. Raises UsageError."""
     for choice in combinations(parse_constants([f"T={argument}"], "-transient")):
         try:
-            yield choice["T"], float(choice["T"])
-        except ValueError:
+            yield choice["T"], float(Fraction(choice["T"]))
+        except (ValueError, ArithmeticError):
             raise UsageError(f"-transient: '{choice['T']}' is not a time") from None
 
 
@@ -250,7 +251,13 @@ def _report(
     else:
         _write_distribution(instance_path(path, varying), output, distribution, a.exportprecision)
     output.line()
-    if distribution.certified:
+    if distribution.engine.exact and not distribution.exact:
+        output.line(
+            f"Note: -exact has no effect on {kind} probabilities of a CTMC: they are irrational"
+        )
+    if distribution.exact:
+        output.line(f"Accuracy: each probability is exact ({distribution.explanation})")
+    elif distribution.certified:
         output.line(
             f"Accuracy: each probability is certified: +/- {distribution.error:.1E} "
             f"({distribution.explanation})"

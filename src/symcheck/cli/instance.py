@@ -10,7 +10,11 @@ from symcheck.api import Model, ReducedModel
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.testing.property_tests import property_test
 from symcheck.cli import exports
-from symcheck.cli.check_property import check_property, report_unbuilt_model
+from symcheck.cli.check_property import (
+    check_property,
+    report_unbuilt_model,
+    report_unparsed,
+)
 from symcheck.cli.output_paths import ConstantTexts
 from symcheck.cli.progress import Progress
 from symcheck.cli.run_state import RunState
@@ -19,6 +23,7 @@ from symcheck.constant_values import typed_value
 from symcheck.errors import OutputError, ResourceError, SymcheckError, UsageError
 from symcheck.semantics.model import Value
 from symcheck.syntax.declarations import PropertiesFile
+from symcheck.tables import counted
 
 __all__ = ["GivenTexts", "InstancesTask", "report_fault"]
 
@@ -96,6 +101,7 @@ def _check_instance(
                 "the model; each gets its own"
             )
     for instance in instances:
+        report_unparsed(state, instance.index)
         texts = {n: str(v) for n, v in instance.relevant.items() if len(of_properties[n]) > 1}
         name = file.properties[instance.index].name or str(instance.index + 1)
         number = {"property": name} if len(indices) > 1 else {}
@@ -111,8 +117,8 @@ def _under_strategy(state: RunState, model: Model, file: str) -> Model:
     open_ = undecided_states(strategy, file)
     if open_:
         state.output.warn(
-            f'"{file}" leaves out {open_} states that are reached and have several choices: '
-            "the first one is taken"
+            f'"{file}" leaves out {counted(open_, "state")} with several choices that paths reach: '
+            "the first choice is taken"
         )
     return induced_chain(model, strategy)
 

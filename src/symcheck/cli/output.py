@@ -17,6 +17,7 @@ from symcheck.errors import OutputError, SymcheckError
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.semantics.state_faults import describe_state
+from symcheck.tables import counted
 from symcheck.version import __version__
 
 if TYPE_CHECKING:
@@ -129,12 +130,13 @@ class Output:
                 )
             if whole.symmetries:
                 self.line(f"Symmetry:    {'; '.join(map(str, whole.symmetries))}")
-            self.line(f"  checked on {engine.states} states and {engine.transitions} transitions")
+            size = counted(engine.states, "state"), counted(engine.transitions, "transition")
+            self.line(f"  checked on {' and '.join(size)}")
         self.line(f"Time for model construction: {seconds:.3f} seconds.")
         deadlocks = engine.deadlocks.count if whole is None else whole.deadlocks
         if deadlocks:
             self.warn(
-                f"deadlocks were given self-loops in {_count(deadlocks, 'state')}, "
+                f"deadlocks were given self-loops in {counted(deadlocks, 'state')}, "
                 f"such as {_example(engine)}"
             )
         self.out.flush()
@@ -142,7 +144,7 @@ class Output:
     def partitioned(self, model: DistributedModel) -> None:
         """Counts of a model whose states are partitioned over workers."""
         self.line()
-        workers = _count(len(model.parts), "worker")
+        workers = counted(len(model.parts), "worker")
         self.line(f"Engine:      explicit, on {workers}")
         self.line(f"States:      {model.states} ({model.initial} initial)")
         self.line(f"Transitions: {model.transitions}")
@@ -151,7 +153,7 @@ class Output:
         self.line(f"Time for model construction: {model.seconds:.3f} seconds.")
         if model.deadlocks:
             self.warn(
-                f"deadlocks were given self-loops in {_count(model.deadlocks, 'state')}, "
+                f"deadlocks were given self-loops in {counted(model.deadlocks, 'state')}, "
                 f"such as {model.deadlock_examples()[0]}"
             )
         self.out.flush()
@@ -193,7 +195,7 @@ class Output:
                 self.line(f"  {number}: ({_state(state)})")
         for run in result.runs:
             name = _RUNS.get(run.kind, run.kind)
-            counts = f"{_count(run.unknowns, 'unknown')}, {_count(run.iterations, 'iteration')}"
+            counts = f"{counted(run.unknowns, 'unknown')}, {counted(run.iterations, 'iteration')}"
             self.detail(f"{name}: {run.explanation or run.method} ({counts})")
         if method != "auto":
             for kind in dict.fromkeys(r.kind for r in result.runs if r.kind in _OWN_METHODS):
@@ -247,7 +249,7 @@ class Output:
         if self.warnings:
             verb = "were" if self.warnings > 1 else "was"
             self.line()
-            self.line(f"Note: There {verb} {_count(self.warnings, 'warning')} during computation.")
+            self.line(f"Note: There {verb} {counted(self.warnings, 'warning')} during computation.")
         self.out.flush()
 
 
@@ -268,10 +270,6 @@ def fail(error: SymcheckError, status: int) -> int:
 def _flush_output() -> None:
     with suppress(OSError, OutputError):
         sys.stdout.flush()
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'s' if number != 1 else ''}"
 
 
 def _assignment(values: Mapping[str, str]) -> str:

@@ -126,9 +126,9 @@ def _check_instances(
     task = InstancesTask(model, properties.file, parsed, of_properties)
     choices = list(combinations(of_model))
     try:
-        for i in indices:
-            if i in properties.unparsed:
-                report_unparsed(state, properties.unparsed[i])
+        state.unparsed = {i: properties.unparsed[i] for i in indices if i in properties.unparsed}
+        if peer is not None or len(choices) > 1 or not parsed:
+            report_unparsed(state)
         if peer is not None:
             from symcheck.cli.comparing import compare_answers
 
@@ -136,11 +136,13 @@ def _check_instances(
             return
         if state.arguments.resume is None:
             _check_choices(state, task, choices)
-            return
-        from symcheck.cli.resuming import finished_results
+        else:
+            from symcheck.cli.resuming import finished_results
 
-        with finished_results(state, task) as finished:
-            _check_choices(state, task, choices, finished)
+            report_unparsed(state)
+            with finished_results(state, task) as finished:
+                _check_choices(state, task, choices, finished)
+        report_unparsed(state)
     except TestFailed:
         pass
 

@@ -15,6 +15,7 @@ from symcheck.experiments.rows import Row
 from symcheck.options import Options
 
 if TYPE_CHECKING:  # most runs do without
+    from symcheck.experiments.properties_input import UnparsedProperty
     from symcheck.parallel.workers import Workers
 
 __all__ = ["RunState", "TestFailed"]
@@ -30,7 +31,8 @@ class RunState:
 
     lost: number of instances whose process was killed. varying: the constants that were given
     several values. build_seconds: time of building the current model. workers: sample the paths of
-    -sim; None: this process. progress: what the current instance shows.
+    -sim; None: this process. progress: what the current instance shows. unparsed: the properties
+    that do not follow the grammar and are not reported yet, by index.
     """
 
     arguments: Arguments
@@ -43,6 +45,7 @@ class RunState:
     build_seconds: float = 0.0
     workers: Workers | None = None
     progress: Progress | None = None
+    unparsed: dict[int, UnparsedProperty] = field(default_factory=dict)
 
     @cached_property
     def options(self) -> Options:

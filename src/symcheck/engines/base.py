@@ -17,7 +17,7 @@ from math import inf, nextafter
 from typing import Generic, Protocol, Self, TypeVar, cast
 
 from symcheck.direction import Direction
-from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.numbers import Numbers, Rationals
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.numerics.linear.problem import LinearProblem, Observer
@@ -537,6 +537,10 @@ class EngineOf(Protocol[S, V]):
         """The same value (or bounds of it) everywhere; `rounded`: it came out of floating-point
         arithmetic.
         """
+        ...
+
+    def rationals(self, values: Rationals) -> V:
+        """Values that are known without error: one per state in index order, or one for all."""
         ...
 
     def indicator(self, states: S) -> V:

@@ -361,7 +361,7 @@ def _restricted_engine(
 
 
 def _small_model(exploration: Exploration, observer: Observer | None) -> Engine:
-    reason = f"the model has only {exploration.progress.states:,} states"
+    reason = f"the model has only {_states(exploration.progress.states)}"
     return _explicit_engine(
         exploration,
         observer,
@@ -397,6 +397,10 @@ def _rounds_many_bits(model: BoundModel) -> bool:
         if isinstance(n, Call) and n.function in ("ceil", "floor", "round")
     )
     return any(sum(bits[x] for x in names(n)) > tuning.ROUNDED_BITS for n in rounded)
+
+
+def _states(number: int) -> str:
+    return "1 state" if number == 1 else f"{number:,} states"
 
 
 def _explicit_engine(exploration: Exploration, observer: Observer | None, reason: str) -> Engine:

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import chain
 from pathlib import Path
 
-from symcheck.errors import Diagnostic, Source, Span, SymcheckError, SyntaxFault
+from symcheck.errors import Span, SymcheckError, SyntaxFault
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import (
     is_jani,
@@ -24,9 +24,25 @@ from symcheck.syntax.tree_builder import comments_above
 
 __all__ = ["PropertiesInput", "UnparsedProperty", "read_properties"]
 
-_WORDS = re.compile(r'//[^\n]*|"[^"\n]*"?|;')
+_WORDS = re.compile(r'//[^\n]*|"[^"\n]*"?|;|\n')
+_BEGINNING = re.compile(
+    r"""[ \t]*(?:
+        (?:const|label|formula)\b
+        | "\w+"[ \t]*:
+        | <<
+        | \[\[
+        | (?:filter|multi|multilex|quantile)[ \t]*\(
+        | [AE][ \t]*\[
+        | (?:[PRST]|LRA)(?:min|max)*[ \t]*(?:\{[^\n}]*\}(?:[ \t]|min|max)*)?(?:=[ \t]*\?|[<>])
+    )""",
+    re.VERBOSE,
+)
+"""The beginning of a property or declaration on a line of its own."""
+_GOES_ON = re.compile(r"(?:[\[({,:?&|!=<>+*/^-]|\b[XFGUWR])$")
+"""The end of a line that needs another one."""
 _DECLARATION = re.compile(r"\s*(?:const|label|formula)\b")
 _COMMENT = re.compile(r"//[^\n]*")
+_INK = re.compile(r"\S")
 
 
 @dataclass(frozen=True)
@@ -116,37 +132,33 @@ def _parsed(parse: Callable[[], PropertiesFile]) -> PropertiesInput:
 def _without_faults(fault: SyntaxFault) -> PropertiesInput:
     """The properties of a text without its faulty parts. Raises the fault if none is left.
 
-    A parser reports one fault per line: the remaining text is parsed again until no part has a
-    fault.
+    Each part is parsed on its own: a bracket that one of them leaves open concerns no other.
     """
     source = fault.diagnostics[0].span.source
-    parts = list(_parts(source.text))
-    text, current = source.text, fault
+    whole, text = source.text, source.text
     removed: dict[int, UnparsedProperty] = {}
     declarations: list[SyntaxFault] = []
-    for _ in parts:
-        for start, end in parts:
-            moved = [_moved(d, source) for d in current.diagnostics if start <= d.span.start < end]
-            if moved:
-                whole = source.text[start:end]
-                blank, offset = _blank(whole)
-                text = text[:start] + blank + text[end:]
-                if offset is None:
-                    declarations.append(SyntaxFault(*moved))
-                else:
-                    removed[start + offset] = UnparsedProperty(
-                        " ".join(_bare(whole).split()),
-                        SyntaxFault(*moved),
-                        moved[0].span,
-                        comments_above(source.text, start + offset),
-                    )
+    for start, end in _parts(whole):
+        part = whole[start:end]
+        alone = f"{_spaces(whole[:start])}{part}{_spaces(whole[end:])}"
         try:
-            file = parse_properties(text, source.name, shown=source.text)
-            break
-        except SyntaxFault as another:
-            current = another
-    else:
-        raise fault
+            parse_properties(alone, source.name, shown=whole)
+        except SyntaxFault as own:
+            blank, offset = _blank(part)
+            text = text[:start] + blank + text[end:]
+            if offset is None:
+                declarations.append(own)
+            else:
+                removed[start + offset] = UnparsedProperty(
+                    " ".join(_bare(part).split()),
+                    own,
+                    own.diagnostics[0].span,
+                    comments_above(whole, start + offset),
+                )
+    try:
+        file = parse_properties(text, source.name, shown=whole)
+    except SyntaxFault:
+        raise fault from None
     unparsed = {
         i: removed[p.span.start] for i, p in enumerate(file.properties) if p.span.start in removed
     }
@@ -155,9 +167,9 @@ def _without_faults(fault: SyntaxFault) -> PropertiesInput:
     return PropertiesInput(file, unparsed, declarations)
 
 
-def _moved(diagnostic: Diagnostic, source: Source) -> Diagnostic:
-    """The same fault, with its place in the original text."""
-    return replace(diagnostic, span=Span(source, diagnostic.span.start, diagnostic.span.end))
+def _spaces(text: str) -> str:
+    """A blank text of the same length."""
+    return _INK.sub(" ", text)
 
 
 def _bare(part: str) -> str:
@@ -167,7 +179,7 @@ def _bare(part: str) -> str:
 
 def _blank(part: str) -> tuple[str, int | None]:
     """A blank part of the same length, with a 0 in the place of a property, and its index."""
-    blank, bare = re.sub(r"\S", " ", part), _bare(part)
+    blank, bare = _spaces(part), _bare(part)
     if _DECLARATION.match(bare) or not bare.strip():
         return blank, None
     at = len(bare) - len(bare.lstrip())
@@ -175,10 +187,23 @@ def _blank(part: str) -> tuple[str, int | None]:
 
 
 def _parts(text: str) -> Iterator[tuple[int, int]]:
-    """Start and end of each part, semicolon included; the last ends one behind the text."""
+    """Start and end of each part, semicolon included; the last ends one behind the text.
+
+    A property may end without a semicolon: a line begins another part if it starts as a property or
+    declaration does, and the line before it is empty or does not ask for more.
+    """
     start = 0
     for word in _WORDS.finditer(text):
-        if word[0] == ";":
-            yield start, word.end()
-            start = word.end()
+        end = word.end()
+        if word[0] == "\n":
+            bare = _bare(text[start : word.start()])
+            whole = bare.rstrip()
+            asks = _GOES_ON.search(whole) and "\n" not in bare[len(whole) :]
+            if not whole or asks or not _BEGINNING.match(text, end):
+                continue
+            end = start + len(whole)  # the comments belong to what follows
+        elif word[0] != ";":
+            continue
+        yield start, end
+        start = end
     yield start, len(text) + 1

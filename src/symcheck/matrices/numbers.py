@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -81,5 +81,15 @@ def sum_segments(values: Numbers, starts: Int64s) -> Numbers:
 
 
 def doubles(values: Numbers) -> Floats:
-    """The nearest doubles."""
-    return np.asarray(values, dtype=np.float64)
+    """The nearest doubles; infinite beyond their range."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except OverflowError:
+        return np.array([_nearest(v) for v in values])
+
+
+def _nearest(value: float | Fraction) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return inf if value > 0 else -inf

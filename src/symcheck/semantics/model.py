@@ -144,6 +144,7 @@ class BoundModel:
         initial: the condition on initial states; None: the variables' initial values.
         definitions: an expression without names for the exact value of each constant.
         exact: values are computed in exact arithmetic. (Conditions always are.)
+        given: the values of constants as they were given, which `constants` may have rounded.
         derivation: of a transformed model (such as a reduced one), the function that transforms
             another bound model of the same text in the same way.
         builder: of a model without a text, the function that builds its engine from options.
@@ -164,6 +165,7 @@ class BoundModel:
     rewards: tuple[BoundRewards, ...]
     constants: Mapping[str, Value]
     exact: bool = False
+    given: Mapping[str, Value | str] = field(default_factory=dict, compare=False)
     system: Composition | None = None
     definitions: Mapping[str, Expression] = field(default_factory=dict)
     derivation: Callable[[BoundModel], BoundModel] | None = field(default=None, compare=False)

@@ -22,6 +22,7 @@ from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Even
 from symcheck.symbolic.encoding.enumerate_states import enumerate_states
 from symcheck.symbolic.encoding.variables import Encoding
 from symcheck.syntax.ast import Expression
+from symcheck.tables import counted
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd, Transition
@@ -211,8 +212,8 @@ class Iteration:
     def __str__(self) -> str:
         counts = (
             ""
-            if self.states is None
-            else f": {self.states} states in a diagram of {self.nodes} nodes"
+            if self.states is None or self.nodes is None
+            else f": {counted(self.states, 'state')} in a diagram of {counted(self.nodes, 'node')}"
         )
         return f"Search, step {self.number}{counts} ({self.seconds:.3f} s)"
 

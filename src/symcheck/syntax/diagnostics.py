@@ -64,6 +64,11 @@ _SIGNS = {
     "∧": "&",
     "∨": "|",
     "¬": "!",
+    "~": "!",
+    "◇": "F",
+    "□": "G",
+    "○": "X",
+    "∞": "no bound: F x=1 has none",
     "→": "->",
     "⇒": "=>",
     "⇔": "<=>",
@@ -100,14 +105,45 @@ _OTHER_MODELS = {
     "tptg": "timed games",
     "lts": "transition systems without probabilities",
     "ma": "Markov automata",
+    "stpg": "stochastic games",
+    "ta": "timed automata",
+    "sta": "stochastic timed automata",
+    "fdctmc": "chains with fixed delays",
+    "gsmp": "generalised semi-Markov processes",
+    "smp": "semi-Markov processes",
+    "pdtmc": "chains with parameters",
+    "pctmc": "chains with parameters",
+    "pmdp": "decision processes with parameters",
 }
 _OTHER_WORDS = {
+    "hole": "holes belong to sketches of models (PAYNT)",
+    "evolve": "parts that evolve belong to models of EvoChecker",
+    "param": "parameters belong to models of PARAM",
+    "parameter": "parameters belong to parametric models",
+    "fdelay": "fixed delays belong to chains with fixed delays",
+    "event": "events belong to generalised semi-Markov processes",
+    "formation": "formations belong to stochastic games",
+    "endplayer": "players belong to stochastic games",
+    "endobservables": "observables belong to partially observable models",
     "clock": "clocks belong to timed automata",
     "invariant": "invariants belong to timed automata",
     "observables": "observables belong to partially observable models",
     "observable": "observables belong to partially observable models",
     "player": "players belong to stochastic games",
 }
+_CHOSEN_VALUES = frozenset({"hole", "evolve", "param", "parameter"})
+"""The words for constants whose values are sought."""
+_PATH_OPERATORS = {
+    "X": "next",
+    "F": "eventually",
+    "G": "always",
+    "U": "until",
+    "W": "weak until",
+    "R": "release",
+}
+_INTERVAL = re.compile(r"\[\s*[^\[\];,]+,[^\[\];]+\]")
+_COMMENT = re.compile(r"//[^\r\n]*")
+_QUANTIFIERS = frozenset({"AS", "ES", "A", "E", "forall", "exists", "Forall", "Exists"})
 _CLOSERS = {"(": ")", "[": "]", "{": "}"}
 _OPENERS = {close: opening for opening, close in _CLOSERS.items()}
 
@@ -131,7 +167,7 @@ def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
             "a run has a model and properties: symcheck MODEL PROPERTIES; in Python, "
             "model.check_all(path) checks a file of properties",
         )
-    if "MODULE" in expected and found == "{":
+    if "MODULE" in expected and found == "{" and not fault.before:
         return Diagnostic(
             "this is no model in the PRISM language",
             _span(source, fault),
@@ -235,13 +271,30 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
     if word in _OTHER_WORDS and (
         fault.token.type == RESERVED or "MODULE" in expected or "ENDMODULE" in expected
     ):
+        if word in _CHOSEN_VALUES:
+            hint = "declare const double p; and give it values: -const p=0.1:0.1:0.9"
         return Diagnostic(
             f"{_OTHER_WORDS[word]}, which are not supported", span, "model-type", hint
         )
-    if word == "<" and source.text[fault.start :].startswith("<<") and "INTEGER" in expected:
-        message = "coalitions belong to stochastic games, which are not supported"
+    rest = source.text[fault.start :]
+    if word == "<" and rest.startswith("<<") and "INTEGER" in expected:
+        return Diagnostic(
+            "this is no coalition",
+            Span(source, fault.start, fault.start + 2),
+            "model-type",
+            "of an MDP, <<*>> is some strategy and <<>> are all strategies",
+        )
+    if word == "<" and rest.startswith("<>") and "ENDMODULE" in expected:
+        message = "commands with <> belong to Markov automata, which are not supported"
         return Diagnostic(message, Span(source, fault.start, fault.start + 2), "model-type", hint)
-    if word == "[" and "INTEGER" in expected and "," in source.text[fault.start :].split(";", 1)[0]:
+    if (quantified := _quantified(fault)) is not None:
+        return Diagnostic(
+            "hyperproperties (HyperPCTL) quantify strategies and states, and are not supported",
+            Span(source, cast(int, quantified.start_pos), fault.end),
+            "model-type",
+            "properties of P, R, S, T, A and E are, one path at a time",
+        )
+    if word == "[" and "INTEGER" in expected and _INTERVAL.match(_COMMENT.sub("", rest)):
         return Diagnostic(
             "intervals of probabilities are not supported",
             span,
@@ -249,6 +302,17 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
             "write one probability or rate",
         )
     return None
+
+
+def _quantified(fault: Fault) -> Token | None:
+    """The quantifier of `AS sigma . …` or `forall s : …` whose sign is the fault."""
+    words = fault.before[-2:]
+    if len(words) < 2 or fault.token.value not in (".", ":", "("):
+        return None
+    quantifier, name = words
+    if quantifier.value not in _QUANTIFIERS or not str(name.value).isidentifier():
+        return None
+    return quantifier if fault.token.value != "(" or quantifier.value in ("AS", "ES") else None
 
 
 def _lexical(fault: Fault, source: Source) -> Diagnostic | None:
@@ -289,6 +353,9 @@ def _lexical(fault: Fault, source: Source) -> Diagnostic | None:
             "character",
             "write out what the preprocessor would make of it",
         )
+    if character == "%":
+        message = "there is no sign of per cent"
+        return Diagnostic(message, span, "character", "a probability is from 0 to 1: 50% is 0.5")
     if character == ".":
         return Diagnostic("a number does not end with a point", span, "number", "write 1.0 or 1")
     name = repr(character) if not character.isprintable() else f"'{character}'"
@@ -320,10 +387,18 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
     text, start = source.text, fault.start
     glued = fault.previous == start
     two = text[start : start + 2]
+    around = text[start - 1 : start + 1] if glued else ""
 
     def wrong(message: str, hint: str, length: int = 1, at: int = start) -> Diagnostic:
         return Diagnostic(message, Span(source, at, at + length), "syntax", hint)
 
+    if around == "=<":
+        return wrong("'=<' is no comparison", "at most is written <=", 2, start - 1)
+    if around == "<>" and _ends_operand(fault.before[:-1]):
+        return wrong("'<>' is no comparison", "different is written !=", 2, start - 1)
+    if two == ":=" or around == ":=":
+        at = start if two == ":=" else start - 1
+        return wrong("':=' is no assignment", "an update is written (x'=…), a definition =", 2, at)
     if glued and text[start - 1 : start + 1] in _DOUBLED:
         message, hint = _DOUBLED[text[start - 1 : start + 1]]
         hint = "a value is asked for by =?" if text[start:].startswith("=?") else hint
@@ -370,6 +445,26 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
     if "'" in text[fault.previous : start]:
         return None
     last = fault.last
+    if (operator := _operator_as_name(fault, found)) is not None:
+        name = str(operator.value)
+        return Diagnostic(
+            f"{name} is the operator '{_PATH_OPERATORS[name]}' of paths here, and no name",
+            Span(source, cast(int, operator.start_pos), cast(int, operator.end_pos)),
+            "path",
+            f"X, F, G, U, W and R are no names in properties: rename it, to {name}_ for example",
+        )
+    if (opening := _interval_bracket(fault, found)) is not None:
+        at = cast(int, opening.start_pos)
+        letter = text[:at].rstrip()[-1:]
+        return Diagnostic(
+            "an interval of time stands in square brackets",
+            Span(source, at, end),
+            "bound",
+            f"write {letter}[low,high], or {letter}<=high",
+        )
+    if found in ("C", "I") and "NEXT" not in expected and "INTEGER" in expected:
+        hint = "write R=? [ C<=k ] for the reward up to k, R=? [ I=k ] for that at k"
+        return Diagnostic(f"{found} stands in the brackets of R only", span, "reward", hint)
     if found in ("X", "F", "G") and "INTEGER" in expected and "NEXT" not in expected:
         hint = (
             f"put it in parentheses: ({found} …)"
@@ -471,6 +566,43 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
             f"the name of this {last} needs quotes", span, "quotes", f'write "{found}"'
         )
     return None
+
+
+def _operator_as_name(fault: Fault, found: str) -> Token | None:
+    """X, F or G that is compared with a number, and followed by no path: `(X = 2)`.
+
+    Its comparison was read as a bound, so that a path is expected behind it. Or it stands where no
+    path can.
+    """
+    if found in ("X", "F", "G"):
+        return fault.token if [word.value for word in fault.after[:1]] in (["="], ["!="]) else None
+    if found not in (")", "&", "|", "]", "=>", "") or "NEXT" not in fault.expected:
+        return None
+    words = fault.before
+    start = len(words)
+    while start and words[start - 1].value not in ("(", "[", "&", "|", "=>", "!", ";"):
+        start -= 1
+    word, sign = (*(str(w.value) for w in words[start : start + 2]), "", "")[:2]
+    if sign == "=" and word in ("X", "F", "G"):
+        return words[start]
+    return words[start] if word == "X" and sign in ("<", "<=", ">", ">=") else None
+
+
+def _interval_bracket(fault: Fault, found: str) -> Token | None:
+    """The bracket of an interval with the wrong brackets: `F(1,2]`, `F[1,2)`, `F{1,2}`."""
+    i = _open_bracket(fault.before)
+    if i is None or i == 0 or fault.before[i - 1].value not in ("X", "F", "G", "U", "W", "R"):
+        return None
+    opening = str(fault.before[i].value)
+    inside = [word.value for word in fault.before[i + 1 :]]
+    wrong = found == "," if opening != "[" else found in (")", "}") and "," in inside
+    return fault.before[i] if wrong else None
+
+
+def _ends_operand(words: Sequence[Token]) -> bool:
+    """Whether the words end with a name, a number or a closing bracket."""
+    last = str(words[-1].value) if words else ""
+    return last in (")", "]") or last[-1:].isalnum()
 
 
 def _last_span(source: Source, fault: Fault) -> Span:

@@ -39,7 +39,23 @@ def meant(fault: Fault, source: Source, language: Language) -> str | None:
             return f"a decimal has a point: {last}.{after_fault[1]}"
         if "->" in before:
             return "alternatives are joined by +: 0.5 : (x'=1) + 0.5 : (x'=2)"
-        return None if in_model else "properties are separated by ;"
+        return None if in_model or "(" in before else "properties are separated by ;"
+    if before[-2:-1] == ["const"] and found.isidentifier() and last.isidentifier():
+        return "a constant is of type int, double or bool: const double p = 0.5;"
+    if in_model and found in ("int", "double", "bool") and "module" in signs:
+        return f"a constant is declared as const {found} …;, a variable as name : [low..high];"
+    if in_model and last == "end" and found:
+        return f"write end{found}, one word"
+    if in_model and found == "{" and before[-2:-1] == ["module"]:
+        return "a module ends with endmodule, and has no braces"
+    if found == "=" and {";", "init"} <= signs:
+        return "the initial value is written init 0"
+    if in_model and found == "]" and ".." in signs:
+        return _RANGE
+    if found.isidentifier() and {"(", "true"} <= signs and "->" in before:
+        return f"an update stands in parentheses: ({found}'=…)"
+    if last == "I" and signs == {"="}:
+        return "I takes a point of time, I=k; C<=k is the reward up to k"
     if last == ":" and {"[", "bool"} <= signs:
         return _RANGE
     if not in_model and re.match(r"\[(exp|var)\]", after_fault):
@@ -54,6 +70,15 @@ def meant(fault: Fault, source: Source, language: Language) -> str | None:
         return "a condition is written condition ? value : other value"
     if in_model and signs == {":"} and "->" in after_fault.partition(";")[0]:
         return _COMMAND
+    if not in_model and (last in _MEASURES or last in ("S", "E")) and found != "{":
+        if last == "R" and re.match(r"\(\s*\"", after_fault):
+            return 'a reward structure stands in braces: R{"name"}=? [ F … ]'
+        if last == "E" and found == "=":
+            return "E [ … ] asks for a path; its probability is P=? [ … ], a reward R=? [ … ]"
+        if last != "E" and ">=" in signs and not _STRUCTURE.match(after_fault):
+            return f"{last}=? [ … ] asks for the value, {last}>=0.5 [ … ] whether a bound holds"
+    if not in_model and found in ("F", "G", "X") and "[" in signs:
+        return f"its path stands in brackets: {last} [ {found} … ]" if last in "AE" else _BRACKETS
     if "[" in signs and (last == "?" or (not found and _MEASURES & set(before))):
         return _BRACKETS
     if not in_model and (hint := _measure_meant(found, last, after_fault)) is not None:

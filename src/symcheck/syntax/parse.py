@@ -98,12 +98,13 @@ def parse_properties(text: str, name: str = "<properties>", *, shown: str = "") 
 def _check_operator(one: Property, following: Property, text: str) -> None:
     """Refuse `AG d=0`, which would be a property AG and another one, d=0."""
     named = one.formula
-    if not isinstance(named, Name) or named.name not in CTL_HINTS:
+    hints = {**CTL_HINTS, "if": "a choice is written condition ? value : other value"}
+    if not isinstance(named, Name) or named.name not in hints:
         return
     between = text[named.span.end : following.span.start]
     if not between.strip(" \t"):
         message = f"'{named.name}' is not an operator of properties"
-        raise SyntaxFault(Diagnostic(message, named.span, "syntax", CTL_HINTS[named.name]))
+        raise SyntaxFault(Diagnostic(message, named.span, "syntax", hints[named.name]))
 
 
 def parse_expression(text: str, name: str = "<expression>") -> Expression:

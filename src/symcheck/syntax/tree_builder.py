@@ -192,10 +192,20 @@ class Builder:
             return self.real(values)
         span = self._words(values)
         if len(digits) > 19 or int(digits) > _LARGEST_INT:
+            if self._is_of_fraction(span) and len(digits) <= _MOST_DIGITS:
+                return ast.Literal(Fraction(int(digits)), ast.Type.DOUBLE, span=span)
             hint = f"integers end at {_LARGEST_INT}; a double may be larger, such as 1e20"
             self._wrong("this integer is too large", span, "number", hint)
             return ast.Literal(0, ast.Type.INT, span=span)
         return ast.Literal(int(digits), ast.Type.INT, span=span)
+
+    def _is_of_fraction(self, span: Span) -> bool:
+        """Whether a number is divided, or divides: `/` gives doubles, which may be larger."""
+        before, after = (
+            self.source.text[: span.start].rstrip(),
+            self.source.text[span.end :].lstrip(),
+        )
+        return before.endswith("/") or (after.startswith("/") and not after.startswith("//"))
 
     def real(self, values: Values) -> ast.Literal:
         span = self._words(values)
@@ -587,6 +597,27 @@ class PropertiesBuilder(Builder):
         values[-3] = self.total(values[-3:-2])
         return self._measure(ast.RewardOperator, values)
 
+    def coalition(self, values: Values) -> Expression:
+        """`<<*>> P>=p […]`: an MDP has one player, who takes part or not.
+
+        A bound without a direction must hold under all strategies; here under some strategy if the
+        player takes part in <<…>>, or does not in [[…]].
+        """
+        word, measure = values
+        players, span = word.value[2:-2].strip(), self._span(values)
+        if players not in ("", "*"):
+            self._wrong(
+                "named players belong to stochastic games, which are not supported",
+                self._words([word]),
+                "model-type",
+                "an MDP has one player: <<*>> is some strategy, <<>> are all strategies",
+            )
+        exists = (word.value[0] == "<") == (players != "")
+        return cast(
+            Expression,
+            _under_some_strategy(measure, span) if exists else replace(measure, span=span),
+        )
+
     time = partialmethod(_measure, ast.ExpectedTime)
     steady = partialmethod(_measure, ast.SteadyState)
     quantifier = _node(ast.PathQuantifier, 0, 2)
@@ -684,6 +715,18 @@ class PropertiesBuilder(Builder):
 
     def old_filter(self, values: Values) -> tuple[Expression, tuple[Value, ...]]:
         return values[1], tuple(v.value for v in values[4::3])
+
+
+def _under_some_strategy(measure: Expression, span: Span) -> Expression:
+    """A measure whose bound needs to hold under one strategy only."""
+    match measure:
+        case ast.StateFilter(_, inner):
+            return replace(measure, formula=_under_some_strategy(inner, inner.span), span=span)
+        case ast.Measure(None, ast.Bound(operator)):
+            direction = "max" if operator in (Operator.GT, Operator.GE) else "min"
+            return replace(measure, direction=direction, span=span)
+        case _:
+            return replace(measure, span=span)
 
 
 def _is_temporal(path: ast.PathFormula) -> bool:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal, assert_never
 from symcheck.direction import Direction
 from symcheck.engines.base import erased
 from symcheck.engines.symbolic.graph import SymbolicGraph
+from symcheck.tables import counted
 from symcheck.teach.board import Board, Show, left_out, played, shown
 from symcheck.teach.source import graph_engine
 from symcheck.teach.trace import Trace
@@ -48,7 +49,7 @@ class SetFrame:
         return self.states.bdd
 
     def __str__(self) -> str:
-        return f"{self.number}: {self.stage}, {self.count} states in {self.nodes} nodes"
+        return f"{self.number}: {self.stage}, {counted(self.count, 'state')} in {self.nodes} nodes"
 
 
 def prob0(
@@ -132,7 +133,7 @@ def fixpoint_show(
         result.append(
             {
                 "title": f"{frame.number}: {frame.stage}",
-                "note": f"{frame.count} states in {frame.nodes} nodes",
+                "note": f"{counted(frame.count, 'state')} in {frame.nodes} nodes",
                 "marks": [
                     *(m for kind, nodes in marks for m in board.marks(kind, sorted(nodes))),
                     *diagram.marks(number),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from symcheck.symbolic.encoding.enumerate_states import enumerate_states
 from symcheck.symbolic.reachability.search import search
+from symcheck.tables import counted
 from symcheck.teach.board import Board, Show, left_out, played, shown
 from symcheck.teach.source import encoded
 from symcheck.teach.trace import Trace
@@ -50,7 +51,8 @@ class SearchFrame:
             if i.frontier is not None and i.frontier > len(self.new_states)
             else ""
         )
-        return f"{i.number}: {i.states} states in {i.nodes} nodes; new: {shown or 'nothing'}{more}"
+        states = counted(i.states or 0, "state")
+        return f"{i.number}: {states} in {i.nodes} nodes; new: {shown or 'nothing'}{more}"
 
 
 def frontiers(

@@ -36,6 +36,7 @@ from symcheck.numerics.bisimulation import lump
 from symcheck.options import Options
 from symcheck.semantics.rewards import Structure
 from symcheck.syntax.ast import Expression, Filter, LabelReference, Name, StateFilter, Type
+from symcheck.tables import counted
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd
@@ -69,7 +70,7 @@ class SharedQuotient:
         served = "all" if self.formulas == self.all_formulas else f"{self.formulas} of"
         cost = f"{self.quotient.cost}; {self.seconds:.2f} s in all"
         return (
-            f"{self.states} states -> {self.quotient.engine.states}, "
+            f"{counted(self.states, 'state')} -> {self.quotient.engine.states}, "
             f"common to {served} {self.all_formulas} properties ({cost})"
         )
 

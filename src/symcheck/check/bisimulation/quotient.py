@@ -14,6 +14,7 @@ from symcheck.engines.base import Engine, StateSet, V, V_co, Values, erased
 from symcheck.engines.capabilities import HasBlocks, HasRationalTwin
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.explicit.rational_values import RationalValues, in_doubles
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.explored import States
 from symcheck.explicit.model import ExplicitModel
@@ -78,8 +79,8 @@ class Quotient:
 
     def lift(self, values: Values) -> Values:
         """Lift values of blocks to states."""
-        assert isinstance(values, ArrayValues)  # the engine of the blocks has doubles
-        return self.lifting.lift(values)
+        assert isinstance(values, ArrayValues | RationalValues)
+        return self.lifting.lift(in_doubles(values))
 
     def lift_set(self, states: StateSet) -> StateSet:
         """Lift a set of blocks to states."""

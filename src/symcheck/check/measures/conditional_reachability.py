@@ -28,6 +28,7 @@ from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, SparseMatrix, starts_of
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.linear.until import until_bounds
+from symcheck.tables import counted
 
 __all__ = ["conditional_reachability"]
 
@@ -78,9 +79,8 @@ def conditional_reachability(
             low = least if 1 - least == violation[1] else np.nextafter(least, 0)
             high = greatest if 1 - greatest == violation[0] else np.nextafter(greatest, 1)
         lower[index], upper[index] = low, high
-    context.log.runs.append(
-        SolverRun("linear", "reset", system.n, len(indices), f"{len(indices)} states with resets")
-    )
+    note = f"{counted(len(indices), 'state')} with resets"
+    context.log.runs.append(SolverRun("linear", "reset", system.n, len(indices), note))
     if engine.exact:
         # Rationals have no bounds: what is not asked for is not a number.
         absent = np.setdiff1d(np.arange(system.n), indices)

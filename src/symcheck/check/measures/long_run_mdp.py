@@ -19,6 +19,7 @@ from symcheck.matrices.numbers import Numbers, is_infinite
 from symcheck.matrices.rows import Bools, per_row
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.semantics.rewards import Reward
+from symcheck.tables import counted
 
 if TYPE_CHECKING:
     from symcheck.numerics.long_run.mean_payoff import Gains
@@ -84,7 +85,7 @@ def _average(
     count = gains.parts.count
     explanation = (
         f"{count} end component{'s' * (count != 1)}, "
-        f"the largest of {max(1, gains.largest)} states; {solution.explanation}"
+        f"the largest of {counted(max(1, gains.largest), 'state')}; {solution.explanation}"
     )
     run = SolverRun(
         "steady",

@@ -41,7 +41,8 @@ _REASONS: Mapping[str, str] = {
     "-scheduler": "-scheduler builds the models on other machines",
     "-distributed": "-distributed iterates bounds on the workers",
     "-resume": "-resume keeps values only, and no models",
-    "-exact": "-exact computes without rounding, in one thread",
+    "-exact": "-exact computes without rounding, in one thread, without diagrams",
+    "-ex": "-ex computes without diagrams",
     "-jobs": "-jobs starts processes on this machine",
     "-testall": "-testall goes on after a failure",
 }
@@ -131,7 +132,8 @@ _ENGINE = Needs((BUILT,), not_with=("-sim", "-nobuild"), note=True)
 _PROPERTY = Needs((PROPERTY,), not_with=("-sim", "-nobuild"), note=True)
 
 NEEDS_OF_OPTIONS: Mapping[str, Needs] = {
-    **dict.fromkeys(("-m", "-h", "-s", "-ex", "-order"), _ENGINE),
+    **dict.fromkeys(("-m", "-h", "-s", "-ex"), _ENGINE),
+    "-order": _ENGINE._replace(not_with=(*_ENGINE.not_with, "-exact", "-ex")),
     **dict.fromkeys(("-epsilon", "-absolute", "-maxiters", "-estimate"), _NUMBERS),
     "-method": _NUMBERS._replace(
         all_of=(f"{PROPERTY}|-steadystate",), not_with=(*_NUMBERS.not_with, "-distributed")

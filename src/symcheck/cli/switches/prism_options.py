@@ -152,11 +152,21 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
     if len(files) > 2:
         raise UsageError(
             f"'{files[2]}' is one file too many: a run has a model file and a properties file; "
-            "-pf gives more properties"
+            f"-pf gives more properties{_unquoted(words)}"
         )
     # Files come first: argparse does not accept optional positional words between switches.
     # Saved settings come before the switches, which win.
     return Adapted([*files, *settings, *kept], [*files, *kept], without, folder)
+
+
+def _unquoted(words: Sequence[str]) -> str:
+    """A hint at a property that the shell has split into words."""
+    if "[" not in words:
+        return ""
+    opening = words.index("[")
+    end = words.index("]", opening) + 1 if "]" in words[opening:] else len(words)
+    text = " ".join(words[max(opening - 1, 0) : end])
+    return f"\n  hint: quote a property: -pf '{text}'"
 
 
 class _Words:

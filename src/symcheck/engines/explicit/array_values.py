@@ -4,10 +4,12 @@ order.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property, partial
+from math import fsum
+from typing import Protocol
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from symcheck.engines.base import ROUNDING, bracket
 from symcheck.kernels.explore.register_machine import Op, apply_to_doubles
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
 
-__all__ = ["ArraySet", "ArrayValues"]
+__all__ = ["ArraySet", "ArrayValues", "Known", "total_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,14 +71,14 @@ class ArrayValues:
 
     `computed` (bool[states], None: nowhere) marks values that were computed in floating point. They
     are known up to rounding even if lower and upper are equal: within ROUNDING relatively and
-    `slack` absolutely (a difference inherits the rounding of its operands, which is large relative
-    to a small value).
+    `slack` absolutely (float64[states], or a number for all: a difference inherits the rounding of
+    its operands, which is large relative to a small value).
     """
 
     lower: Floats = field(repr=False)
     upper: Floats = field(repr=False)
     computed: Bools | None = field(default=None, repr=False)
-    slack: float = 0.0
+    slack: Floats | float = field(default=0.0, repr=False)
 
     @cached_property
     def exact(self) -> bool:
@@ -106,7 +108,7 @@ class ArrayValues:
 
     def total(self, states: ArraySet) -> tuple[float, float]:
         """Bounds of the sum over the set."""
-        return float(self.lower[states.members].sum()), float(self.upper[states.members].sum())
+        return total_of([(self.gather(np.flatnonzero(states.members)), 1)])
 
     def _margins(self) -> tuple[Floats, Floats]:
         """Lower and upper values, made wider by the rounding that a computed value may carry."""
@@ -136,12 +138,9 @@ class ArrayValues:
             nan = np.isnan(low) | np.isnan(high)
         return ArraySet(yes), ArraySet(~(yes | no | nan))
 
-    def map(self, operator: str, *others: ArrayValues | float) -> ArrayValues:
+    def map(self, operator: str, *others: ArrayValues | Known | float | Fraction) -> ArrayValues:
         """Interval arithmetic with an operator of the expression language."""
-        operands = [
-            self,
-            *(o if isinstance(o, ArrayValues) else _broadcast(o, len(self.lower)) for o in others),
-        ]
+        operands = [self, *(_operand(o, len(self.lower)) for o in others)]
         computed = _any(o.computed for o in operands)
         with np.errstate(all="ignore"):
             if operator in _STEPS:
@@ -151,28 +150,115 @@ class ArrayValues:
                 return ArrayValues(*_same(_STEPS[operator](low), _STEPS[operator](high)))
             slack = _slack(operator, operands)
             if slack is not None and all(o.exact for o in operands):
-                value = _unsigned(_point(operator, [o.lower for o in operands]))
-                return ArrayValues(value, value, computed, slack)
+                arguments = [o.lower for o in operands]
+                value = _unsigned(_point(operator, arguments))
+                if computed is None:
+                    computed = _rounded(operator, arguments, value)
+                known = ArrayValues(value, value, computed, slack)
+                return _around(_without_cancellation(known), _underflow(operator, arguments, value))
             low, high = _interval(operator, [o._margins() for o in operands])
         return ArrayValues(*_same(_unsigned(low), _unsigned(high)))
 
-    def choose(self, states: ArraySet, other: ArrayValues) -> ArrayValues:
+    def choose(self, states: ArraySet, other: ArrayValues | Known) -> ArrayValues:
         """These values on the set, the other ones elsewhere."""
         m = states.members
+        other = _operand(other, len(m))
         lower = np.where(m, self.lower, other.lower)
         upper = lower if self.exact and other.exact else np.where(m, self.upper, other.upper)
         empty = np.zeros(len(m), bool)
         if self.computed is None and other.computed is None:
             return ArrayValues(lower, upper)
         mine, theirs = (empty if c is None else c for c in (self.computed, other.computed))
-        return ArrayValues(lower, upper, np.where(m, mine, theirs), max(self.slack, other.slack))
+        return ArrayValues(
+            lower, upper, np.where(m, mine, theirs), np.where(m, self.slack, other.slack)
+        )
 
     def gather(self, indices: Int32s | Int64s) -> ArrayValues:
         """The values at some states (repetitions allowed), as values of as many states."""
         lower = self.lower[indices]
         upper = lower if self.upper is self.lower else self.upper[indices]
         computed = None if self.computed is None else self.computed[indices]
-        return ArrayValues(lower, upper, computed, self.slack)
+        slack = np.broadcast_to(self.slack, self.lower.shape)[indices]
+        return ArrayValues(lower, upper, computed, slack)
+
+
+class Known(Protocol):
+    """Values without an error, which have doubles near them."""
+
+    def in_doubles(self) -> ArrayValues:
+        """The nearest doubles; those that differ are marked as computed."""
+        ...
+
+
+def _operand(value: ArrayValues | Known | float | Fraction, n: int) -> ArrayValues:
+    if isinstance(value, ArrayValues):
+        return value
+    if isinstance(value, int | float | Fraction):
+        return _broadcast(value, n)
+    return value.in_doubles()
+
+
+def total_of(parts: Sequence[tuple[ArrayValues, int]]) -> tuple[float, float]:
+    """Bounds of the sum of all values, each counted so many times.
+
+    They are equal if the sum is exact up to rounding: no summands of opposite signs leave little.
+    """
+    lower = upper = error = 0.0
+    for values, times in parts:
+        lower += times * _sum(values.lower)
+        upper += times * _sum(values.upper)
+        if values.computed is not None:
+            known = np.isfinite(values.lower) & values.computed
+            slack = np.broadcast_to(values.slack, known.shape)[known]
+            error += times * _sum(ROUNDING * np.abs(values.lower[known]) + slack)
+    if error > _CANCELLATION * ROUNDING * max(abs(lower), abs(upper)):
+        return lower - error, upper + error
+    return lower, upper
+
+
+def _without_cancellation(values: ArrayValues) -> ArrayValues:
+    """Values with bounds where the rounding of summands is not small relative to their sum."""
+    value, computed = values.lower, values.computed
+    if computed is None or np.ndim(values.slack) == 0:
+        return values
+    magnitude = np.abs(value)
+    few = computed & np.isfinite(value) & (values.slack > _CANCELLATION * ROUNDING * magnitude)
+    if not few.any():
+        return values
+    error = np.where(few, values.slack + ROUNDING * magnitude, 0.0)
+    return ArrayValues(value - error, value + error, computed & ~few, values.slack)
+
+
+def _around(values: ArrayValues, tiny: Bools) -> ArrayValues:
+    """Values with bounds where they are below the least normal double."""
+    if not tiny.any():
+        return values
+    error = np.where(tiny, _LEAST_NORMAL, 0.0)
+    computed = None if values.computed is None else values.computed & ~tiny
+    return ArrayValues(values.lower - error, values.upper + error, computed, values.slack)
+
+
+def _underflow(operator: str, operands: list[Floats], value: Floats) -> Bools:
+    """Where a product, quotient or power of numbers other than 0 is 0, or nearly."""
+    if operator not in ("*", "/", "^", "pow"):
+        return np.zeros(len(value), bool)
+    tiny = np.abs(value) < _LEAST_NORMAL
+    for x in operands:
+        tiny = tiny & np.isfinite(x) & ((x != 0) | (x is not operands[0] and operator != "*"))
+    return np.asarray(tiny)
+
+
+_LEAST_NORMAL = 2.0**-1022
+_CANCELLATION = 100.0
+"""How much greater than a sum its summands may be: two of sixteen digits are lost."""
+
+
+def _sum(values: Floats) -> float:
+    try:
+        return fsum(values.tolist())
+    except (OverflowError, ValueError):  # beyond doubles; infinities of both signs
+        with np.errstate(all="ignore"):
+            return float(values.sum())
 
 
 _Pair = tuple[Floats, Floats]
@@ -203,32 +289,60 @@ _STEPS: dict[str, Callable[[Floats], Floats]] = {
 }
 
 
-def _slack(operator: str, operands: list[ArrayValues]) -> float | None:
+_LARGEST_WHOLE = 2.0**53
+
+
+def _rounded(operator: str, operands: list[Floats], value: Floats) -> Bools | None:
+    """Where an operator applied to known values may have been rounded; None: nowhere.
+
+    Arithmetic of whole numbers is exact, and so is anything with infinities.
+    """
+    if len(operands) == 1 or operator in ("min", "max"):
+        return None
+    rounded = np.isfinite(value) & ((np.abs(value) > _LARGEST_WHOLE) | (value != np.floor(value)))
+    for x in operands:
+        rounded |= np.isfinite(value) & np.isfinite(x) & (x != np.floor(x))
+    if operator in ("*", "/"):
+        rounded &= (operands[0] != 0) & (operands[-1] != 1)
+        rounded &= (operands[0] != 1) | (operator == "/")
+    if operator == "/":  # a quotient may be rounded to a whole number
+        rounded |= np.isfinite(value) & (np.abs(operands[0]) > _LARGEST_WHOLE)
+    if operator in ("^", "pow"):
+        rounded |= (value == 0) & (operands[0] != 0)
+    if operator == "log":
+        rounded |= value != 0
+    return rounded if rounded.any() else None
+
+
+def _slack(operator: str, operands: list[ArrayValues]) -> Floats | float | None:
     """The absolute error of an operator applied to rounded values.
 
     None if interval arithmetic must compute it.
     """
-    total = sum(o.slack for o in operands)
+    slack: Floats | float = 0.0
+    for operand in operands:
+        slack = slack + operand.slack
     if (
         all(o.computed is None for o in operands)
         or len(operands) == 1
         or operator in ("min", "max")
     ):
-        return total
+        return slack
     if operator in ("+", "-"):
-        return total + ROUNDING * sum(_largest(o) for o in operands)
-    return 0.0 if operator in ("*", "/") and total == 0.0 else None
+        for operand in operands:
+            slack = slack + ROUNDING * _computed_magnitude(operand)
+        return slack
+    return 0.0 if operator in ("*", "/") and not np.any(slack) else None
 
 
-def _largest(values: ArrayValues) -> float:
-    """The largest finite absolute value that was computed."""
+def _computed_magnitude(values: ArrayValues) -> Floats | float:
+    """The absolute value where it is finite and was computed, else 0."""
     if values.computed is None:
         return 0.0
-    finite = np.abs(values.lower[values.computed & np.isfinite(values.lower)])
-    return float(finite.max(initial=0.0))
+    return np.where(values.computed & np.isfinite(values.lower), np.abs(values.lower), 0.0)
 
 
-def _broadcast(value: float, n: int) -> ArrayValues:
+def _broadcast(value: float | Fraction, n: int) -> ArrayValues:
     array = np.full(n, float(value))
     return ArrayValues(array, array)
 

@@ -39,7 +39,7 @@ from symcheck.engines.linear_system import (
 )
 from symcheck.engines.reward_sums import RewardSums
 from symcheck.explicit.explored import ExploredModel
-from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
+from symcheck.matrices.numbers import Numbers, Rationals, full, is_infinite, numbers
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
@@ -166,6 +166,10 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
             return RationalValues(low)
         high = low if upper is None or upper == lower else np.full(self.states, float(upper))
         return ArrayValues(low, high, self.all.members if rounded else None)
+
+    def rationals(self, values: Rationals) -> RationalValues:
+        """Values that are known without error."""
+        return RationalValues(np.broadcast_to(values, (self.states,)))
 
     def indicator(self, states: ArraySet) -> Numeric:
         """1 on the set and 0 elsewhere."""

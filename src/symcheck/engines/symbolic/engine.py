@@ -14,6 +14,7 @@ from symcheck.direction import Direction
 from symcheck.engines import tuning
 from symcheck.engines.base import erased, require_expression
 from symcheck.engines.capabilities import Capable, HasActions
+from symcheck.engines.explicit.rational_values import RationalValues
 from symcheck.engines.linear_system import (
     Preprocessing,
     refuse_infinite_minimum,
@@ -24,8 +25,15 @@ from symcheck.engines.symbolic.acyclic import AcyclicSolution
 from symcheck.engines.symbolic.deterministic_elimination import DeterministicElimination, ReducedSet
 from symcheck.engines.symbolic.diagrams import Diagrams, HasDiagrams, diagrams_of
 from symcheck.engines.symbolic.graph import SymbolicGraph
-from symcheck.engines.symbolic.sets import SymbolicSet, SymbolicValues, constant_piece, values_of
+from symcheck.engines.symbolic.sets import (
+    Piece,
+    SymbolicSet,
+    SymbolicValues,
+    constant_piece,
+    values_of,
+)
 from symcheck.engines.symbolic.system import DivisibleOperator, SymbolicSystem
+from symcheck.matrices.numbers import Rationals
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
@@ -150,6 +158,12 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
         return SymbolicValues(
             self.diagrams, (constant_piece(self.diagrams.states, lower, upper, rounded),)
         )
+
+    def rationals(self, values: Rationals) -> SymbolicValues:
+        """Values that are known without error."""
+        odd = self.diagrams.odd if len(values) > 1 else None
+        piece = Piece(self.diagrams.states, RationalValues(values), odd)
+        return SymbolicValues(self.diagrams, (piece,))
 
     def indicator(self, states: SymbolicSet) -> SymbolicValues:
         """1 on the set and 0 elsewhere."""

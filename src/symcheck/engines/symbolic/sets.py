@@ -14,13 +14,14 @@ from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from symcheck.dd.manager import Bdd, Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.engines import tuning
 from symcheck.engines.base import EngineOf, Number
-from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.engines.explicit.array_values import ArraySet, ArrayValues, total_of
+from symcheck.engines.explicit.base import Numeric
+from symcheck.engines.explicit.rational_values import RationalValues, in_doubles
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.matrices.rows import Bools, Floats
 
@@ -104,7 +105,7 @@ class Piece:
     """
 
     states: Bdd = field(repr=False)
-    values: ArrayValues
+    values: Numeric
     odd: Odd | None
 
     @property
@@ -112,17 +113,19 @@ class Piece:
         """Whether all states have the same value."""
         return self.odd is None
 
-    def over(self, states: Bdd, odd: Odd) -> ArrayValues:
+    def over(self, states: Bdd, odd: Odd) -> Numeric:
         """The values on a subset, one for each state."""
         v, n = self.values, odd.count
         if self.odd is None:
+            if isinstance(v, RationalValues):
+                return RationalValues(np.broadcast_to(v.array, (n,)))
             low = np.broadcast_to(v.lower, (n,))
             high = low if v.upper is v.lower else np.broadcast_to(v.upper, (n,))
             return ArrayValues(
                 low,
                 high,
                 None if v.computed is None else np.broadcast_to(v.computed, (n,)),
-                v.slack,
+                np.broadcast_to(v.slack, (n,)),
             )
         if states == self.states:
             return v
@@ -146,6 +149,20 @@ def constants_on(states: Bdd, parts: Sequence[tuple[SymbolicSet, float]]) -> Ite
             states = states - part.bdd
     if states:
         yield constant_piece(states, 0.0)
+
+
+def _everywhere(values: Numeric) -> ArraySet:
+    return ArraySet(np.ones(len(values.lower), bool))
+
+
+def _joined(parts: Sequence[Numeric]) -> Numeric:
+    """The values of all parts, without error if those of each part are."""
+    if all(isinstance(v, RationalValues) for v in parts):
+        return RationalValues(np.concatenate([v.lower for v in parts]))
+    doubles = [in_doubles(v) for v in parts]
+    return ArrayValues(
+        np.concatenate([v.lower for v in doubles]), np.concatenate([v.upper for v in doubles])
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +190,7 @@ class SymbolicValues:
             v.computed is not None and bool(v.computed.any()) for _, v in self._parts(states)
         )
 
-    def _parts(self, states: SymbolicSet) -> Iterator[tuple[Bdd, ArrayValues]]:
+    def _parts(self, states: SymbolicSet) -> Iterator[tuple[Bdd, Numeric]]:
         """The values on a set: for each piece that meets it, the common states and their values
         (one if constant).
         """
@@ -191,39 +208,41 @@ class SymbolicValues:
 
     def at(self, states: SymbolicSet) -> tuple[Floats, Floats]:
         """Lower and upper values over the set, in index order."""
-        low, high = np.empty(states.odd.count), np.empty(states.odd.count)
+        known = all(isinstance(p.values, RationalValues) for p in self.pieces)
+        kind = object if known else np.float64
+        low, high = np.empty(states.odd.count, kind), np.empty(states.odd.count, kind)
         for common, values in self._parts(states):
             where = slice(None) if common == states.bdd else states.odd.to_mask(common)
+            if not known:
+                values = in_doubles(values)
             low[where] = values.lower
             high[where] = values.upper
         return low, low if self.exact else high
 
-    def minimum(self, states: SymbolicSet) -> tuple[float, float]:
+    def minimum(self, states: SymbolicSet) -> tuple[Number, Number]:
         """Bounds of the least value over the set."""
-        return self._extreme(states, np.min)
+        whole = _joined(self._values(states))
+        return whole.minimum(_everywhere(whole))
 
-    def maximum(self, states: SymbolicSet) -> tuple[float, float]:
+    def maximum(self, states: SymbolicSet) -> tuple[Number, Number]:
         """Bounds of the largest value over the set."""
-        return self._extreme(states, np.max)
+        whole = _joined(self._values(states))
+        return whole.maximum(_everywhere(whole))
 
-    def _extreme(
-        self, states: SymbolicSet, extreme: Callable[[ArrayLike], np.float64]
-    ) -> tuple[float, float]:
-        bounds = [(extreme(v.lower), extreme(v.upper)) for _, v in self._parts(states)]
-        return float(extreme([low for low, _ in bounds])), float(extreme([b for _, b in bounds]))
+    def _values(self, states: SymbolicSet) -> list[Numeric]:
+        return [values for _, values in self._parts(states)]
 
-    def total(self, states: SymbolicSet) -> tuple[float, float]:
+    def total(self, states: SymbolicSet) -> tuple[Number, Number]:
         """Bounds of the sum over the set."""
-        low = high = 0.0
-        for common, values in self._parts(states):
-            times = (
-                self.diagrams.manager.count(common, self.diagrams.row_cube)
-                if len(values.lower) == 1
-                else 1
-            )
-            low += times * float(values.lower.sum())
-            high += times * float(values.upper.sum())
-        return low, high
+        count = self.diagrams.manager.count
+        parts = [
+            (v, count(s, self.diagrams.row_cube) if len(v.lower) == 1 else 1)
+            for s, v in self._parts(states)
+        ]
+        known = _joined([v.map("*", Fraction(n)) for v, n in parts])
+        if isinstance(known, RationalValues):
+            return known.total(_everywhere(known))
+        return total_of([(in_doubles(v), n) for v, n in parts])
 
     def compare(
         self, operator: str, threshold: float | Fraction
@@ -286,7 +305,7 @@ class SymbolicValues:
         outside = [self._piece(common, v) for common, v in other._parts(~states)]
         return SymbolicValues(self.diagrams, merged(self.diagrams, [*inside, *outside]))
 
-    def _piece(self, states: Bdd, values: ArrayValues) -> Piece:
+    def _piece(self, states: Bdd, values: Numeric) -> Piece:
         odd = Odd(self.diagrams.manager, states, self.diagrams.rows)
         return Piece(states, values, odd if len(values.lower) == odd.count else None)
 
@@ -343,7 +362,7 @@ class RestrictableValues(LazyValues):
         """Whether lower and upper are the same everywhere."""
         return self._is_exact
 
-    def _parts(self, states: SymbolicSet) -> Iterator[tuple[Bdd, ArrayValues]]:
+    def _parts(self, states: SymbolicSet) -> Iterator[tuple[Bdd, Numeric]]:
         for piece in self._make_on(states.bdd):
             yield piece.states, piece.values
 
@@ -356,11 +375,13 @@ def merged(diagrams: Diagrams, pieces: Iterable[Piece]) -> tuple[Piece, ...]:
         v = piece.values
         if piece.odd is not None:
             result.append(piece)
+        elif isinstance(v, RationalValues):
+            groups.setdefault((v.array[0],), []).append(piece)
         else:
             computed = v.computed is not None and bool(v.computed[0])
-            groups.setdefault((v.lower.tobytes(), v.upper.tobytes(), computed, v.slack), []).append(
-                piece
-            )
+            slack = float(np.max(v.slack))
+            key = v.lower.tobytes(), v.upper.tobytes(), computed, slack
+            groups.setdefault(key, []).append(piece)
     joined = (
         g[0] if len(g) == 1 else Piece(diagrams.union([p.states for p in g]), g[0].values, None)
         for g in groups.values()

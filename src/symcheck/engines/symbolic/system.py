@@ -13,6 +13,7 @@ from symcheck.dd.manager import Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.direction import Direction
 from symcheck.engines.base import Number
+from symcheck.engines.explicit.rational_values import in_doubles
 from symcheck.engines.linear_system import LinearSystem, Preprocessing
 from symcheck.engines.reward_sums import RewardSums
 from symcheck.engines.symbolic.diagrams import Diagrams
@@ -223,7 +224,7 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
                 return np.where(weight > 0, weight * low, 0.0), np.where(
                     weight > 0, weight * high, 0.0
                 )
-        values = piece.over(target.bdd, target.odd)
+        values = in_doubles(piece.over(target.bdd, target.odd))
         dag = quad_dag(self.roots, self.odd, target.odd, self._d.columns)
         matrix = blocks(dag, self.layout)
         low_part = matrix.multiply(values.lower)

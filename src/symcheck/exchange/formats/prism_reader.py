@@ -19,6 +19,7 @@ from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.state_faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType, Type
+from symcheck.tables import counted
 from symcheck.whole_file import uncompressed_name
 
 __all__ = ["ModelFiles", "model_files", "read_files", "read_model"]
@@ -331,7 +332,8 @@ def _read_states(part: Source, n: int) -> list[tuple[str, Type, Int64s]]:
     if len(file.rows) - 1 != n:
         file.fault(
             len(file.rows) - 1,
-            f"the transitions file has {n} states, but this file has {len(file.rows) - 1}",
+            f"the transitions file has {counted(n, 'state')}, "
+            f"but this file has {len(file.rows) - 1}",
             "count",
         )
     values: list[list[str]] = [[""] * len(names) for _ in range(n)]

@@ -29,6 +29,7 @@ from symcheck.numerics.linear.problem import Observer, Progress
 from symcheck.numerics.long_run.drift import average_by_drift
 from symcheck.numerics.settings import Accuracy, Settings
 from symcheck.numerics.underflow import enclosed
+from symcheck.tables import counted
 
 __all__ = ["Average", "Stationary", "long_run_average", "stationary_distribution"]
 
@@ -79,7 +80,8 @@ def stationary_distribution(
     if known is not None:
         return known
     pi, count = _estimate(rates, settings, observer)
-    return Stationary(pi, pi, False, f"{n} states: Gauss-Seidel, {count} sweeps; an estimate")
+    note = f"{counted(n, 'state')}: Gauss-Seidel, {counted(count, 'sweep')}; an estimate"
+    return Stationary(pi, pi, False, note)
 
 
 def _eliminated(rates: SparseMatrix, limit: int) -> Stationary | None:
@@ -92,7 +94,7 @@ def _eliminated(rates: SparseMatrix, limit: int) -> Stationary | None:
     error = factors.error + (n + 4) * tuning.UNIT_ROUNDOFF
     bounds = [pi * (1.0 - error), np.minimum(pi * (1.0 + error), 1.0)]
     lower, upper = enclosed(bounds, lambda: np.ones(n))  # a state that is left again has a share
-    return Stationary(lower, upper, True, f"{n} states: elimination")
+    return Stationary(lower, upper, True, f"{counted(n, 'state')}: elimination")
 
 
 def _estimate(
@@ -130,7 +132,8 @@ def long_run_average(
     """
     if rates.exact:
         average = (rational.stationary_distribution(rates) * rewards).sum()
-        return Average(average, average, 1, f"{rates.states} states: rational elimination")
+        note = f"{counted(rates.states, 'state')}: rational elimination"
+        return Average(average, average, 1, note)
     n = rates.states
     if n == 1:
         return Average(rewards[0], rewards[0], 1, "one state")

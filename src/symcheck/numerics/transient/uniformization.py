@@ -38,6 +38,7 @@ from symcheck.numerics.transient.squaring import IntervalChain, squaring_entries
 from symcheck.numerics.transient.state_space_truncation import truncate
 from symcheck.numerics.transient.supermartingale import bound_negligible_values
 from symcheck.numerics.transient.uniformized_chain import UniformizedChain, uniformize
+from symcheck.tables import counted
 
 __all__ = ["Transient", "transient_distribution", "transient_values"]
 
@@ -237,7 +238,7 @@ class _Horizon:
         lower[state], upper[state] = run.lower, run.upper
         note = (
             f"uniformisation, {run.steps} steps forward, with at most {run.largest} of "
-            f"{len(start)} states active"
+            f"{counted(len(start), 'state')} active"
         )
         return Transient(lower, upper, run.steps, note), run.lower
 

@@ -88,15 +88,16 @@ def bind(
     check_values_given(table, program.constants)
     checked = check_program(program, table)
     report.raise_all()
-    kind = model_type or program.type or ModelType.MDP
-    return _Builder(checked).build(kind, not exact if normalise is None else normalise)
+    kind, divides = model_type or program.type or ModelType.MDP, normalise
+    return _Builder(checked, constants or {}).build(kind, not exact if divides is None else divides)
 
 
 class _Builder:
     """Builds the bound model of a checked program; collects evaluation faults and raises them."""
 
-    def __init__(self, checked: CheckedProgram) -> None:
+    def __init__(self, checked: CheckedProgram, given: Mapping[str, ConstantValue]) -> None:
         self.program = checked.program
+        self.given = given
         self.checked = checked
         self.table = checked.table
         self.report = checked.table.report
@@ -134,6 +135,7 @@ class _Builder:
             rewards=rewards,
             constants=constants,
             exact=self.table.exact,
+            given=dict(self.given),
             system=self.program.system,
             warnings=warnings,
             definitions={name: self.table.expression(name) for name in constants},
@@ -238,12 +240,7 @@ def exactly_bound(model: BoundModel) -> BoundModel:
     """The model with the numbers of its text as rationals."""
     if model.exact:
         return model
-    given = {
-        c.name: model.constants[c.name]
-        for c in model.program.constants
-        if c.value is None and c.name in model.constants
-    }
     # What is divided by its sum in the model is divided by it here, too.
     normalise = bool(model.warnings)
-    exact = bind(model.program, given, model_type=model.type, exact=True, normalise=normalise)
+    exact = bind(model.program, model.given, model_type=model.type, exact=True, normalise=normalise)
     return exact if model.derivation is None else model.derivation(exact)

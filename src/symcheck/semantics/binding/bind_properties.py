@@ -246,8 +246,11 @@ def bind_expression(
 
 
 def _table(model: BoundModel, report: DiagnosticCollector) -> SymbolTable:
-    """The symbols of a model, as properties refer to them."""
-    table = SymbolTable(report, model.exact)
+    """The symbols of a model, as properties refer to them.
+
+    Properties are bound in rational arithmetic on every engine: 0.1 is a tenth in them.
+    """
+    table = SymbolTable(report, exact=True, irrational=not model.exact)
     for constant in model.program.constants:
         name = constant.name
         table.define(constant, model.constants[name], model.definitions.get(name))
@@ -292,7 +295,7 @@ class _Properties:
             report.raise_all()
         check_constants(self.scope, self.file.constants)
         check_labels(self.scope, self.file.labels, self.model.labels)
-        self.texts.check_names()
+        self.texts.check_labels()
         report.raise_all()
         self.table.check_repeated()
         for label in self.file.labels:
@@ -328,7 +331,7 @@ class _Properties:
         formula: Expression | None = None
         fault: InputError | None = None
         try:
-            whole, result = self._typed(text.formula)
+            whole, result = self._typed(number)
             if missing:
                 raise NameFault(*(undefined(self.table.constants[n]) for n in missing))
             for label in self.texts.used_labels(whole):
@@ -342,12 +345,14 @@ class _Properties:
             text.name, result, constants, needed, missing, fault, text.comments, text.span, formula
         )
 
-    def _typed(self, formula: Expression) -> tuple[Expression, Type]:
+    def _typed(self, number: int) -> tuple[Expression, Type]:
         """The formula with properties inlined, and its type. Raises NameFault or TypeFault."""
         self.table.report = DiagnosticCollector()
+        self.texts.check_property(number)
+        self.table.report.raise_all()
         # A new scope reports a fault in a formula for every property that uses it.
         typer = Scope(self.table).typer(self._label_type)
-        whole = self.texts.inlined(formula)
+        whole = self.texts.inlined(self.file.properties[number].formula)
         result = typer.state(whole)
         for node in nodes(whole):
             if isinstance(node, Quantile):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from math import isfinite
 
 from symcheck.errors import InputError
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
-from symcheck.semantics.expressions.evaluate import evaluate
-from symcheck.semantics.expressions.literals import format_value
+from symcheck.semantics.expressions.evaluate import evaluate, evaluate_constant
+from symcheck.semantics.expressions.literals import format_value, to_float
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.syntax.ast import (
     Binary,
@@ -49,6 +50,11 @@ def check_conditions(formula: Expression, model: BoundModel) -> None:
     check.report.raise_all()
 
 
+def _shown(value: Value) -> str:
+    """A value as a decimal, as most are written."""
+    return format_value(to_float(value) if isinstance(value, Fraction) else value)
+
+
 class _Conditions:
     """Checks the nodes of one formula."""
 
@@ -81,7 +87,7 @@ class _Conditions:
             case _:
                 pass
 
-    def _constant(self, expression: Expression, what: str, *, exact: bool = False) -> Value | None:
+    def _constant(self, expression: Expression, what: str) -> Value | None:
         """The value of an expression that must be constant."""
         if not all(
             isinstance(n, Literal | Unary | Binary | Call | Conditional) for n in nodes(expression)
@@ -89,7 +95,9 @@ class _Conditions:
             self.report.input("not-constant", f"{what} must be constant", expression.span)
             return None
         try:
-            return evaluate(expression, {}, exact=exact or self.model.exact)
+            if self.model.exact:
+                return evaluate(expression, {}, exact=True)
+            return evaluate_constant(expression)
         except InputError as fault:
             self.report.absorb(fault)
             return None
@@ -122,23 +130,17 @@ class _Conditions:
         threshold = node.bound.threshold
         value = self._constant(threshold, "a threshold")
         if node.is_probability and value is not None and not 0 <= value <= 1:
-            message = (
-                f"{node.letter} is compared with {format_value(value)}, which is not a probability"
-            )
+            message = f"{node.letter} is compared with {_shown(value)}, which is not a probability"
             self.report.input("threshold", message, threshold.span)
 
     def _discount(self, discount: Expression) -> None:
-        # 1 - 1e-17 is less than 1, and as a double it is not.
-        value = self._constant(discount, "the discount", exact=True)
+        value = self._constant(discount, "the discount")
         if value is not None and not 0 <= value < 1:
             self.report.input(
                 "discount",
-                f"the discount must be at least 0 and less than 1, not {format_value(value)}",
+                f"the discount must be at least 0 and less than 1, not {_shown(value)}",
                 discount.span,
-                "R [ C ] without a discount is the total reward"
-                if self.model.exact or value != 1
-                else "R [ C ] without a discount is the total reward; -exact does not round "
-                "what is computed",
+                "R [ C ] without a discount is the total reward",
             )
 
     def _structure(self, structure: str | Expression | None, node: Tree) -> None:
@@ -188,7 +190,7 @@ class _Conditions:
         if value < 0 or (isinstance(value, float) and not isfinite(value)):
             self.report.input(
                 "bound-negative",
-                f"{what} must be finite and non-negative, not {format_value(value)}",
+                f"{what} must be finite and non-negative, not {_shown(value)}",
                 expression.span,
             )
             return None

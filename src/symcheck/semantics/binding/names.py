@@ -8,7 +8,7 @@ from fractions import Fraction
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span, TypeFault
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
-from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.evaluate import INT_MAX, evaluate, evaluate_constant, is_int64
 from symcheck.semantics.expressions.literals import (
     as_double,
     as_expression,
@@ -47,11 +47,15 @@ class SymbolTable:
         labels: the names of the labels, for a hint at forgotten quotes.
         given: values for constants that the text leaves undefined.
         repeated: values for constants that the text defines; they must agree with the definition.
+        irrational: whether a constant without a rational value has the nearest double (`exact`).
     """
 
-    def __init__(self, report: DiagnosticCollector, exact: bool) -> None:
+    def __init__(
+        self, report: DiagnosticCollector, exact: bool, *, irrational: bool = False
+    ) -> None:
         self.report = report
         self.exact = exact
+        self.irrational = irrational
         self.constants: dict[str, Constant] = {}
         self.formulas: dict[str, Formula] = {}
         self.variables: dict[str, Type] = {}
@@ -200,10 +204,15 @@ class SymbolTable:
 
     def _settle(self, constant: Constant, bare: Expression) -> Value:
         """The value of a constant whose definition has no names; notes its exact value."""
-        value = convert(evaluate(bare, {}, exact=self.exact), constant.type, self.exact)
+        value = convert(self._evaluate(bare), constant.type, self.exact)
         if constant.type is Type.DOUBLE and not (isinstance(value, float) and value - value != 0):
             self._expressions[constant.name] = as_double(simplify(bare))
         return value
+
+    def _evaluate(self, expression: Expression) -> Value:
+        if self.irrational:
+            return evaluate_constant(expression)
+        return evaluate(expression, {}, exact=self.exact)
 
     def _without_variables(self, expression: Expression) -> Expression:
         def replace(node: Tree) -> Tree:
@@ -229,7 +238,7 @@ class SymbolTable:
                         Diagnostic(f"unknown name {node.name}", node.span, "unknown-name", hint)
                     )
             bare = self._without_variables(expression)
-            given = convert(evaluate(bare, {}, exact=self.exact), type_of(bare, {}), self.exact)
+            given = convert(self._evaluate(bare), type_of(bare, {}), self.exact)
         elif isinstance(given, float) and given - given == 0:
             given = Fraction(repr(given))  # the decimal that the user sees
             bare = as_expression(given, Type.DOUBLE)
@@ -243,11 +252,13 @@ class SymbolTable:
                 f"constant {constant.name} is of type {constant.type.value}: its value cannot be "
                 f"{format_value(given)}"
             )
-            hint = _TYPE_HINTS[constant.type]
+            large = isinstance(given, Fraction | float) and not -(2**63) < given < 2**63
+            hint = _LARGEST_INT if large else _TYPE_HINTS[constant.type]
             raise TypeFault(Diagnostic(message, constant.span, "constant-type", hint)) from None
 
 
 _VALUE_HINT = "a value is a number, true, false, or an expression over other constants"
+_LARGEST_INT = f"a value of type int is at most {INT_MAX}; one of type double may be larger"
 _TYPE_HINTS = {
     Type.INT: "a value of type int is a whole number without a decimal point, such as 3",
     Type.DOUBLE: "a value of type double is a number, such as 0.25 or 1/4",
@@ -274,7 +285,10 @@ def read_value(text: str, name: str = "<expression>") -> Expression:
         return Literal(plain.lower() == "true", Type.BOOL)
     digits = plain.removeprefix("-")
     if digits.isascii() and digits.isdigit():
-        return Literal(int(plain), Type.INT)
+        whole = int(plain)
+        return (
+            Literal(whole, Type.INT) if is_int64(whole) else Literal(Fraction(whole), Type.DOUBLE)
+        )
     if digits[:1].isdigit() and not {"/", "_"} & set(plain):
         with suppress(ValueError):
             return Literal(Fraction(plain), Type.DOUBLE)

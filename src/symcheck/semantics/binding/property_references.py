@@ -26,7 +26,10 @@ class PropertyReferences:
         self._file = file
         self._model_labels = of_model
         self._own = {x.name: x.expression for x in file.labels}
-        self._properties = {p.name: p.formula for p in file.properties if p.name is not None}
+        self._properties: dict[str, Expression] = {}
+        for p in file.properties:
+            if p.name is not None:
+                self._properties.setdefault(p.name, p.formula)
         self._inlined: dict[str, Expression] = {}
 
     def is_label(self, name: str) -> bool:
@@ -37,36 +40,43 @@ class PropertyReferences:
         """The names of all labels and properties."""
         return (*RESERVED_LABELS, *self._own, *self._model_labels, *self._properties)
 
-    def check_names(self) -> None:
-        """Report duplicate property names, and labels and properties with circular references."""
-        report = self._table.report
-        seen: set[str] = set()
-        for p in self._file.properties:
-            if p.name is not None and p.name in seen:
-                report.name("duplicate-property", f'there is a property "{p.name}" already', p.span)
-            seen.add(p.name or "")
-        # A label hides a property of the same name, so that property is not part of a cycle.
-        properties = {name: x for name, x in self._properties.items() if not self.is_label(name)}
-        for name, expression in (*self._own.items(), *properties.items()):
-            cycle = self._cycle(name, expression)
-            if cycle:
-                report.name(
-                    "cycle", f'"{name}" refers to itself: {" -> ".join(cycle)}', expression.span
-                )
+    def check_labels(self) -> None:
+        """Report labels with circular references."""
+        for name, expression in self._own.items():
+            self._report_cycle(expression, (name,))
 
-    def _cycle(self, name: str, expression: Expression) -> list[str] | None:
-        """A cycle of references from a label or property to itself; None if there is none."""
-        waiting: list[tuple[Expression, list[str]]] = [(expression, [name])]
-        seen: set[str] = set()
-        while waiting:
-            text, path = waiting.pop()
-            for used in _references(text):
-                if used == name:
-                    return [*path, name]
-                target = self._target(used)
-                if used not in seen and target is not None:
-                    seen.add(used)
-                    waiting.append((target, [*path, used]))
+    def check_property(self, index: int) -> None:
+        """Report a property whose name is taken, or whose references are circular."""
+        given = self._file.properties[index]
+        if given.name is not None and self._properties[given.name] is not given.formula:
+            message = f'there is a property "{given.name}" already'
+            self._table.report.name("duplicate-property", message, given.span)
+        # A label hides a property of the same name, so that property is not part of a cycle.
+        named = given.name is not None and not self.is_label(given.name)
+        self._report_cycle(given.formula, (given.name,) if named and given.name else ())
+
+    def _report_cycle(self, expression: Expression, path: tuple[str, ...]) -> None:
+        cycle = self._cycle(expression, path, set())
+        if cycle:
+            message = f'"{cycle[-1]}" refers to itself: {" -> ".join(cycle)}'
+            self._table.report.name("cycle", message, expression.span)
+
+    def _cycle(
+        self, expression: Expression, path: tuple[str, ...], done: set[str]
+    ) -> tuple[str, ...] | None:
+        """A cycle of references that starts at an expression; None if there is none.
+
+        path: the names whose expressions led to this one. done: names that lead to no cycle.
+        """
+        for used in _references(expression):
+            if used in path:
+                return (*path[path.index(used) :], used)
+            target = self._target(used)
+            if used not in done and target is not None:
+                cycle = self._cycle(target, (*path, used), done)
+                if cycle:
+                    return cycle
+                done.add(used)
         return None
 
     def _target(self, name: str) -> Expression | None:

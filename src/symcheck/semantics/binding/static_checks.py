@@ -12,6 +12,7 @@ from symcheck.errors import NO_SPAN, NameFault, Span
 from symcheck.semantics.binding.module_renaming import ModuleInstance, module_instances
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, names_in, undefined
 from symcheck.semantics.diagnostics import suggest
+from symcheck.semantics.expressions.literals import type_of_value
 from symcheck.semantics.expressions.types import article, rounding_hint
 from symcheck.syntax.ast import Type
 from symcheck.syntax.declarations import (
@@ -141,7 +142,8 @@ def set_constants(
     known = {c.name: c for c in declared}
     for name, value in given.items():
         if name not in known:
-            hint = suggest(name, known)
+            kind = type_of_value(value).value if not isinstance(value, str) else "double"
+            hint = suggest(name, known) or f"declare it there: const {kind} {name};"
             table.report.name(
                 "unknown-constant",
                 f"constant {name} is given a value, but the {where} has no such constant",

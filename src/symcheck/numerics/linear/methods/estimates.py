@@ -18,6 +18,7 @@ from symcheck.numerics.linear.problem import (
     largest_width,
 )
 from symcheck.numerics.settings import Settings
+from symcheck.tables import counted
 
 __all__ = ["gauss_seidel", "jacobi", "power"]
 
@@ -80,7 +81,7 @@ def _iterate(
         count += 1
         if observer is not None:
             observer(Progress(name, count, change, problem.n, x))
-    note = f"{problem.n} states: {name}, {count} iterations; an estimate"
+    note = f"{counted(problem.n, 'state')}: {name}, {counted(count, 'iteration')}; an estimate"
     note += "" if change <= settings.epsilon else ", not converged"
     policy = BellmanOperator.of(problem).greedy_policy(x)
     return Solution(x, x.copy(), name, False, False, count, note, policy)

@@ -14,6 +14,7 @@ from symcheck.numerics.linear.methods.method import Solver
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.linear.subsystem import LocalSystem, policy_iteration
 from symcheck.numerics.settings import Settings
+from symcheck.tables import counted
 
 __all__ = ["solve"]
 
@@ -51,6 +52,6 @@ def solve(
     lower, upper = result.lower, result.upper
     if problem.probability:
         lower, upper = np.clip(lower, 0.0, 1.0), np.clip(upper, 0.0, 1.0)
-    note = f"{problem.n} states: policy iteration, {result.iterations} policies"
+    note = f"{counted(problem.n, 'state')}: policy iteration, {result.iterations} policies"
     rows = local.block.global_rows(result.policy)
     return Solution(lower, upper, "policy", False, True, result.iterations, note, rows)

@@ -30,6 +30,7 @@ from symcheck.numerics.linear.rational import (
     restrict_rows,
 )
 from symcheck.numerics.settings import Accuracy, Settings
+from symcheck.tables import counted
 
 __all__ = ["solve"]
 
@@ -53,11 +54,11 @@ def solve(
     rows, constant = number_rows(problem.rows, form), [form(c) for c in problem.constant]
     if problem.mode == 0:
         x, policy, rounds = least_solution(rows, constant), None, 1
-        note = f"{problem.n} states: rational elimination"
+        note = f"{counted(problem.n, 'state')}: rational elimination"
     else:
         policy = _first_policy(problem, chooser)
         x, rounds = _policy_iteration(problem, rows, constant, policy, observer)
-        note = f"{problem.n} states: rational policy iteration, {rounds} policies"
+        note = f"{counted(problem.n, 'state')}: rational policy iteration, {rounds} policies"
     values = fractions(x)
     return Solution(values, values, "rational", True, True, rounds, note, strategy=policy)
 

@@ -42,6 +42,7 @@ from symcheck.numerics.linear.subsystem import (
     solve_krylov,
 )
 from symcheck.numerics.settings import Accuracy, Settings
+from symcheck.tables import counted
 
 __all__ = ["TopologicalRun", "solve", "solve_in_order", "solve_masked"]
 
@@ -132,14 +133,14 @@ def _solve_components(
     shape = sparse.triangular_order(source.edges, indices, mask)
     if shape != 0:
         run.system.sweep_acyclic(run.values, run.strategy, shape > 0)
-        return _solution(run, f"{n} states, acyclic: one pass", True, unknown)
+        return _solution(run, f"{counted(n, 'state')}, acyclic: one pass", True, unknown)
     parts = graph.sccs(source, unknown)
     if run.system.mode == 0:
         _sort_large_components(parts)
     # Each component may use its share of the width, since the bounds of its successors add to it.
     small = tuning.SMALL_COMPONENT_STATES if run.system.mode == 0 else 1
     depths = component_depths(source.edges, indices, parts.of, parts.order, parts.start, small)
-    summary = f"{parts.count} SCCs, largest {parts.largest} states"
+    summary = f"{counted(parts.count, 'SCC')}, largest {counted(parts.largest, 'state')}"
     order, start = parts.order, parts.start
     del parts, source  # their memory may be needed for the solution
     share = run.settings.epsilon * 0.9 / int(depths.max(initial=1))
@@ -424,10 +425,10 @@ def _explain(run: TopologicalRun, summary: str) -> str:
     single, eliminated, swept, _, largest_eliminated, largest_swept = (int(c) for c in run.counters)
     done = [f"{single} single"] if single else []
     if eliminated:
-        done.append(f"{eliminated} eliminated (up to {largest_eliminated} states)")
+        done.append(f"{eliminated} eliminated (up to {counted(largest_eliminated, 'state')})")
     if swept:
-        done.append(f"{swept} swept (up to {largest_swept} states)")
-    done += [f"{name} (up to {states} states)" for name, states in run.methods.items()]
+        done.append(f"{swept} swept (up to {counted(largest_swept, 'state')})")
+    done += [f"{name} (up to {counted(states, 'state')})" for name, states in run.methods.items()]
     if run.unfinished:
         done.append(f"{run.unfinished} without the requested accuracy")
     return f"{summary}: topological, " + ", ".join(done)
