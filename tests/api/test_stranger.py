@@ -131,7 +131,10 @@ CELLS = [
     ("m.steady_state()[3]", "1.0"),
     ("m.simulate('x')", "UsageError: steps='x': expected a whole number"),
     ("m.estimate('P=? [ F x=3 ]', method='foo')", "UsageError: method='foo': expected one of ci"),
-    ("load(DIE, type='mdp').transient(1)", "UnsupportedError: an MDP has no transient distribution"),
+    (
+        "load(DIE, type='mdp').transient(1)",
+        "UnsupportedError: an MDP has no transient distribution",
+    ),
     ("np.asarray(m.check('x').values).tolist()", "[0.0, 1.0, 2.0, 3.0]"),
     ("symcheck.laod", "AttributeError: module 'symcheck' has no attribute 'laod'"),
     ("symcheck.view, symcheck.teach", r"\(<module 'symcheck.view'.*<module 'symcheck.teach'.*"),
