@@ -176,3 +176,12 @@ def test_a_product_that_underflows_has_bounds(engine: EngineName):
     assert model.check("P=? [ F s=1 ] * P=? [ F s=1 ] > 0").value is True
     assert model.check("P=? [ F s=1 ] * 0 > 0").value is False
     assert model.check("P=? [ F s=1 ] * 0").value == 0
+
+
+@pytest.mark.parametrize("engine", ["explicit", "sparse", "mtbdd"])
+@pytest.mark.parametrize("formula", ["pow(10,-400.5)", "pow(0.1,s+400.5)", "pow(1/3,s+900.5)"])
+def test_a_power_that_underflows_is_not_called_an_exact_0(engine: str, formula: str) -> None:
+    text = "dtmc module m s : [0..1]; [] true -> 0.5 : (s'=1) + 0.5 : true; endmodule"
+    accuracy = symcheck.loads(text, engine=engine).check(formula).accuracy
+    assert isinstance(accuracy, Certified)
+    assert accuracy.lower <= 0 < accuracy.upper < 1e-300

@@ -6,7 +6,9 @@ import pytest
 
 from symcheck.cli import main
 from symcheck.errors import SyntaxFault
+from symcheck.experiments import properties_input
 from symcheck.experiments.properties_input import read_properties
+from symcheck.syntax.declarations import PropertiesFile
 
 MODEL = "dtmc module m x:[0..1]; [] x=0 -> 0.5:(x'=1)+0.5:(x'=0); [] x=1 -> true; endmodule label \"up\" = x=1;"
 
@@ -146,3 +148,23 @@ def test_a_property_may_go_on_behind_a_line(tmp_path, capsys):
     status, lines = answers(tmp_path, capsys, whole)
     assert status == 1
     assert [line.partition(":")[0] for line in lines].count("Result") == 2
+
+
+def test_properties_without_faults_are_read_once_however_long_the_text_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A text of n properties with one fault takes time in proportion to n, not to its square."""
+    text = "".join(f"P=? [ F s={i} ];\n" for i in range(50)) + "P=? [ F ;\n"
+    sizes: list[int] = []
+    parse = properties_input.parse_properties
+
+    def counted(text: str, *arguments: str, **named: str) -> PropertiesFile:
+        sizes.append(len(text))
+        return parse(text, *arguments, **named)
+
+    monkeypatch.setattr(properties_input, "parse_properties", counted)
+    with pytest.raises(SyntaxFault) as fault:
+        parse(text)
+    found = properties_input._without_faults(fault.value)
+    assert list(found.unparsed) == [50]
+    assert sum(sizes) < 4 * len(text)

@@ -229,3 +229,13 @@ def test_what_enclosures_do_not_decide_is_an_error_with_its_place(engine: str, t
     )
     with pytest.raises(symcheck.SymcheckError, match=r"m\.pm:1:.*digits do not decide"):
         symcheck.load(file, **ENGINES[engine]).check("P=? [ F x=3 ]")
+
+
+@pytest.mark.parametrize("engine", ["explicit", "sparse", "hybrid", "mtbdd"])
+def test_a_probability_whose_factors_are_normal_numbers_keeps_its_edge(engine: str) -> None:
+    """No factor is small, and the product is below the doubles."""
+    tiny = "*".join(["(x*1e-65)"] * 5)
+    text = f"dtmc module m x : [0..3] init 1; [] x=1 -> {tiny} : (x'=2) + 1-{tiny} : (x'=3); "
+    model = symcheck.loads(f"{text} [] x>1 -> true; endmodule", engine=engine)
+    assert model.engine.states == 3
+    assert model.check("E [ F x=2 ]").value is True

@@ -24,6 +24,7 @@ from symcheck.syntax.ast import (
     Unary,
 )
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
+from symcheck.syntax.parse import parse_expression
 
 _LEAVES = st.one_of(
     st.integers(-4, 5).map(lambda i: (Literal(i, Type.INT), "int")),
@@ -181,3 +182,16 @@ def test_only_the_variables_that_occur_give_the_shape():
 def test_temporal_nodes_are_refused():
     with pytest.raises(TypeError, match="LabelReference"):
         evaluate_columns(LabelReference("done"), {})
+
+
+@pytest.mark.parametrize("sign", ["", "-"])
+@pytest.mark.parametrize("operator", ["<", "<=", "=", "!=", ">=", ">"])
+@pytest.mark.parametrize("offset", [-1, 0, 1, 2, 3, 5])
+def test_a_large_int_is_compared_as_it_is_and_not_as_its_double(
+    sign: str, operator: str, offset: int
+) -> None:
+    whole = f"{sign}(x + {2**53 + offset})"
+    for threshold in (2**53, 2**53 + 4):
+        condition = parse_expression(f"{whole} + 0.0 {operator} {sign}{threshold}.0")
+        found = evaluate_columns(condition, {"x": np.array([0])})
+        assert found.values.item() == evaluate(condition, {"x": 0}), condition

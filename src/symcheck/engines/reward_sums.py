@@ -26,7 +26,6 @@ from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.interpreter import State, action_rewards, state_rewards, transitions
 from symcheck.semantics.model import BoundModel, BoundReward, Value
-from symcheck.semantics.reduction.live_variables import int_bounds
 from symcheck.semantics.rewards import Structure
 from symcheck.semantics.state_faults import describe_state
 from symcheck.syntax.ast import (
@@ -112,6 +111,8 @@ class RewardSums:
 
     def _may_be_negative(self, item: BoundReward) -> bool:
         """Whether the value of an item may be negative, or a difference of doubles."""
+        from symcheck.semantics.reduction.live_variables import int_bounds  # few models need it
+
         variables = self.engine.model.variables
         if self._type(item.value) is Type.INT:
             return int_bounds(item.value, variables)[0] < 0

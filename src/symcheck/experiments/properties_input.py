@@ -140,10 +140,8 @@ def _without_faults(fault: SyntaxFault) -> PropertiesInput:
     declarations: list[SyntaxFault] = []
     for start, end in _parts(whole):
         part = whole[start:end]
-        alone = f"{_spaces(whole[:start])}{part}{_spaces(whole[end:])}"
-        try:
-            parse_properties(alone, source.name, shown=whole)
-        except SyntaxFault as own:
+        own = _fault_of(part, start, whole, source.name)
+        if own is not None:
             blank, offset = _blank(part)
             text = text[:start] + blank + text[end:]
             if offset is None:
@@ -165,6 +163,19 @@ def _without_faults(fault: SyntaxFault) -> PropertiesInput:
     if len(unparsed) == len(file.properties) or len(unparsed) < len(removed):
         raise fault
     return PropertiesInput(file, unparsed, declarations)
+
+
+def _fault_of(part: str, start: int, whole: str, name: str) -> SyntaxFault | None:
+    """The fault of a part of a text, with its place in the whole; None if it has none."""
+    try:
+        parse_properties(part)
+    except SyntaxFault:  # only this one costs the reading of a text as long as the whole
+        before, after = whole[:start], whole[start + len(part) :]
+        try:
+            parse_properties(f"{_spaces(before)}{part}{_spaces(after)}", name, shown=whole)
+        except SyntaxFault as fault:
+            return fault
+    return None
 
 
 def _spaces(text: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from symcheck.errors import InputError
 from symcheck.explicit import tuning
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import Variable
@@ -18,7 +19,10 @@ class Decider:
 
     Attributes:
         reads: for each decision, the indices of the variables that it reads.
+        interruption: what has ended a decision and is none of `faults`, such as Ctrl-C.
     """
+
+    faults = InputError
 
     def __init__(self, variables: Sequence[Variable]) -> None:
         self._variables = variables
@@ -26,6 +30,7 @@ class Decider:
         self._expressions: list[Expression] = []
         self._answers: list[dict[tuple[int, ...], int | float]] = []
         self.reads: list[tuple[int, ...]] = []
+        self.interruption: BaseException | None = None
 
     def number(self, expression: Expression) -> int:
         """The number of the decision on an expression."""
@@ -47,8 +52,9 @@ class Decider:
             ModelFault: it has no value.
         """
         answers = self._answers[number]
-        if values in answers:
-            return answers[values]
+        known = answers.get(values)
+        if known is not None:
+            return known
         variables = [self._variables[i] for i in self.reads[number]]
         valuation = {
             v.name: bool(value) if v.type is Type.BOOL else value

@@ -157,7 +157,9 @@ class ArrayValues:
                 known = ArrayValues(value, value, computed, slack)
                 return _around(_without_cancellation(known), _underflow(operator, arguments, value))
             low, high = _interval(operator, [o._margins() for o in operands])
-        return ArrayValues(*_same(_unsigned(low), _unsigned(high)))
+            tiny = _underflow(operator, [o.lower for o in operands], low)
+            tiny &= _underflow(operator, [o.upper for o in operands], high)
+        return _around(ArrayValues(*_same(_unsigned(low), _unsigned(high))), tiny)
 
     def choose(self, states: ArraySet, other: ArrayValues | Known) -> ArrayValues:
         """These values on the set, the other ones elsewhere."""
@@ -302,6 +304,8 @@ def _rounded(operator: str, operands: list[Floats], value: Floats) -> Bools | No
     rounded = np.isfinite(value) & ((np.abs(value) > _LARGEST_WHOLE) | (value != np.floor(value)))
     for x in operands:
         rounded |= np.isfinite(value) & np.isfinite(x) & (x != np.floor(x))
+    if operator in ("+", "-"):
+        rounded &= (operands[0] != 0) & (operands[-1] != 0)
     if operator in ("*", "/"):
         rounded &= (operands[0] != 0) & (operands[-1] != 1)
         rounded &= (operands[0] != 1) | (operator == "/")

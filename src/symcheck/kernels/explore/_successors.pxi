@@ -149,6 +149,7 @@ cdef class Expander:
             if status == Status.MEMORY:
                 raise MemoryError
             if status:
+                raise_interruption(self.tables.decider)
                 return status, i, None
         return (0, n, (array_of(self.rows.group_ends.data, self.rows.groups, np.int64),
                        array_of(self.ends.data, self.row_count, np.int64),

@@ -17,7 +17,8 @@ from collections import deque
 
 import numpy as np
 
-from symcheck.kernels.explore.register_machine cimport Instruction, Register, Status, execute
+from symcheck.kernels.explore.register_machine cimport (Instruction, Register, Status, execute,
+                                                      raise_interruption)
 from symcheck.kernels.memory cimport Buffer, array_of, release, reserve
 from symcheck.kernels.portable cimport (monotonic_seconds, prefer_huge_pages, prefetch,
                                         trim_heap)
@@ -189,6 +190,7 @@ cdef class Explorer:
                 outcome = self._run(budget, deadline, MAX_STATES, self.rows.entries + entries)
         else:
             outcome = self._run_in_blocks(budget, deadline, pool, threads)
+        raise_interruption(self.expander.tables.decider)
         return Outcome(outcome)
 
     def forget_blocks(self):

@@ -105,3 +105,4 @@ cpdef enum Status:
 
 cdef int execute(const Instruction* pc, const Instruction* code, Register* r,
                  void* decider) noexcept nogil
+cdef raise_interruption(object decider)

@@ -9,7 +9,8 @@ no sign; integer overflow is an error.
 A decision on a double (a comparison, a rounding to an int) reads a bound on its error, which the
 program computes beside it. Where the bound does not decide, the machine asks a `decider`: a Python
 object with the indices of the variables that decision number k reads (`reads[k]`) and a method
-`decide(k, values)`.
+`decide(k, values)`, which raises one of `faults` where the model has one. Any other exception, such
+as that of Ctrl-C, ends the code; it is kept in `interruption`, for `raise_interruption`.
 
 Source: Higham (2002), Accuracy and stability of numerical algorithms, 3.3 (running error analysis)
 and 4.3 (the error of a sum or a product is a double).
@@ -140,18 +141,27 @@ cdef int ask(void* decider, int number, Register* r, int dst) noexcept with gil:
     cdef int i
     if decider == NULL:
         return Status.UNDECIDED
+    of_model = <object> decider
     try:
-        of_model = <object> decider
         values = tuple([r[<int> i].i for i in of_model.reads[number]])
         answer = of_model.decide(number, values)
         if isinstance(answer, float):
             r[dst].d = answer
         else:
             r[dst].i = answer
-    except BaseException:
-        # A fault is found again by the interpreter, which describes it.
+    except of_model.faults:
+        return Status.UNDECIDED  # the interpreter finds it again, and describes it
+    except BaseException as error:
+        of_model.interruption = error
         return Status.UNDECIDED
     return 0
+
+
+cdef raise_interruption(object decider):
+    """Raise what has ended a decision and is no fault of the model."""
+    if decider is not None and decider.interruption is not None:
+        error, decider.interruption = decider.interruption, None
+        raise error
 
 
 cdef int execute(const Instruction* pc, const Instruction* code, Register* r,
@@ -364,7 +374,9 @@ def evaluate(const int[:, ::1] code, long long[::1] registers, decider=None) -> 
         The Status in which the code ended.
     """
     cdef const Instruction* program = <const Instruction*> &code[0, 0]
-    return execute(program, program, <Register*> &registers[0], _pointer(decider))
+    cdef int status = execute(program, program, <Register*> &registers[0], _pointer(decider))
+    raise_interruption(decider)
+    return status
 
 
 cdef void* _pointer(object decider):
@@ -465,4 +477,5 @@ def run_packed(const int[:, ::1] code, const long long[::1] slots, const int[:, 
                 truths[row] = <unsigned char> r[result].i
             else:
                 numbers[row] = r[result].i
+    raise_interruption(decider)
     return faulty, status

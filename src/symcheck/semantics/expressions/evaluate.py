@@ -28,6 +28,7 @@ import math
 import operator as op
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
+from sys import float_info
 from typing import Any, assert_never, cast
 
 from symcheck.errors import Diagnostic, InputError, ModelFault, NameFault, UnsupportedError
@@ -111,10 +112,15 @@ def evaluate_constant(expression: Expression) -> Value:
     """The exact value of an expression without names; a double beside it if it is irrational.
 
     Raises:
-        ModelFault: the expression has no value.
+        ModelFault: the expression has no value, or an irrational one that no normal double is near.
     """
     value = _evaluate(expression, {}, True)
-    return Fraction(float(value)) if isinstance(value, Irrational) else cast("Value", value)
+    if not isinstance(value, Irrational):
+        return cast("Value", value)
+    nearest = float(value)
+    if not float_info.min <= abs(nearest) < math.inf:
+        raise ModelFault(value.why)
+    return Fraction(nearest)
 
 
 _COMPOUND = Unary | Binary | Call | Conditional

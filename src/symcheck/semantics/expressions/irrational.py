@@ -24,6 +24,7 @@ from decimal import (
     Overflow,
 )
 from fractions import Fraction
+from typing import TypeVar
 
 from symcheck.errors import Diagnostic, ModelFault
 
@@ -34,6 +35,7 @@ _MOST_PLACES = 30
 _BEYOND = Decimal(10) ** _MOST_PLACES  # no int of 64 bits, whatever the number is exactly
 _FAULTS = [InvalidOperation, DivisionByZero, Overflow]
 Interval = tuple[Decimal, Decimal]
+T = TypeVar("T")
 
 
 def _down(digits: int) -> Context:
@@ -62,7 +64,7 @@ class Irrational:
     def __repr__(self) -> str:
         return f"Irrational({float(self)!r})"
 
-    def _first(self, read: Callable[[Decimal, Decimal], int | None]) -> int:
+    def _first(self, read: Callable[[Decimal, Decimal], T | None]) -> T:
         """What is read from the first interval that suffices; raises ModelFault if none does."""
         for digits in _DIGITS:
             try:
@@ -96,9 +98,16 @@ class Irrational:
         return -math.floor(-self)
 
     def __float__(self) -> float:
-        """The nearest double, or the one beside it; an infinity beyond the range of doubles."""
-        low, _ = self.enclose(_DIGITS[0])
-        return float(low)
+        """The nearest double, or the one beside it; an infinity beyond the range of doubles.
+
+        Raises ModelFault if enclosures do not tell these from others.
+        """
+
+        def read(low: Decimal, high: Decimal) -> float | None:
+            below, above = float(low), float(high)
+            return below if math.nextafter(below, math.inf) >= above else None
+
+        return self._first(read)
 
     # ----------------------------------------------------------------------------------- arithmetic
 
@@ -220,9 +229,9 @@ def _exponential(x: Decimal, digits: int) -> Interval:
     down, up = _down(digits + _MOST_PLACES), _up(digits + _MOST_PLACES)
     ln = down.ln(Decimal(10))
     k = int(down.divide(x, ln))
-    products = down.multiply(down.next_minus(ln), k), up.multiply(up.next_plus(ln), k)
-    low = down.subtract(x, max(products))
-    high = up.subtract(x, min(products))
+    ends = down.next_minus(ln), up.next_plus(ln)
+    low = down.subtract(x, max(up.multiply(end, k) for end in ends))
+    high = up.subtract(x, min(down.multiply(end, k) for end in ends))
     return (
         down.scaleb(down.next_minus(down.exp(low)), k),
         up.scaleb(up.next_plus(up.exp(high)), k),

@@ -21,6 +21,7 @@ from symcheck.kernels.explore.register_machine import Op
 from symcheck.semantics.expressions.literals import to_float
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
 from symcheck.syntax.operators import Function, Operator
+from symcheck.syntax.traversal import children
 
 __all__ = ["DECISIONS", "Enclosed", "RunningErrors", "is_accurate", "literal_error"]
 
@@ -169,8 +170,23 @@ def literal_error(value: Fraction | int) -> float:
     return max(to_float(error) * 1.0000001, _LEAST_BOUND) if error else 0.0
 
 
-_MODERATE = Fraction(10) ** 70
-"""Products of a few numbers between this and its inverse are doubles without underflow."""
+_NORMAL_BITS = 1000
+_INT_BITS = 64
+
+
+def _bits(expression: Expression, type_of: Callable[[Expression], Type]) -> int:
+    """A bound on how many powers of 2 an expression without differences is away from 1, if it is
+    not 0; infinities and what follows from them apart.
+    """
+    if type_of(expression) is not Type.DOUBLE:
+        return _INT_BITS
+    match expression:
+        case Literal(value):
+            size = Fraction(value)
+            return max(size.numerator.bit_length(), size.denominator.bit_length())
+        case _:
+            operands = [e for e in children(expression) if isinstance(e, Expression)]
+            return 1 + sum(_bits(e, type_of) for e in operands)
 
 
 def is_accurate(
@@ -190,8 +206,7 @@ def is_accurate(
             return True
         match node:
             case Literal():
-                size = abs(Fraction(node.value))
-                return size == 0 or 1 / _MODERATE < size < _MODERATE
+                return True
             case Unary(_, operand):
                 return accurate(operand)
             case Conditional(_, x, y) | Binary(Operator.TIMES | Operator.DIVIDE, x, y):
@@ -216,4 +231,4 @@ def is_accurate(
             case _:
                 return False
 
-    return accurate(expression)
+    return accurate(expression) and _bits(expression, type_of) < _NORMAL_BITS

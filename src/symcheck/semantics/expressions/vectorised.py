@@ -130,7 +130,8 @@ def _ask(
         unsure = unsure & ~faults
     if not unsure.any():
         return lanes
-    read = [(n, columns[n]) for n in columns if n in names(expression)]
+    used = names(expression)
+    read = [(n, columns[n]) for n in columns if n in used]
     shape = np.broadcast_shapes(unsure.shape, values.shape, *(c.shape for _, c in read))
     at = np.flatnonzero(np.broadcast_to(unsure, shape))
     values = np.broadcast_to(values, shape).ravel().copy()
@@ -237,7 +238,8 @@ def _enclosed(lanes: Lanes) -> Enclosed[Column]:
     doubles = values.astype(np.float64)
     if max(map(abs, _extremes(values)), default=0) <= _EXACT_INT:
         return Enclosed(doubles, None)
-    return Enclosed(doubles, np.where(np.abs(doubles) < _EXACT_INT, 0.0, np.spacing(doubles)))
+    size = np.abs(doubles)  # the spacing of a negative number is negative
+    return Enclosed(doubles, np.where(size < _EXACT_INT, 0.0, np.spacing(size)))
 
 
 def _decided(

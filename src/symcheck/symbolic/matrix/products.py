@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from functools import reduce
-from math import prod
 from operator import and_
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd
@@ -26,7 +27,10 @@ def nothing_lost(computed: Mtbdd, *factors: Mtbdd) -> Mtbdd:
         computed: the product, or the first factor divided by numbers of at least 1.
         factors: those of which none is 0 where the exact result is not.
     """
-    least = prod(min((abs(v) for v in f.leaves if v != 0.0), default=1.0) for f in factors)
+    least = 1.0
+    for factor in factors:
+        sizes = np.abs(factor.leaves)
+        least *= float(sizes.min(initial=1.0, where=sizes > 0.0))
     if least >= _SURELY_NORMAL:
         return computed
     lost = reduce(and_, (f.to_bdd() for f in factors)) - computed.to_bdd()
