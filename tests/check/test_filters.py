@@ -142,7 +142,9 @@ def test_a_sum_with_infinity_may_have_numbers_beyond_doubles(name: str) -> None:
 def test_a_sum_with_a_value_that_doubles_lose_is_not_exact(name):
     text = "ctmc module m x:[0..1]; [] x=0 -> 1e-150:(x'=1); [] x=1 -> 1e9:(x'=0); endmodule"
     for operator, value in (("sum", 1), ("avg", 0.5)):
-        found = check_text(engine_of(text, name), f"filter({operator}, P=? [ F<=1e-170 x=1 ], true)")
+        found = check_text(
+            engine_of(text, name), f"filter({operator}, P=? [ F<=1e-170 x=1 ], true)"
+        )
         assert isinstance(found.accuracy, Certified)
         assert found.accuracy.lower <= value < found.accuracy.upper  # and 1e-320 of it
         assert found.value == value

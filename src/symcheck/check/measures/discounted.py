@@ -27,7 +27,7 @@ from symcheck.matrices.numbers import Numbers, full, is_infinite
 from symcheck.matrices.rows import Floats, per_row
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.linear.problem import LinearProblem, Progress, largest_width
-from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.numerics.tuning import SERIES_ENTRIES, STEP_ENTRIES, UNIT_ROUNDOFF
 from symcheck.numerics.underflow import enclosed, may_underflow
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
@@ -77,9 +77,10 @@ def discounted_reward(
     if discount == 0 and steps is None:
         steps = 1  # and 0^0 is 1
     signed = None
-    if is_signed(context, rewards):
+    is_long = steps is not None and not engine.exact and _is_long(steps, discount)
+    if is_long or is_signed(context, rewards):
         errors = system.step_reward_errors(reward)
-        signed = Steps(system, rewards, errors, float(discount))
+        signed = Steps(system, rewards, errors, float(discount), float(1 - discount))
     if steps is not None:
         if signed is not None:
             zero = system.full(0)
@@ -181,6 +182,12 @@ def discounted_problem(
     return LinearProblem(
         rewards, replace(matrix, data=data), None, end, direction, probability=False
     )
+
+
+def _is_long(steps: int, discount: Fraction) -> bool:
+    """Whether too many steps matter to make them one by one."""
+    horizon = -2.0 * _HORIZONS / math.log1p(-float(1 - discount)) if discount else 1.0
+    return min(steps, horizon) * STEP_ENTRIES > SERIES_ENTRIES
 
 
 def _iterated(
