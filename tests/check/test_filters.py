@@ -148,3 +148,16 @@ def test_a_sum_with_a_value_that_doubles_lose_is_not_exact(name):
         assert isinstance(found.accuracy, Certified)
         assert found.accuracy.lower <= value < found.accuracy.upper  # and 1e-320 of it
         assert found.value == value
+
+
+@pytest.mark.parametrize("name", BUILDERS)
+@pytest.mark.parametrize("formula", ["P=? [ F<=2 s=1 ]", 'R{"b"}=? [ I=2 ]'])
+def test_values_that_differ_by_less_than_rounding_are_not_equal(name, formula):
+    """State 0 has 1-1e-200, by doubles as much as state 1, which has 1."""
+    text = (
+        "dtmc module m s:[0..1]; [] s=0 -> 1-1e-100:(s'=1) + 1e-100:true; [] s=1 -> true; endmodule"
+        ' rewards "b" s=1 : 1; endrewards'
+    )
+    for operator, state in (("argmin", 0), ("argmax", 1)):
+        found = check_text(engine_of(text, name), f"filter({operator}, {formula}, true)")
+        assert [line.index for line in found.lines] == [state]

@@ -60,7 +60,7 @@ class Steps:
     def bounds(self, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
         """Bounds per row on what a step gives, from bounds per state on what comes after it."""
         multiply = self.system.operator.multiply
-        largest = np.maximum(np.abs(lower), np.abs(upper))
+        largest: Floats = np.maximum(np.abs(lower), np.abs(upper))
         size = self.factor * multiply(largest) + np.abs(self.rewards)
         some = size > 0.0
         if self.factor and not some.all():  # of products that underflow
