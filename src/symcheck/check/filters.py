@@ -164,7 +164,7 @@ class AppliedFilter:
         else:
             sure, maybe = values.compare(">=", values.maximum(states)[0])
         extreme = (sure | maybe) & states
-        if self._is_undecided(values, extreme, sure):
+        if self.exactly is not None and self._is_undecided(values, extreme, sure):
             # Values that are too close are compared as rationals, where the model is small enough.
             exact = by_rationals(self.context.engine, self.exactly)
             if not isinstance(exact, SymcheckError):
@@ -174,7 +174,7 @@ class AppliedFilter:
 
     def _is_undecided(self, values: Values, extreme: StateSet, sure: StateSet) -> bool:
         """Whether rationals should tell which of the states have an extreme value."""
-        if self.exactly is None or extreme.count < 2:
+        if extreme.count < 2:
             return False
         low, high = values.minimum(extreme)[0], values.maximum(extreme)[1]
         tiny = low != high and low >= -_TINY and high <= _TINY

@@ -86,3 +86,6 @@ COMMAND_SET_CHECKS = 2000
 EXTREME_STATES = 1_000
 """States of models in which argmin and argmax compare values as rationals that are equal up to
 rounding; values that underflow, in more."""
+
+INTEGER_BITS = 300_000
+"""Bits of the common denominator after all steps up to which exact steps are made in integers."""

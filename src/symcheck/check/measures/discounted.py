@@ -17,6 +17,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from symcheck.check.context import Context
+from symcheck.check.measures.exact_steps import steps_in_integers
 from symcheck.check.measures.signed_steps import Steps, best, is_signed, lifted, signed_steps
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
@@ -200,6 +201,12 @@ def _iterated(
 ) -> Values:
     """The values after some steps, or bounds on those of infinitely many, by iteration."""
     exact, options = context.engine.exact, context.options
+    if exact and steps is not None:
+        zero = system.full(0)
+        whole = steps_in_integers(system, zero, rewards, steps, direction, discount)
+        if whole is not None:
+            context.log.runs.append(SolverRun("steps", "step by step", system.n, steps))
+            return system.lift(whole, None, exact=True)
     factors = full(1, discount, exact=exact)
     factor = factors[0]
     later = full(1, discount / (1 - discount), exact=exact)[0]

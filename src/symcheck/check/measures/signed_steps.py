@@ -60,11 +60,11 @@ class Steps:
     def bounds(self, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
         """Bounds per row on what a step gives, from bounds per state on what comes after it."""
         multiply = self.system.operator.multiply
-        largest: Floats = np.maximum(np.abs(lower), np.abs(upper))
+        largest = np.maximum(np.abs(lower), np.abs(upper))
         size = self.factor * multiply(largest) + np.abs(self.rewards)
         some = size > 0.0
         if self.factor and not some.all():  # of products that underflow
-            some |= multiply((largest > 0.0) * 1.0) > 0.0
+            some |= multiply((largest > 0.0).astype(np.float64)) > 0.0
         unit = 2 * (self.system.operator.longest + 6) * UNIT_ROUNDOFF
         tiny = (self.system.operator.longest + 6) * _SMALLEST
         error = np.where(some, unit * size + self.errors + tiny, 0.0)
