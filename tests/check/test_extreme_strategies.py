@@ -123,3 +123,17 @@ def bounds(result) -> tuple[Fraction | float, Fraction | float]:
     value = Fraction(result.value)
     error = abs(value) / 10**12 if accuracy.rounding else 0
     return value - error, value + error
+
+
+@pytest.mark.xfail(
+    strict=True, reason="strategies with memory are chosen by products of doubles, which underflow"
+)
+@pytest.mark.parametrize("formula", ["Pmax=? [ F<=2 s=3 ]", "Rmax=? [ C<=3 ]"])
+def test_a_strategy_with_memory_attains_a_value_that_underflows(formula):
+    text = (
+        "mdp module m s:[0..3]; [a] s=0 -> true; [b] s=0 -> 1e-200:(s'=2) + 1-1e-200:true; "
+        "[c] s=2 -> 1e-200:(s'=3) + 1-1e-200:true; [a] s=2 -> true; [] s=3 -> true; endmodule "
+        "rewards s=3 : 1; endrewards"
+    )
+    strategy = symcheck.loads(text).with_options(strategy=True).check(formula).strategy
+    assert strategy.actions[0] == "b"  # [a] gives 0, and this 1e-400

@@ -7,7 +7,7 @@ from math import inf, isnan
 import pytest
 
 from checking import RESULTS, check_text, engine_of
-from symcheck.check.result import Exact
+from symcheck.check.result import Certified, Exact
 from symcheck.engines.registry import BUILDERS
 from symcheck.errors import InputError
 
@@ -136,3 +136,28 @@ def test_nan_in_one_state_is_nan_for_all(name: str, operator: str, number: str) 
 def test_a_sum_with_infinity_may_have_numbers_beyond_doubles(name: str) -> None:
     found = check_text(engine_of(MANY, name), "filter(sum, x=0 ? 1/x : pow(10.0, 400*x))").value
     assert found == inf
+
+
+@pytest.mark.parametrize("name", [name for name in BUILDERS if name != "exact"])
+def test_a_sum_with_a_value_that_doubles_lose_is_not_exact(name):
+    text = "ctmc module m x:[0..1]; [] x=0 -> 1e-150:(x'=1); [] x=1 -> 1e9:(x'=0); endmodule"
+    for operator, value in (("sum", 1), ("avg", 0.5)):
+        found = check_text(
+            engine_of(text, name), f"filter({operator}, P=? [ F<=1e-170 x=1 ], true)"
+        )
+        assert isinstance(found.accuracy, Certified)
+        assert found.accuracy.lower <= value < found.accuracy.upper  # and 1e-320 of it
+        assert found.value == value
+
+
+@pytest.mark.parametrize("name", BUILDERS)
+@pytest.mark.parametrize("formula", ["P=? [ F<=2 s=1 ]", 'R{"b"}=? [ I=2 ]'])
+def test_values_that_differ_by_less_than_rounding_are_not_equal(name, formula):
+    """State 0 has 1-1e-200, by doubles as much as state 1, which has 1."""
+    text = (
+        "dtmc module m s:[0..1]; [] s=0 -> 1-1e-100:(s'=1) + 1e-100:true; [] s=1 -> true; endmodule"
+        ' rewards "b" s=1 : 1; endrewards'
+    )
+    for operator, state in (("argmin", 0), ("argmax", 1)):
+        found = check_text(engine_of(text, name), f"filter({operator}, {formula}, true)")
+        assert [line.index for line in found.lines] == [state]

@@ -9,6 +9,7 @@ from typing import Generic, TypeVar, assert_never
 
 import numpy as np
 
+from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.check.expression_values import LARGEST_WHOLE
 from symcheck.check.result import Line
@@ -163,14 +164,21 @@ class AppliedFilter:
         else:
             sure, maybe = values.compare(">=", values.maximum(states)[0])
         extreme = (sure | maybe) & states
-        low, high = values.minimum(extreme)[0], values.maximum(extreme)[1]
-        if self.exactly is not None and low != high and low >= -_TINY and high <= _TINY:
-            # Values that underflow are compared as rationals, where the model is not too large.
+        if self.exactly is not None and self._is_undecided(values, extreme, sure):
+            # Values that are too close are compared as rationals, where the model is small enough.
             exact = by_rationals(self.context.engine, self.exactly)
             if not isinstance(exact, SymcheckError):
                 return FilterResult(None, exact)
         self.context.log.lines.extend(value_lines(self.context, values, extreme))
         return FilterResult(None, extreme)
+
+    def _is_undecided(self, values: Values, extreme: StateSet, sure: StateSet) -> bool:
+        """Whether rationals should tell which of the states have an extreme value."""
+        if extreme.count < 2:
+            return False
+        low, high = values.minimum(extreme)[0], values.maximum(extreme)[1]
+        tiny = low != high and low >= -_TINY and high <= _TINY
+        return tiny or (self.context.engine.states <= tuning.EXTREME_STATES and not extreme <= sure)
 
     def _selected(self) -> StateSet:
         if self.states:

@@ -82,3 +82,10 @@ COMMAND_STATES = 20_000
 """The most states of a model whose commands are found again, state by state, in Python."""
 COMMAND_SET_CHECKS = 2000
 """Sets of commands that are checked before a small set takes the place of a smallest one."""
+
+EXTREME_STATES = 1_000
+"""States of models in which argmin and argmax compare values as rationals that are equal up to
+rounding; values that underflow, in more."""
+
+INTEGER_BITS = 300_000
+"""Bits of the common denominator after all steps up to which exact steps are made in integers."""

@@ -113,9 +113,9 @@ at most."""
 TRUNCATION_FIRST_SWEEPS = 100
 """Sweeps after which BiCGStab has a guess to start from. After 30, it diverges on cluster N=256."""
 
-SERIES_ENTRIES, LONG_SERIES_ENTRIES = 4e10, 3e12
+SERIES_ENTRIES, LONG_SERIES_ENTRIES = 1e10, 3e12
 """Entries that are visited of a horizon with more than the second number: the bounds so far are
-then the result. They take about a minute; the second number an hour."""
+then the result. They take some fifteen seconds; the second number an hour."""
 TRANSIENT_ROWS_STATES = 10_000
 """States up to which engines without rows write them for transient analysis; for long horizons, all
 that they are ready to write: rational Krylov subspaces need rows."""

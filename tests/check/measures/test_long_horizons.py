@@ -157,3 +157,50 @@ rewards x=0 : 1/2; x=400 : 1; endrewards
     exact = 0.5 * left + (1 - left)
     assert getattr(result.accuracy, "lower", result.value) <= exact
     assert exact <= getattr(result.accuracy, "upper", result.value)
+
+
+SIGNED = """{kind}
+module m
+  x : [0..1] init 0;
+  [] x=0 -> 0.3:(x'=1) + 0.7:(x'=0);
+  [] x=1 -> 0.4:(x'=0) + 0.6:(x'=1);
+{more}endmodule
+rewards "signed" x=0 : 1; x=1 : -2; endrewards
+rewards "positive" x=0 : 1; endrewards
+"""
+"""The probability of x=1 after i steps is 3/7 (1 - 0.3^i)."""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("more", ["", "  [] x=1 -> 0.4:(x'=0) + 0.6:(x'=1);\n"])
+def test_rewards_of_both_signs_over_long_horizons(engine: str, more: str) -> None:
+    kind, best = ("mdp", "max") if more else ("dtmc", "")
+    model = symcheck.loads(SIGNED.format(kind=kind, more=more)).with_options(engine=engine)
+    for formula, exact in (
+        ("C<=1000000000000", Fraction(-2 * 10**12, 7) + Fraction(90, 49)),
+        ("I=1000000000000", Fraction(-2, 7)),
+    ):
+        result = model.check(f'R{{"signed"}}{best}=? [ {formula} ]')
+        lower = Fraction(getattr(result.accuracy, "lower", result.value))
+        upper = Fraction(getattr(result.accuracy, "upper", result.value))
+        room = Fraction(1, 10**12) * abs(exact)
+        assert lower - room <= exact <= upper + room
+        assert upper - lower <= Fraction(1, 10**6) * abs(exact)
+        assert steps_of(result) < 10_000
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(("name", "other"), [("signed", -2), ("positive", 0)])
+@pytest.mark.parametrize("digits", ["0.999999", "0.99999999999"])
+def test_discounted_rewards_over_long_horizons(
+    engine: str, name: str, other: int, digits: str
+) -> None:
+    """They need as many steps as the chain to mix, not as the discount to vanish."""
+    model = symcheck.loads(SIGNED.format(kind="dtmc", more="")).with_options(engine=engine)
+    result = model.check(f'R{{"{name}"}}=? [ C<=1000000000000000 discount={digits} ]')
+    d, slope = Fraction(digits), Fraction(3 * (1 - other), 7)
+    exact = (1 - slope) / (1 - d) + slope / (1 - Fraction(3, 10) * d)  # d^(10^15) vanishes
+    lower, upper = result.accuracy.lower, result.accuracy.upper
+    assert lower <= exact <= upper
+    assert upper - lower <= 1e-6 * abs(exact)
+    assert steps_of(result) < 10_000

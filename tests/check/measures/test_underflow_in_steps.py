@@ -292,3 +292,16 @@ def test_probabilities_within_a_time_are_1_by_the_graph_only(engine: str) -> Non
     assert model.check("P>0 [ X[1,1] s=1 ]").value is False
     lower, upper = model.check("P=? [ X[100000,200000] s=1 ]").bounds
     assert lower == 0 < upper
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("formula", ["C<=3", "I=3", "C<=3 discount=0.5", "I=1000000"])
+def test_negative_rewards_that_underflow_are_not_0(engine: str, formula: str) -> None:
+    """-1e-400 was 0.0, `R<0` false, and (I=1000000) -5e-389 a subnormal number without an error."""
+    text = TWO_JUMPS + 'rewards "loss" s=2 : -1; endrewards'
+    model = symcheck.loads(text).with_options(engine=engine)
+    accuracy = model.check(f'R{{"loss"}}=? [ {formula} ]').accuracy
+    assert isinstance(accuracy, Certified)
+    assert accuracy.lower < 0.0 <= accuracy.upper
+    if formula != "I=1000000":
+        assert model.check(f'R{{"loss"}}<0 [ {formula} ]').value is True

@@ -17,6 +17,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from symcheck.check.context import Context
+from symcheck.check.measures.exact_steps import steps_in_integers
 from symcheck.check.measures.signed_steps import Steps, best, is_signed, lifted, signed_steps
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
@@ -27,7 +28,7 @@ from symcheck.matrices.numbers import Numbers, full, is_infinite
 from symcheck.matrices.rows import Floats, per_row
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.linear.problem import LinearProblem, Progress, largest_width
-from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.numerics.tuning import SERIES_ENTRIES, STEP_ENTRIES, UNIT_ROUNDOFF
 from symcheck.numerics.underflow import enclosed, may_underflow
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import ModelType
@@ -77,9 +78,10 @@ def discounted_reward(
     if discount == 0 and steps is None:
         steps = 1  # and 0^0 is 1
     signed = None
-    if is_signed(context, rewards):
+    is_long = steps is not None and not engine.exact and _is_long(steps, discount)
+    if is_long or is_signed(context, rewards):
         errors = system.step_reward_errors(reward)
-        signed = Steps(system, rewards, errors, float(discount))
+        signed = Steps(system, rewards, errors, float(discount), float(1 - discount))
     if steps is not None:
         if signed is not None:
             zero = system.full(0)
@@ -183,6 +185,12 @@ def discounted_problem(
     )
 
 
+def _is_long(steps: int, discount: Fraction) -> bool:
+    """Whether too many steps matter to make them one by one."""
+    horizon = -2.0 * _HORIZONS / math.log1p(-float(1 - discount)) if discount else 1.0
+    return min(steps, horizon) * STEP_ENTRIES > SERIES_ENTRIES
+
+
 def _iterated(
     context: Context,
     system: System,
@@ -193,6 +201,12 @@ def _iterated(
 ) -> Values:
     """The values after some steps, or bounds on those of infinitely many, by iteration."""
     exact, options = context.engine.exact, context.options
+    if exact and steps is not None:
+        zero = system.full(0)
+        whole = steps_in_integers(system, zero, rewards, steps, direction, discount)
+        if whole is not None:
+            context.log.runs.append(SolverRun("steps", "step by step", system.n, steps))
+            return system.lift(whole, None, exact=True)
     factors = full(1, discount, exact=exact)
     factor = factors[0]
     later = full(1, discount / (1 - discount), exact=exact)[0]

@@ -34,11 +34,17 @@ __all__ = ["RestOfSteps", "squared_steps"]
 
 
 def squared_steps(
-    context: Context, system: System, sides: list[Floats], steps: int, add: Numbers | int
+    context: Context,
+    system: System,
+    sides: list[Floats],
+    steps: int,
+    add: Numbers | int,
+    slack: Floats | float = 0.0,
 ) -> tuple[Floats, Floats] | None:
     """Bounds after some steps of a small chain by squaring; None if steps are quicker.
 
     sides: the values before, or their lower and their upper bounds. add: what each step adds.
+    slack: a bound on the absolute error of that, beside the relative one.
     """
     if (
         steps <= tuning.SQUARING_STEPS
@@ -62,11 +68,11 @@ def squared_steps(
     lower, upper, squarings = np.zeros(system.n), np.zeros(system.n), 0
     for sign in (1.0, -1.0):
         parts = [np.maximum(sign * side, 0.0) for side in sides]
-        paid = np.maximum(sign * added, 0.0)
+        least, paid = (np.maximum(sign * added + error, 0.0) for error in (-slack, slack))
         if not (paid.any() or any(part.any() for part in parts)):
             continue
         low, high = min(parts, key=np.sum), max(parts, key=np.sum)
-        earned = (paid * (1.0 - error), paid * (1.0 + error)) if paid.any() else None
+        earned = (least * (1.0 - error), paid * (1.0 + error)) if paid.any() else None
         found = chain.values(steps, (low, high), earned)
         squarings = found.squarings
         best, worst = (found.lower, found.upper) if sign > 0 else (-found.upper, -found.lower)
@@ -90,6 +96,8 @@ class RestOfSteps:
         earns: whether steps add something.
         grows: whether values only grow (or, if False, fall) with the steps; None: neither is known.
         unbounded: computes the values without a bound on the steps, if `grows` is not None.
+        loss: 1 minus the factor of the values after a step.
+        outward: whether values are bounds, to which the rounding of each step was added.
     """
 
     context: Context
@@ -98,6 +106,8 @@ class RestOfSteps:
     earns: bool
     grows: bool | None = None
     unbounded: Callable[[], Values] | None = None
+    loss: float = 0.0
+    outward: bool = False
     _next_check: int = field(default=0, init=False)
     _bits: int = field(default=0, init=False)
     _widths: list[tuple[int, float]] = field(default_factory=list, init=False)
@@ -153,6 +163,8 @@ class RestOfSteps:
         """Bounds on the values after all steps: float64[n] each (see `is_known`)."""
         rest, longest = self.steps - taken, self.system.operator.longest
         relative = min(taken * 2.0 * (longest + 2) * UNIT_ROUNDOFF, 1.0)
+        if self.outward:
+            return self._outward_bounds(before, after, rest)
         low, high = after[0], after[-1]
         greatest = max(float(np.abs(side).max(initial=0.0)) for side in after)
         step_error = (longest + 4) * UNIT_ROUNDOFF * greatest
@@ -177,6 +189,25 @@ class RestOfSteps:
                 lower = np.maximum(lower, known[0] * (1.0 - ROUNDING))
         lower = lower - 4.0 * UNIT_ROUNDOFF * np.abs(lower)
         return lower, np.maximum(upper + 4.0 * UNIT_ROUNDOFF * np.abs(upper), lower)
+
+    def _outward_bounds(
+        self, before: list[Numbers], after: list[Numbers], rest: int
+    ) -> tuple[Floats, Floats]:
+        """Bounds of values that may have both signs: after <= T before, and the reverse above."""
+        leaves, count = self._leaves, float(rest + 1)
+        if self.loss > 0.0:  # the sum of the factors
+            count = -math.expm1(count * math.log1p(-self.loss)) / self.loss
+        low, high = before[0], before[-1]
+        falls = float((after[0] - low).min(initial=0.0 if leaves else np.inf))
+        rises = float((after[-1] - high).max(initial=0.0 if leaves else -np.inf))
+        unit = 32.0 * UNIT_ROUNDOFF
+        lower = low + count * falls - unit * (np.abs(low) + count * abs(falls))
+        upper = high + count * rises + unit * (np.abs(high) + count * abs(rises))
+        if not self.earns:
+            least = float(after[0].min(initial=0.0 if leaves else np.inf))
+            most = float(after[-1].max(initial=0.0 if leaves else -np.inf))
+            lower, upper = np.maximum(lower, least), np.minimum(upper, most)
+        return lower, np.maximum(upper, lower)
 
     @cached_property
     def _limits(self) -> tuple[Floats, Floats]:

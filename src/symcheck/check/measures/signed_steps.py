@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symcheck.check.context import Context
+from symcheck.check.measures.long_horizons import RestOfSteps, squared_steps
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, System, Values
@@ -47,21 +48,26 @@ class Steps:
         rewards: per row.
         errors: bounds on the errors of the rewards, per row.
         factor: the discount of later steps.
+        loss: 1 minus the discount.
     """
 
     system: System
     rewards: Floats
     errors: Floats
     factor: float = 1.0
+    loss: float = 0.0
 
     def bounds(self, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
         """Bounds per row on what a step gives, from bounds per state on what comes after it."""
         multiply = self.system.operator.multiply
-        size = self.factor * multiply(np.maximum(np.abs(lower), np.abs(upper)))
-        size += np.abs(self.rewards)
+        largest = np.maximum(np.abs(lower), np.abs(upper))
+        size = self.factor * multiply(largest) + np.abs(self.rewards)
+        some = size > 0.0
+        if self.factor and not some.all():  # of products that underflow
+            some |= multiply((largest > 0.0).astype(np.float64)) > 0.0
         unit = 2 * (self.system.operator.longest + 6) * UNIT_ROUNDOFF
         tiny = (self.system.operator.longest + 6) * _SMALLEST
-        error = np.where(size > 0.0, unit * size + self.errors + tiny, 0.0)
+        error = np.where(some, unit * size + self.errors + tiny, 0.0)
         return (
             self.factor * multiply(lower) + self.rewards - error,
             self.factor * multiply(upper) + self.rewards + error,
@@ -78,6 +84,8 @@ def signed_steps(
 ) -> Values:
     """The values after some steps.
 
+    Many steps of a small chain are squared, and others end where the rest is known.
+
     Args:
         start: lower and upper bounds on the values after the last step.
         count: the number of steps.
@@ -85,7 +93,13 @@ def signed_steps(
     """
     system = steps.system
     lower, upper = start
-    taken = 0
+    if steps.loss == 0.0:
+        squared = squared_steps(context, system, [lower, upper], count, steps.rewards, steps.errors)
+        if squared is not None:
+            return lifted(context, system, *squared, name)
+    earns = bool(np.any(steps.rewards))
+    remaining = RestOfSteps(context, system, count, earns, loss=steps.loss, outward=True)
+    taken, is_cut = 0, False
     while taken < count:
         taken += 1
         low, high = (best(rows, system, direction) for rows in steps.bounds(lower, upper))
@@ -93,21 +107,28 @@ def signed_steps(
             context.observer(Progress("step by step", taken, 0.0, system.n))
         if np.array_equal(low, lower) and np.array_equal(high, upper):
             break
+        is_cut = remaining.is_known(taken, [lower, upper], [low, high])
+        if is_cut:
+            lower, upper = remaining.bounds(taken, [lower, upper], [low, high])
+            break
         lower, upper = low, high
     context.log.runs.append(SolverRun("steps", "step by step", system.n, taken))
-    return lifted(context, system, lower, upper, name)
+    made = f"{taken:,} of {count:,} steps were made" if is_cut else ""
+    return lifted(context, system, lower, upper, name, made)
 
 
-def lifted(context: Context, system: System, lower: Floats, upper: Floats, name: str) -> Values:
+def lifted(
+    context: Context, system: System, lower: Floats, upper: Floats, name: str, reason: str = ""
+) -> Values:
     """Bounds as values: exact up to rounding where they are close, with a warning where they are
-    not.
+    not: of the reason, or of numbers with this name that cancel.
     """
-    width = largest_width(lower, upper, relative=True)
-    if width <= ROUNDING:
+    # Not by `largest_width`, for which what is below the margin of underflow is no width.
+    if np.all(upper - lower <= ROUNDING * np.minimum(np.abs(lower), np.abs(upper))):
         return system.lift(0.5 * (lower + upper), None, exact=True)
     relevant = np.ones(len(lower), np.bool_)
     if context.relevant_states is not None:
         relevant = system.restrict(context.relevant_states) > 0
     width = largest_width(lower[relevant], upper[relevant], context.options.relative)
-    context.warn_if_wide(width, f"{name}: positive and negative ones cancel")
+    context.warn_if_wide(width, reason or f"{name}: positive and negative ones cancel")
     return system.lift(lower, upper)

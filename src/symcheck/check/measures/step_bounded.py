@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 
 from symcheck.check.context import Context
+from symcheck.check.measures.exact_steps import steps_in_integers
 from symcheck.check.measures.long_horizons import RestOfSteps, squared_steps
 from symcheck.check.measures.signed_steps import (
     REWARD_ERROR,
@@ -190,6 +191,12 @@ def _repeat(
     sides: the values so far, or their lower and their upper bounds. rest: values of other states.
     grows, unbounded: as in `RestOfSteps`.
     """
+    if context.engine.exact:
+        added = add if isinstance(add, np.ndarray) else system.full(0)[:0]
+        whole = steps_in_integers(system, sides[0], added, steps - taken, direction)
+        if whole is not None:
+            _note(context, system.n, steps)
+            return system.lift(whole, None, rest, exact=True)
     squared = squared_steps(context, system, sides, steps - taken, add)
     if squared is not None:
         return system.lift(*squared, rest)

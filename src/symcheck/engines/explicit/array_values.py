@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property, partial
-from math import fsum
+from math import fsum, isfinite
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from symcheck.engines.base import ROUNDING, bracket
 from symcheck.kernels.explore.register_machine import Op, apply_to_doubles
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 
 __all__ = ["ArraySet", "ArrayValues", "Known", "total_of"]
 
@@ -203,18 +204,24 @@ def _operand(value: ArrayValues | Known | float | Fraction, n: int) -> ArrayValu
 def total_of(parts: Sequence[tuple[ArrayValues, int]]) -> tuple[float, float]:
     """Bounds of the sum of all values, each counted so many times.
 
-    They are equal if the sum is exact up to rounding: no summands of opposite signs leave little.
+    They are equal if the sum is exact up to rounding: no summands of opposite signs leave little,
+    and none has bounds, be they too small to change the sum.
     """
-    lower = upper = error = 0.0
+    lower = upper = error = size = 0.0
+    between = False
     for values, times in parts:
-        lower += times * _sum(values.lower)
-        upper += times * _sum(values.upper)
+        between = between or not values.exact
+        low, high = times * _sum(values.lower), times * _sum(values.upper)
+        lower, upper, size = lower + low, upper + high, size + max(abs(low), abs(high))
         if values.computed is not None:
             known = np.isfinite(values.lower) & values.computed
             slack = np.broadcast_to(values.slack, known.shape)[known]
             error += times * _sum(ROUNDING * np.abs(values.lower[known]) + slack)
-    if error > _CANCELLATION * ROUNDING * max(abs(lower), abs(upper)):
-        return lower - error, upper + error
+    if between or error > _CANCELLATION * ROUNDING * max(abs(lower), abs(upper)):
+        lower, upper = lower - error, upper + error
+    if between and isfinite(size):  # rounded outwards, enough for an average too
+        error = (len(parts) + 4) * UNIT_ROUNDOFF * size
+        return (lower - error if lower else lower), upper + error
     return lower, upper
 
 
