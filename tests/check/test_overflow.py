@@ -81,6 +81,11 @@ def test_division_by_zero_is_no_overflow(engine):
     assert model.check("P=? [ F<=3 s=3 ] / 0").value == float("inf")
 
 
+DIFFERENT = 'filter(sum, R{"tenths"}=? [ C<=1 ])'
+"""Of -1e10, 0.3 and 1e10."""
+TENTHS = 'rewards "tenths" s=0 : -1e10; s=1 : 0.3; s=2 : 1e10; endrewards'
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_range_is_as_accurate_as_its_less_accurate_end(engine):
     model = symcheck.loads(MODEL.format(kind="dtmc"), engine=engine)
@@ -89,10 +94,12 @@ def test_a_range_is_as_accurate_as_its_less_accurate_end(engine):
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("formula", ["1 - P=? [ F<=3 s=3 ] - 0.875", "floor(P=? [ F<=3 s=3 ] * 8)"])
+@pytest.mark.parametrize(
+    "formula", ["1 - P=? [ F<=3 s=3 ] - 0.875", "floor(P=? [ F<=3 s=3 ] * 8)", DIFFERENT]
+)
 def test_a_formula_that_amplifies_errors_is_a_warning(engine, formula):
-    result = symcheck.loads(MODEL.format(kind="dtmc"), engine=engine).check(formula)
-    truth = 0 if formula.startswith("1") else 1
+    result = symcheck.loads(MODEL.format(kind="dtmc") + TENTHS, engine=engine).check(formula)
+    truth = 0 if formula.startswith("1") else Fraction(3, 10) if formula == DIFFERENT else 1
     assert result.accuracy.lower <= truth <= result.accuracy.upper
     (warning,) = result.warnings
     assert "apart, relative to their value, further than asked for" in warning

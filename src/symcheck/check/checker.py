@@ -135,7 +135,7 @@ def check(
         result = _boolean(context, formula)
     else:
         result = _numeric(context, formula, kind)
-    if not isinstance(formula, StateOperator):
+    if isinstance(formula, Filter | StateFilter) or not isinstance(formula, StateOperator):
         _warn_of_amplified_errors(context, result.accuracy)
     strategies = _strategies(context, formula) if context.options.strategy else ()
     return replace(
@@ -224,7 +224,7 @@ def _warn_of_amplified_errors(context: Context, accuracy: Accuracy) -> None:
     if isinstance(accuracy, Certified) and not context.log.wide:
         lower, upper = np.array([accuracy.lower]), np.array([accuracy.upper])
         width = largest_width(lower, upper, context.options.relative)
-        context.warn_if_wide(width, "the formula amplifies the errors of its operands")
+        context.warn_if_wide(width, "the formula is less accurate than its operands")
 
 
 def _strategies(context: Context, formula: Expression) -> tuple[Strategy, ...]:
