@@ -117,3 +117,21 @@ def test_a_wide_variable_with_one_value_is_not_enumerated() -> None:
         assert symcheck.loads(text, **options).check("P=? [ X x=7 ]").value == 1
     with pytest.raises(UnsupportedError, match="use the explicit engine"):
         symcheck.loads(text, engine="mtbdd").check("P=? [ X x=7 ]")
+
+
+@pytest.mark.parametrize("exact", [False, True])
+@pytest.mark.parametrize(
+    ("condition", "count"),
+    [
+        ("x*0.1+0.2=0.3", 5),
+        ("log(x+1,2)=y", 3),
+        ("floor(x*pow(2,0.5))=y", 4),
+        ("x=0 | mod(y,x)=1", 10),
+        ("9007199254740993*x=9007199254740993.0*y", 5),
+    ],
+)
+def test_conditions_with_real_numbers_are_decided_alike_in_both_arithmetics(
+    condition: str, count: int, exact: bool
+) -> None:
+    text = f"dtmc module m x:[0..4]; y:[0..4]; [] true -> true; endmodule init {condition} endinit"
+    assert symcheck.loads(text, exact=exact).check("filter(count, true)").value == count

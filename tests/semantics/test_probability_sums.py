@@ -119,15 +119,70 @@ def test_without_the_check_of_sums_nothing_is_divided():
     assert model.check("P=? [ F<=1 s=1 ]").value == pytest.approx(0.9999999, rel=1e-12)
 
 
-def test_probabilities_over_many_valuations_are_sampled():
-    text = """dtmc
-    module m
-      x : [0..999]; y : [0..999];
-      [] true -> (x+1)/2000:(x'=mod(x+1,1000)) + 0.9999999-(x+1)/2000:(y'=mod(y+x,1000));
+MANY = """{kind}
+module m
+  s : [0..1];
+  x : [0..100000] init 77777;
+  y : [0..1000] init 5;
+  [] s=0 -> (x=77777 & y=5 ? {sum} : 1):(s'=1);
+  [] s=1 -> true;
+endmodule
+"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("kind", ["dtmc", "mdp"])
+def test_probabilities_over_many_valuations_are_divided_where_a_state_has_them(engine, kind):
+    model = symcheck.loads(MANY.format(kind=kind, sum="0.9999999"), engine=engine)
+    assert not model.bound.warnings
+    least = model.check(f"P{'' if kind == 'dtmc' else 'min'}=? [ F<=1 s=1 ]")
+    assert least.value == 1
+    (warning,) = least.warnings
+    assert warning.startswith("<model>:6:3: the probabilities sum to 0.9999999, not 1")
+    assert "in state (s=0,x=77777,y=5): they are divided by their sum" in warning
+    assert model.check("P<1 [ X s=1 ]").value is False
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_no_warning_concerns_valuations_of_no_state(engine):
+    text = MANY.format(kind="dtmc", sum="0.9999999").replace("77777;", "77776;")
+    result = symcheck.loads(text, engine=engine).check("P=? [ F<=1 s=1 ]")
+    assert (result.value, result.warnings) == (1, ())
+
+
+def test_sampling_divides_probabilities_over_many_valuations():
+    result = symcheck.loads(MANY.format(kind="dtmc", sum="0.9999999")).estimate("P=? [ F s=1 ]")
+    assert result.value == 1
+    assert len(result.warnings) == 1
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_each_faulty_command_over_many_valuations_is_named(engine):
+    text = """mdp
+    module a
+      x : [0..200000];
+      [go] x<2 -> (x=0 ? 1.000001 : 1):(x'=x+1);
+    endmodule
+    module b = a [ x=y ] endmodule
+    module c
+      z : [0..200000];
+      [go] true -> (z=1 ? 0.999999 : 1):(z'=z+1);
     endmodule"""
-    text = text.replace("0.9999999-(x+1)/2000", "0.9999999-(x+1)/2000+0*y")
-    (warning,) = symcheck.loads(text).bound.warnings
-    assert "sum to 0.9999999, not 1, for example in state" in warning
+    result = symcheck.loads(text, engine=engine).check("Pmin=? [ F<=2 z=2 ]")
+    assert result.value == 1
+    assert [w.split(", for")[0] for w in result.warnings] == [
+        "<model>:4:7: the probabilities sum to 1.000001, not 1",
+        "<model>:9:7: the probabilities sum to 0.999999, not 1",
+    ]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("sums", ["0.99999", "1.00001", "pow(2,0.5)/2+0.2928932"])
+def test_the_limit_itself_and_irrational_numbers_are_divided(engine, sums):
+    text = f"dtmc module m x:[0..1]; [] x=0 -> {sums}:(x'=1); [] x=1 -> true; endmodule"
+    result = symcheck.loads(text, engine=engine).check("P=? [ F<=1 x=1 ]")
+    assert result.value == pytest.approx(1, rel=1e-15)
+    assert len(result.warnings) == 1
 
 
 def test_a_jani_model_warns_with_its_place(tmp_path):

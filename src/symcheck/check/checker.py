@@ -7,10 +7,12 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from itertools import compress
-from math import isinf, isnan
+from math import inf, isinf, isnan
 from sys import float_info
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, assert_never
+
+import numpy as np
 
 from symcheck.check.context import CheckLog, Context
 from symcheck.check.filters import AppliedFilter, Bounds, Condition, Numeric
@@ -26,6 +28,7 @@ from symcheck.check.result import (
     Number,
     Result,
     SolverRun,
+    Statistical,
 )
 from symcheck.check.state_formulas import applied_filter, numbers, satisfying, states_of
 from symcheck.engines.base import Engine, StateSet, Values
@@ -33,7 +36,7 @@ from symcheck.engines.capabilities import RepresentsOrbits
 from symcheck.engines.explicit.rational_values import enclosure
 from symcheck.engines.states import States, StateValues
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
-from symcheck.numerics.linear.problem import Observer
+from symcheck.numerics.linear.problem import Observer, largest_width
 from symcheck.options import Options
 from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.expressions.rounding_notes import notes_about
@@ -45,6 +48,7 @@ from symcheck.syntax.ast import (
     MultiObjective,
     PathQuantifier,
     StateFilter,
+    StateOperator,
     Type,
 )
 from symcheck.syntax.declarations import Property
@@ -131,6 +135,8 @@ def check(
         result = _boolean(context, formula)
     else:
         result = _numeric(context, formula, kind)
+    if isinstance(formula, Filter | StateFilter) or not isinstance(formula, StateOperator):
+        _warn_of_amplified_errors(context, result.accuracy)
     strategies = _strategies(context, formula) if context.options.strategy else ()
     return replace(
         result,
@@ -148,6 +154,8 @@ def check(
 
 def _rounding_notes(model: BoundModel, formula: Expression) -> tuple[str, ...]:
     """What rounding would change in the texts of a model and of a formula, so far as is known."""
+    if model.exact:  # who asks for rationals does not compare with doubles
+        return ()
     sources = {id(s): s for s in (model.program.span.source, formula.span.source)}
     return tuple(note for s in sources.values() for note in notes_about(s))
 
@@ -209,6 +217,14 @@ def _lift_result(result: Result, smaller: Quotient, engine: Engine) -> Result:
     if isinstance(value, int | float | Fraction):
         value = value, value
     return replace(result, value=value, explanation=_range_over(engine))
+
+
+def _warn_of_amplified_errors(context: Context, accuracy: Accuracy) -> None:
+    """Warn if operators, such as a difference, have lost the accuracy of their operands."""
+    if isinstance(accuracy, Certified) and not context.log.wide:
+        lower, upper = np.array([accuracy.lower]), np.array([accuracy.upper])
+        width = largest_width(lower, upper, context.options.relative)
+        context.warn_if_wide(width, "the formula is less accurate than its operands")
 
 
 def _strategies(context: Context, formula: Expression) -> tuple[Strategy, ...]:
@@ -309,12 +325,20 @@ def _range(
 ) -> tuple[Answer, Accuracy]:
     low, accuracy = _answer(context, bounds[0], rounded, type)
     high, other = _answer(context, bounds[1], rounded, type)
-    worse = other if _width(other) > _width(accuracy) else accuracy
-    return (low, high), worse
+    return (low, high), max(accuracy, other, key=_weakness)
 
 
-def _width(accuracy: Accuracy) -> float:
-    return accuracy.epsilon if isinstance(accuracy, Certified) else 0.0
+def _weakness(accuracy: Accuracy) -> float:
+    """Less for a stronger statement."""
+    match accuracy:
+        case Exact(rounding):
+            return -1.0 if rounding else -2.0
+        case Certified():
+            return accuracy.epsilon
+        case Estimate() | Statistical():
+            return inf
+        case _:
+            assert_never(accuracy)
 
 
 def _answer(context: Context, bounds: Bounds, rounded: bool, type: Type) -> tuple[Number, Accuracy]:

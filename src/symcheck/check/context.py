@@ -27,6 +27,7 @@ class CheckLog:
         runs: the numerical computations.
         lines: the lines to print.
         warnings: the warnings, each once.
+        wide: whether a warning tells that bounds are further apart than requested.
         witness: a path that explains the result, as the values of the variables in each state.
         exact_engine: the model explored in rational arithmetic, once a comparison needed it.
     """
@@ -34,6 +35,7 @@ class CheckLog:
     runs: list[SolverRun] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    wide: bool = False
     witness: Sequence[Mapping[str, int | bool]] | None = None
     exact_engine: Engine | None = None
 
@@ -134,6 +136,7 @@ class Context:
     def warn_if_wide(self, width: float, explanation: str) -> None:
         """Warn if bounds are further apart than requested."""
         if width > self.options.epsilon * (1 + 1e-9):
+            self.log.wide = True
             how = "relative to their value, " if self.options.relative else ""
             self.log.warn(
                 f"the bounds are {width:.1E} apart, {how}further than asked for: {explanation}"

@@ -9,7 +9,8 @@ from symcheck.engines.base import Engine, erased
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.binding.bind import exactly_bound
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression
+from symcheck.semantics.reduction.reset_dead_variables import reads_rewards
+from symcheck.syntax.ast import Expression, LabelReference
 from symcheck.syntax.traversal import nodes
 
 __all__ = ["exact_twin"]
@@ -47,6 +48,8 @@ def _explored(context: Context) -> Engine:
     if without_text is not None:
         return without_text.rational()
     model = exactly_bound(context.engine.model)
+    if not _may_read_rewards(context, model):  # they may have no rational values
+        model = replace(model, rewards=tuple(replace(r, items=()) for r in model.rewards))
     orbits = None
     represents = context.engine.capability(RepresentsOrbits)
     if represents is not None and represents.represented is not None:
@@ -66,6 +69,16 @@ def _explored(context: Context) -> Engine:
             "the model has different states in rational arithmetic than in floating point"
         )
     return erased(ExplicitEngine(explored, "exact"))
+
+
+def _may_read_rewards(context: Context, model: BoundModel) -> bool:
+    if context.rebind is None:
+        return True
+    return any(
+        reads_rewards(node)
+        or (isinstance(node, LabelReference) and node.name in context.properties)
+        for node in nodes(context.rebind(model))
+    )
 
 
 def _twin(context: Context, model: BoundModel, formula: Expression) -> Expression:

@@ -59,7 +59,8 @@ class Certified:
     @property
     def epsilon(self) -> float:
         """The largest distance between the result and the true value."""
-        return (self.upper - self.lower) / 2
+        distance = self.upper - self.lower
+        return distance / 2 or distance  # half the least double is none
 
     def __str__(self) -> str:
         return f"certified: +/- {self.epsilon:.1E}"

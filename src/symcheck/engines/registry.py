@@ -11,7 +11,9 @@ from symcheck.engines import tuning
 from symcheck.engines.base import Engine, erased
 from symcheck.errors import converts_memory_error
 from symcheck.options import EngineName, Options
+from symcheck.semantics.binding.probability_sums import normalised_at
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.state_faults import AlmostOne
 
 __all__ = ["BUILDERS", "build"]
 
@@ -106,4 +108,8 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         check_order(model, options.order)
     if model.builder is not None:
         return cast(Engine, model.builder(replace(options, engine=name)))
-    return BUILDERS[name](model, options, observer)
+    try:
+        return BUILDERS[name](model, options, observer)
+    except AlmostOne as fault:
+        model = normalised_at(model, fault)
+    return build(model, options, observer)

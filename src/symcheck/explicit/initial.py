@@ -1,8 +1,7 @@
 """The initial states: the one given by the declarations, or all that satisfy `init … endinit`.
 
-Conditions are evaluated with numpy. Where that cannot decide, the interpreter of expressions does:
-valuations in which a conjunct has no value, because another conjunct may rule them out, and real
-numbers in exact arithmetic.
+Conditions are evaluated with numpy. Valuations in which a conjunct has no value, because another
+conjunct may rule them out, are left to the interpreter of expressions.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.semantics.state_faults import at_state, describe_state, no_initial_state
-from symcheck.syntax.ast import Binary, Call, Expression, Literal, Name, Type
-from symcheck.syntax.operators import Function, Operator
-from symcheck.syntax.traversal import names, nodes
+from symcheck.syntax.ast import Binary, Expression, Literal, Name, Type
+from symcheck.syntax.operators import Operator
+from symcheck.syntax.traversal import names
 
 __all__ = ["initial_rows", "initial_states"]
 
@@ -82,8 +81,7 @@ class _Enumeration:
         self._model, self._condition = model, condition
         parts = conjuncts(condition)
         index = {v.name: i for i, v in enumerate(model.variables)}
-        rounded = model.exact and any(map(_is_real, parts))
-        allowed = {} if rounded else guard_masks(condition, model.variables, index)
+        allowed = guard_masks(condition, model.variables, index)
         self.domains = {
             v.name: _domain(v, parts, allowed.get(i)) for i, v in enumerate(model.variables)
         }
@@ -118,8 +116,6 @@ class _Enumeration:
 
     def _satisfying(self, part: Expression, columns: Columns) -> Columns:
         """The valuations that a conjunct does not rule out; those without a value are noted."""
-        if self._model.exact and _is_real(part):
-            return _selected(columns, self._decide(part, columns))
         lanes = evaluate_columns(part, columns)
         if lanes.faults is None:
             return _selected(columns, lanes.values)
@@ -164,16 +160,6 @@ class _Enumeration:
 def _selected(columns: Columns, holds: Bools) -> Columns:
     """The valuations where a condition holds."""
     return {n: c[np.broadcast_to(holds, c.shape)] for n, c in columns.items()}
-
-
-def _is_real(part: Expression) -> bool:
-    """Whether a real number occurs in an expression, so that doubles may round."""
-    return any(
-        (isinstance(node, Literal) and node.type is Type.DOUBLE)
-        or (isinstance(node, Binary) and node.operator is Operator.DIVIDE)
-        or (isinstance(node, Call) and node.function is Function.LOG)
-        for node in nodes(part)
-    )
 
 
 def _domain(variable: Variable, parts: list[Expression], allowed: Bools | None) -> Column:

@@ -19,7 +19,7 @@ from symcheck.explicit.decider import Decider
 from symcheck.explicit.states import StateLayout
 from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate
-from symcheck.semantics.state_faults import SUM_TOLERANCE
+from symcheck.semantics.state_faults import sum_tolerance
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Name, Type
 from symcheck.syntax.operators import Operator
 
@@ -152,7 +152,7 @@ class _Builder:
         return Tables(
             kind=kind,
             words=self.layout.words,
-            tolerance=SUM_TOLERANCE,
+            tolerance=sum_tolerance(self.model.unchecked_sums),
             check_sums=check_sums and self.model.type is not ModelType.CTMC,
             fields=self.layout.fields,
             lows=self.layout.lows,

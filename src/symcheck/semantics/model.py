@@ -153,6 +153,8 @@ class BoundModel:
             The function gives what the properties read of a model, None if that is more than such
             values.
         warnings: what its users should know, one sentence each.
+        unchecked_sums: whether probabilities may sum to almost 1 in some state. The search for
+            states tells which command they have (`AlmostOne`).
     """
 
     program: Program
@@ -174,6 +176,7 @@ class BoundModel:
         default=None, compare=False
     )
     warnings: tuple[str, ...] = field(default=(), compare=False)
+    unchecked_sums: bool = False
 
     def __repr__(self) -> str:
         """A summary on one line."""

@@ -12,12 +12,14 @@ from fractions import Fraction
 from typing import Any
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, ModelFault, Span
-from symcheck.semantics.expressions.literals import format_value
+from symcheck.semantics.expressions.literals import format_value, to_float
 from symcheck.semantics.model import BoundCommand, BoundReward, BoundUpdate, Value, Variable
 from symcheck.syntax.ast import ModelType
 
 __all__ = [
     "SUM_TOLERANCE",
+    "AlmostOne",
+    "almost_one",
     "at_state",
     "deadlocks",
     "describe_state",
@@ -25,6 +27,7 @@ __all__ = [
     "no_initial_state",
     "reward_not_finite",
     "rounded_sum",
+    "sum_tolerance",
     "sums_to_one",
     "update_not_finite",
     "update_range",
@@ -32,11 +35,52 @@ __all__ = [
     "weight_name",
 ]
 
-SUM_TOLERANCE = 1e-5
-"""Largest difference from 1 of a sum of probabilities in floating point."""
+SUM_TOLERANCE = 1e-5 * (1 + 1e-9)
+"""Largest difference from 1 of a sum of probabilities in floating point: 1e-5, which is rounded."""
+
+_UNCHECKED_TOLERANCE = 2.0**-40
+"""Likewise where it is not known that the sums of all valuations are 1 but for rounding."""
 
 _SHOWN = 3
 _MAX_VARIABLES = 10  # shown of an example state
+
+
+class AlmostOne(ModelFault):
+    """The probabilities of a command sum to almost 1 in some state.
+
+    Attributes:
+        command: the command.
+        warning: what is said if they are divided by their sum.
+    """
+
+    def __init__(self, command: BoundCommand, total: Value, state: str) -> None:
+        super().__init__(update_sum(command, total, state))
+        self.command, self.warning = command, almost_one(command, total, state)
+        self._arguments = command, total, state
+
+    def __reduce__(self) -> tuple[type[AlmostOne], tuple[object, ...]]:
+        return AlmostOne, self._arguments  # of a worker
+
+
+def almost_one(command: BoundCommand, total: Value, state: str) -> str:
+    """The warning that probabilities are divided by their sum.
+
+    state: an example; empty if none is known.
+    """
+    where = f", for example in state {state}" if state else ""
+    return (
+        f"{command.span}: the probabilities sum to {to_float(total):.15g}, not 1{where}: they are "
+        "divided by their sum"
+    )
+
+
+def sum_tolerance(unchecked: bool) -> float:
+    """How much a sum of probabilities in floating point may differ from 1.
+
+    Args:
+        unchecked: whether sums that are almost 1 are looked for.
+    """
+    return _UNCHECKED_TOLERANCE if unchecked else SUM_TOLERANCE
 
 
 def rounded_sum(total: Any, terms: Any) -> Any:

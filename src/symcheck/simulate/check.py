@@ -20,10 +20,12 @@ from symcheck.check.result import Exact, Result, Statistical
 from symcheck.engines.base import Engine
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
 from symcheck.parallel.workers import Workers
+from symcheck.semantics.binding.probability_sums import normalised_at
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Time, operator_reward
+from symcheck.semantics.state_faults import AlmostOne
 from symcheck.simulate.intervals import IntervalEstimate
 from symcheck.simulate.moments import Moments
 from symcheck.simulate.monitors import Monitor, path_monitor, reward_monitor
@@ -135,11 +137,22 @@ def check_by_sampling(
         observer(SampledSoFar(moments.count, planned, moments.mean, interval))
 
     samples = Samples(sampled, workers or Workers(), None if observer is None else report)
-    result = (
-        _decide_by_test(samples, plan, bound, probability)
-        if plan.method == "sprt"
-        else _estimate_by_interval(samples, plan, bound, probability)
-    )
+    try:
+        result = (
+            _decide_by_test(samples, plan, bound, probability)
+            if plan.method == "sprt"
+            else _estimate_by_interval(samples, plan, bound, probability)
+        )
+    except AlmostOne as fault:
+        return check_by_sampling(
+            normalised_at(model, fault),
+            formula,
+            plan,
+            labels=labels,
+            fix_deadlocks=fix_deadlocks,
+            workers=workers,
+            observer=observer,
+        )
     uniform = (_UNIFORM,) if model.type is ModelType.MDP else ()
     explanation = (
         f"{result.explanation}; {samples.samples} paths of "

@@ -64,7 +64,7 @@ class Steps:
     """
 
     def __init__(self, model: BoundModel, check_sums: bool = True) -> None:
-        self.model, self._check_sums = model, check_sums
+        self.model, self._check_sums = replace(model, unchecked_sums=False), check_sums
 
     def initial(self) -> Sequence[State]:
         """The initial states."""

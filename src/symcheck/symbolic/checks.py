@@ -43,11 +43,16 @@ def check_initial(symbolic: SymbolicModel) -> None:
 def check_model(space: StateSpace, options: Options) -> None:
     """Raise ModelFault if a reachable state breaks a rule, with an example of each fault."""
     result: dict[Diagnostic, None] = {}
+    almost: list[state_faults.AlmostOne] = []
     seen = space.symbolic.manager.false
     for states in _violations(space, options):
         # The interpreter reports the first fault of a state, so states without an earlier violation
         # are preferred.
-        result.update(dict.fromkeys(_explain(space, states - seen or states, options)))
+        fault = _explain(space, states - seen or states, options)
+        if isinstance(fault, state_faults.AlmostOne):
+            almost.append(fault)
+        elif fault is not None:
+            result.update(dict.fromkeys(fault.diagnostics))
         seen = seen | states
     if space.deadlocks and not options.fix_deadlocks:
         some = [
@@ -61,15 +66,17 @@ def check_model(space: StateSpace, options: Options) -> None:
         ] = None
     if result:
         raise ModelFault(*result)
+    if almost:
+        raise almost[0]
 
 
-def _explain(space: StateSpace, states: Bdd, options: Options) -> tuple[Diagnostic, ...]:
+def _explain(space: StateSpace, states: Bdd, options: Options) -> InputError | None:
     state = next(space.valuations(states))
     try:
         interpreter.choices(space.symbolic.model, state, check_sums=options.check_sums)
     except InputError as fault:
-        return fault.diagnostics
-    return ()
+        return fault
+    return None
 
 
 def _violations(space: StateSpace, options: Options) -> Iterator[Bdd]:
@@ -131,4 +138,6 @@ def _wrong_sum(space: StateSpace, command: EncodedCommand, where: LazySet) -> Bd
     total = manager.sum([p.times_bdd(where()) for p in variable]) + constant
     # The bounds as the scalar rule computes them: |total - 1| <= tolerance.
     distance = (total - 1.0).maximum(1.0 - total)
-    return where() & distance.compare(">", state_faults.SUM_TOLERANCE)
+    return where() & distance.compare(
+        ">", state_faults.sum_tolerance(space.symbolic.model.unchecked_sums)
+    )

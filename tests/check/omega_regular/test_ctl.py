@@ -97,8 +97,8 @@ def test_counterexample():
 
 
 def test_no_witness_where_none_is_finite():
-    assert check_text(engine_of(WALK), "E [ G x!=3 ]").witness is None
-    assert check_text(engine_of(WALK), "E [ F x=3 & x=0 ]").witness is None
+    assert check_text(engine_of(WALK), "E [ G x!=3 ]").witness_or_none is None
+    assert check_text(engine_of(WALK), "E [ F x=3 & x=0 ]").witness_or_none is None
 
 
 def bounded(lower, upper, a, b, following):

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from typing import assert_never
+
+import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.measure_selection import long_run_measures, timed_measures
@@ -13,6 +16,7 @@ from symcheck.check.path_formulas import StatesOf, UntilPath, resolve, temporal
 from symcheck.direction import Direction
 from symcheck.engines.base import Values
 from symcheck.errors import UnsupportedError
+from symcheck.matrices.numbers import is_infinite
 from symcheck.semantics.expressions.evaluate import evaluate_constant
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.semantics.time_bounds import bound_value, counts, window
@@ -47,7 +51,47 @@ def reward_values(
     states_of: StatesOf,
     direction: Direction | None,
 ) -> Values:
-    """The expected reward that a formula asks for, at each state."""
+    """The expected reward that a formula asks for, at each state.
+
+    Raises:
+        UnsupportedError: the query does not apply to the model, or its value is beyond doubles.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # what comes of it is found below
+        values = _reward_values(context, formula, reward, states_of, direction)
+    if isinstance(formula.query, _BOUNDED):
+        _require_finite(context, values, reward)
+    return values
+
+
+def _require_finite(context: Context, values: Values, reward: Reward) -> None:
+    """Refuse an overflow: what finite rewards give within a bound is finite.
+
+    Raises:
+        UnsupportedError: a value, or a sum that it is computed from, is beyond doubles.
+    """
+    engine = context.engine
+    states = engine.all if context.relevant_states is None else context.relevant_states
+    if engine.exact or not states:
+        return
+    low, high = values.maximum(states)[0], values.minimum(states)[1]
+    if -math.inf < high and low < math.inf:
+        return
+    if not is_infinite(engine.system(engine.all).step_rewards(reward)).any():
+        raise UnsupportedError(
+            "the expected reward is beyond the range of floating-point numbers\n  hint: use -exact"
+        )
+
+
+_BOUNDED = CumulativeReward | DiscountedReward | InstantaneousReward
+
+
+def _reward_values(
+    context: Context,
+    formula: RewardOperator,
+    reward: Reward,
+    states_of: StatesOf,
+    direction: Direction | None,
+) -> Values:
     query = formula.query
     match query:
         case CumulativeReward(bound):

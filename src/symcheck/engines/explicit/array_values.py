@@ -4,11 +4,12 @@ order.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property, partial
-from math import fsum, isfinite
+from math import fsum, isfinite, nan
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +18,7 @@ from symcheck.engines.base import ROUNDING, bracket
 from symcheck.kernels.explore.register_machine import Op, apply_to_doubles
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.semantics.expressions.literals import to_float
 
 __all__ = ["ArraySet", "ArrayValues", "Known", "total_of"]
 
@@ -155,12 +157,15 @@ class ArrayValues:
                 value = _unsigned(_point(operator, arguments))
                 if computed is None:
                     computed = _rounded(operator, arguments, value)
-                known = ArrayValues(value, value, computed, slack)
-                return _around(_without_cancellation(known), _underflow(operator, arguments, value))
+                known = _without_cancellation(ArrayValues(value, value, computed, slack))
+                known = _around(known, _underflow(operator, arguments, value))
+                return _beyond(known, _overflow(operator, arguments, value))
             low, high = _interval(operator, [o._margins() for o in operands])
-            tiny = _underflow(operator, [o.lower for o in operands], low)
-            tiny &= _underflow(operator, [o.upper for o in operands], high)
-        return _around(ArrayValues(*_same(_unsigned(low), _unsigned(high))), tiny)
+            lowers, uppers = [o.lower for o in operands], [o.upper for o in operands]
+            tiny = _underflow(operator, lowers, low) & _underflow(operator, uppers, high)
+            large = _overflow(operator, lowers, low) | _overflow(operator, uppers, high)
+        between = ArrayValues(*_same(_unsigned(low), _unsigned(high)))
+        return _beyond(_around(between, tiny), large)
 
     def choose(self, states: ArraySet, other: ArrayValues | Known) -> ArrayValues:
         """These values on the set, the other ones elsewhere."""
@@ -217,6 +222,9 @@ def total_of(parts: Sequence[tuple[ArrayValues, int]]) -> tuple[float, float]:
             known = np.isfinite(values.lower) & values.computed
             slack = np.broadcast_to(values.slack, known.shape)[known]
             error += times * _sum(ROUNDING * np.abs(values.lower[known]) + slack)
+    finite = all(np.isfinite(v.lower).all() and np.isfinite(v.upper).all() for v, _ in parts)
+    if finite and not (isfinite(lower) and isfinite(upper)):  # the sum is no double
+        return min(lower, _LARGEST), max(upper, -_LARGEST)
     if between or error > _CANCELLATION * ROUNDING * max(abs(lower), abs(upper)):
         lower, upper = lower - error, upper + error
     if between and isfinite(size):  # rounded outwards, enough for an average too
@@ -257,7 +265,31 @@ def _underflow(operator: str, operands: list[Floats], value: Floats) -> Bools:
     return np.asarray(tiny)
 
 
+def _beyond(values: ArrayValues, overflow: Bools) -> ArrayValues:
+    """Values with bounds where they are finite, but no double."""
+    if not overflow.any():
+        return values
+    largest = np.copysign(_LARGEST, values.lower)
+    lower = np.where(overflow, np.minimum(values.lower, largest), values.lower)
+    upper = np.where(overflow, np.maximum(values.upper, largest), values.upper)
+    computed = None if values.computed is None else values.computed & ~overflow
+    return ArrayValues(lower, upper, computed, values.slack)
+
+
+def _overflow(operator: str, operands: list[Floats], value: Floats) -> Bools:
+    """Where an operator applied to finite numbers is beyond doubles; 1/0 is infinite."""
+    beyond = np.isinf(value)
+    for x in operands:
+        beyond = beyond & np.isfinite(x)
+    if operator == "/":
+        return np.asarray(beyond & np.logical_and.reduce([x != 0 for x in operands[1:]]))
+    if operator in ("^", "pow"):
+        return np.asarray(beyond & (operands[0] != 0))
+    return np.asarray(beyond & (operator in ("+", "-", "*")))
+
+
 _LEAST_NORMAL = 2.0**-1022
+_LARGEST = sys.float_info.max
 _CANCELLATION = 100.0
 """How much greater than a sum its summands may be: two of sixteen digits are lost."""
 
@@ -265,9 +297,13 @@ _CANCELLATION = 100.0
 def _sum(values: Floats) -> float:
     try:
         return fsum(values.tolist())
-    except (OverflowError, ValueError):  # beyond doubles; infinities of both signs
-        with np.errstate(all="ignore"):
-            return float(values.sum())
+    except OverflowError:  # a partial sum is beyond doubles
+        infinite = values[~np.isfinite(values)]
+        if len(infinite):
+            return _sum(infinite)
+        return to_float(sum(map(Fraction, values.tolist()), Fraction(0)))
+    except ValueError:  # infinities of both signs
+        return nan
 
 
 _Pair = tuple[Floats, Floats]

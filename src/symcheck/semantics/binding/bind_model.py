@@ -122,8 +122,9 @@ class _Builder:
             self._check_enumerable(variables)
         self.report.raise_all()
         warnings: tuple[str, ...] = ()
+        unchecked = False
         if normalise and kind is not ModelType.CTMC:
-            modules, warnings = normalised_modules(modules, variables)
+            modules, warnings, unchecked = normalised_modules(modules, variables)
         return BoundModel(
             program=self.program,
             type=kind,
@@ -138,6 +139,7 @@ class _Builder:
             given=dict(self.given),
             system=self.program.system,
             warnings=warnings,
+            unchecked_sums=unchecked,
             definitions={name: self.table.expression(name) for name in constants},
         )
 

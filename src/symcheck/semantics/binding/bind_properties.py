@@ -250,7 +250,7 @@ def _table(model: BoundModel, report: DiagnosticCollector) -> SymbolTable:
 
     Properties are bound in rational arithmetic on every engine: 0.1 is a tenth in them.
     """
-    table = SymbolTable(report, exact=True, irrational=not model.exact)
+    table = SymbolTable(report, exact=True)
     for constant in model.program.constants:
         name = constant.name
         table.define(constant, model.constants[name], model.definitions.get(name))

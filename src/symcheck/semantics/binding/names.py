@@ -47,15 +47,13 @@ class SymbolTable:
         labels: the names of the labels, for a hint at forgotten quotes.
         given: values for constants that the text leaves undefined.
         repeated: values for constants that the text defines; they must agree with the definition.
-        irrational: whether a constant without a rational value has the nearest double (`exact`).
+        exact: values are fractions. A constant without a rational value has a double near it; where
+            it is used, its definition counts.
     """
 
-    def __init__(
-        self, report: DiagnosticCollector, exact: bool, *, irrational: bool = False
-    ) -> None:
+    def __init__(self, report: DiagnosticCollector, exact: bool) -> None:
         self.report = report
         self.exact = exact
-        self.irrational = irrational
         self.constants: dict[str, Constant] = {}
         self.formulas: dict[str, Formula] = {}
         self.variables: dict[str, Type] = {}
@@ -210,9 +208,7 @@ class SymbolTable:
         return value
 
     def _evaluate(self, expression: Expression) -> Value:
-        if self.irrational:
-            return evaluate_constant(expression)
-        return evaluate(expression, {}, exact=self.exact)
+        return evaluate_constant(expression) if self.exact else evaluate(expression, {})
 
     def _without_variables(self, expression: Expression) -> Expression:
         def replace(node: Tree) -> Tree:

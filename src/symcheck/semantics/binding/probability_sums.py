@@ -3,7 +3,8 @@
 Methods may use that a row sums to 1, or not; if it does not, they contradict each other. So every
 engine reads probabilities that do, except for rounding. Rational arithmetic refuses such commands.
 Where a sum differs from 1 by more than the tolerance, the command is left as it is: the engines
-report it if a state has it.
+report it if a state has it. Where the variables have too many valuations to look at, the engines
+report a sum that is almost 1, and the model is built again (`normalised_at`).
 """
 
 from __future__ import annotations
@@ -21,13 +22,26 @@ from symcheck.errors import InputError
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
-from symcheck.semantics.model import BoundCommand, BoundModule, BoundUpdate, Value, Variable
-from symcheck.semantics.state_faults import SUM_TOLERANCE, describe_state, rounded_sum
+from symcheck.semantics.model import (
+    BoundCommand,
+    BoundModel,
+    BoundModule,
+    BoundUpdate,
+    Value,
+    Variable,
+)
+from symcheck.semantics.state_faults import (
+    SUM_TOLERANCE,
+    AlmostOne,
+    almost_one,
+    describe_state,
+    rounded_sum,
+)
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Type
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import names
 
-__all__ = ["normalised_modules"]
+__all__ = ["normalised_at", "normalised_modules"]
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -38,15 +52,14 @@ _ALL_VALUATIONS = 1 << 20
 """Likewise of all commands together."""
 _RATIONAL_VALUATIONS = 1000
 """The most valuations whose sum is computed in rationals."""
-_SAMPLED = 1 << 12
-"""Random valuations of variables that have more."""
 _ONE = Literal(Fraction(1), Type.DOUBLE)
 
 
 def normalised_modules(
     modules: Sequence[BoundModule], variables: Sequence[Variable]
-) -> tuple[tuple[BoundModule, ...], tuple[str, ...]]:
-    """The modules with the probabilities of such commands divided by their sum, and the warnings.
+) -> tuple[tuple[BoundModule, ...], tuple[str, ...], bool]:
+    """The modules with the probabilities of such commands divided by their sum, the warnings, and
+    whether there are commands with too many valuations to know.
 
     Args:
         modules: the modules of a DTMC or MDP.
@@ -61,7 +74,33 @@ def normalised_modules(
         for m, r in zip(modules, result, strict=True)
         for a, b in zip(m.commands, r.commands, strict=True)
     )
-    return (result if changed else tuple(modules)), tuple(search.warnings)
+    return (result if changed else tuple(modules)), tuple(search.warnings), search.gave_up
+
+
+def normalised_at(model: BoundModel, fault: AlmostOne) -> BoundModel:
+    """A model with the probabilities of a command divided by their sum where that is almost 1.
+
+    Copies of the command, in modules that are renamed, are treated alike.
+
+    Raises:
+        AlmostOne: the model has no such command.
+    """
+    done: dict[int, BoundCommand] = {}
+
+    def of(command: BoundCommand) -> BoundCommand:
+        if command.span != fault.command.span:
+            return command
+        return done.setdefault(id(command), _divided(command, near_everywhere=False))
+
+    modules = tuple(replace(m, commands=tuple(map(of, m.commands))) for m in model.modules)
+    events = tuple(
+        replace(e, participants=tuple(tuple(map(of, p)) for p in e.participants))
+        for e in model.events
+    )
+    if not done:
+        raise fault
+    warnings = (*model.warnings, fault.warning)
+    return replace(model, modules=modules, events=events, warnings=warnings)
 
 
 class _Search:
@@ -69,6 +108,7 @@ class _Search:
         self.variables = variables
         self.warnings: list[str] = []
         self.budget = _ALL_VALUATIONS
+        self.gave_up = False
 
     def normalised(self, command: BoundCommand) -> BoundCommand:
         """The command, with probabilities that sum to 1 where they almost do."""
@@ -76,7 +116,11 @@ class _Search:
         read = set().union(*map(names, probabilities))
         if not read:
             return self._constant(command, probabilities)
-        columns, sums, holds = self._tabulate(command.guard, probabilities, read)
+        table = self._tabulate(command.guard, probabilities, read)
+        if table is None:
+            self.gave_up = True
+            return command
+        columns, sums, holds = table
         near = np.abs(sums - 1) <= SUM_TOLERANCE
         odd = np.flatnonzero(holds & near & ~rounded_sum(sums, len(probabilities)))
         if not len(odd):
@@ -87,17 +131,7 @@ class _Search:
             if total is None or not rounded_sum(total, len(probabilities)):
                 self._warn(command, sums[lane] if total is None else total, valuation)
                 break
-        total_of_all = reduce(lambda a, b: Binary(Operator.PLUS, a, b), probabilities)
-        if not near[holds].all():  # where it is no sum near 1, it stays a fault
-            bounds = (
-                Binary(o, total_of_all, Literal(1 + sign * Fraction(SUM_TOLERANCE), Type.DOUBLE))
-                for o, sign in ((Operator.GE, -1), (Operator.LE, 1))
-            )
-            close = Binary(Operator.AND, *bounds)
-            total_of_all = Conditional(close, total_of_all, _ONE)
-        return _with(
-            command, [Binary(Operator.DIVIDE, p, total_of_all, span=p.span) for p in probabilities]
-        )
+        return _divided(command, near_everywhere=bool(near[holds].all()))
 
     def _constant(self, command: BoundCommand, probabilities: Sequence[Expression]) -> BoundCommand:
         if len(probabilities) == 1 and probabilities[0] == _ONE:
@@ -106,8 +140,9 @@ class _Search:
         if rounded_sum(sums, len(probabilities)) or not abs(sums - 1) <= SUM_TOLERANCE:
             return command
         total = _rational_sum(probabilities, {})
-        if total is None:
-            return command
+        if total is None:  # it is irrational
+            self._warn(command, sums, self._example(command.guard))
+            return _divided(command, near_everywhere=True)
         if not rounded_sum(total, len(probabilities)):
             self._warn(command, total, self._example(command.guard))
         values = [Fraction(evaluate(p, {}, exact=True)) / total for p in probabilities]
@@ -123,11 +158,12 @@ class _Search:
 
     def _tabulate(
         self, guard: Expression, probabilities: Sequence[Expression], read: set[str]
-    ) -> tuple[Mapping[str, Column], Floats, Bools]:
-        """Valuations of the variables, and for each the sum and whether the guard may hold.
+    ) -> tuple[Mapping[str, Column], Floats, Bools] | None:
+        """Valuations of the variables, and for each the sum and whether the guard may hold; None if
+        they are too many.
 
         Where the guard reads too many variables, its conditions on those of the probabilities
-        remain. Where there are too many valuations, they are a random sample.
+        remain.
         """
         conditions = list(_conjuncts(guard))
         chosen = read | names(guard)
@@ -136,12 +172,11 @@ class _Search:
             conditions = [c for c in conditions if names(c) <= read]
         size = self._size(chosen)
         ordered = [name for name in self.variables if name in chosen]
-        if size <= min(_VALUATIONS, self.budget):
-            self.budget -= int(size)
-            domains = [np.asarray(self.variables[name].domain) for name in ordered]
-            mesh = list(np.meshgrid(*domains, indexing="ij"))
-        else:
-            mesh, size = self._sampled(ordered), _SAMPLED
+        if size > min(_VALUATIONS, self.budget):
+            return None
+        self.budget -= int(size)
+        domains = [np.asarray(self.variables[name].domain) for name in ordered]
+        mesh = list(np.meshgrid(*domains, indexing="ij"))
         columns = dict(zip(ordered, (axis.reshape(-1) for axis in mesh), strict=True))
         shape = (int(size),)
         holds = np.ones(int(size), np.bool_)
@@ -157,16 +192,6 @@ class _Search:
                 total += lanes.numbers()
         return columns, total, holds
 
-    def _sampled(self, ordered: Sequence[str]) -> list[Column]:
-        rng = np.random.default_rng(0)
-        axes = []
-        for variable in (self.variables[name] for name in ordered):
-            low = -_SAMPLED if variable.low is None else variable.low
-            high = _SAMPLED if variable.high is None else variable.high
-            axis = rng.integers(low, high, _SAMPLED, endpoint=True)
-            axes.append(axis.astype(np.bool_) if variable.type is Type.BOOL else axis)
-        return axes
-
     def _size(self, chosen: set[str]) -> float:
         domains = [self.variables[name].domain for name in chosen]
         return prod(float("inf") if d is None else len(d) for d in domains)
@@ -176,19 +201,32 @@ class _Search:
 
     def _example(self, guard: Expression) -> dict[str, Value]:
         """A valuation in which the guard holds; empty if none is found."""
-        columns, _, holds = self._tabulate(guard, [_ONE], set())
+        table = self._tabulate(guard, [_ONE], set())
+        if table is None:
+            return {}
+        columns, _, holds = table
         lanes = np.flatnonzero(holds)
         return self._valuation(columns, int(lanes[0])) if len(lanes) else {}
 
     def _warn(self, command: BoundCommand, total: Value, valuation: Mapping[str, Value]) -> None:
-        where = ""
-        if valuation:
-            variables = [self.variables[name] for name in valuation]
-            where = f", for example in state {describe_state(variables, list(valuation.values()))}"
-        self.warnings.append(
-            f"{command.span}: the probabilities sum to {to_float(total):.15g}, not 1{where}: they "
-            "are divided by their sum"
+        variables = [self.variables[name] for name in valuation]
+        state = describe_state(variables, list(valuation.values())) if valuation else ""
+        self.warnings.append(almost_one(command, total, state))
+
+
+def _divided(command: BoundCommand, *, near_everywhere: bool) -> BoundCommand:
+    """A command with its probabilities divided by their sum; where that is not near 1, it remains
+    a fault.
+    """
+    probabilities = [u.probability for u in command.updates]
+    total = reduce(lambda a, b: Binary(Operator.PLUS, a, b), probabilities)
+    if not near_everywhere:
+        bounds = (
+            Binary(o, total, Literal(1 + sign * Fraction(SUM_TOLERANCE), Type.DOUBLE))
+            for o, sign in ((Operator.GE, -1), (Operator.LE, 1))
         )
+        total = Conditional(Binary(Operator.AND, *bounds), total, _ONE)
+    return _with(command, [Binary(Operator.DIVIDE, p, total, span=p.span) for p in probabilities])
 
 
 def _with(command: BoundCommand, probabilities: Sequence[Expression]) -> BoundCommand:

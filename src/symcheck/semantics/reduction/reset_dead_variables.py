@@ -45,7 +45,7 @@ from symcheck.syntax.ast import (
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import Tree, children, nodes, transform
 
-__all__ = ["Reduction", "expanded", "observe", "reduce"]
+__all__ = ["Reduction", "expanded", "observe", "reads_rewards", "reduce"]
 
 _KEPT_BY_BISIMULATION = {"min", "max", "range", "forall", "exists"}
 _TRUE = Literal(True, Type.BOOL)
@@ -70,7 +70,7 @@ def observe(
         if any(e is None for e in expressions):
             return Observations(tuple(Name(v.name) for v in model.variables), True)
         result += [e for e in expressions if e is not None]
-        rewards = rewards or any(map(_reads_rewards, nodes(formula)))
+        rewards = rewards or any(map(reads_rewards, nodes(formula)))
     return Observations(tuple(dict.fromkeys(result)), rewards, steps)
 
 
@@ -96,7 +96,8 @@ def _seen(formula: Expression, labels: Mapping[str, Expression]) -> Iterator[Exp
                     stack += children(node)
 
 
-def _reads_rewards(node: Tree) -> bool:
+def reads_rewards(node: Tree) -> bool:
+    """Whether a node of a formula itself may read the rewards of the model."""
     return isinstance(node, RewardBound) or (isinstance(node, StateOperator) and node.reads_rewards)
 
 
