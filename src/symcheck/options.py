@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from fractions import Fraction
 from typing import Literal, NamedTuple, TypedDict, TypeVar, cast, get_args
 
 from symcheck.errors import UsageError
@@ -70,10 +71,10 @@ class ValueType(NamedTuple):
 
 
 def read_number(text: str) -> float:
-    """A number. Raises ValueError."""
+    """A number, such as 0.001, 1e-3 or 1/1000. Raises ValueError."""
     try:
-        return float(text)
-    except ValueError:
+        return float(Fraction(text) if "/" in text else text)
+    except (ValueError, ZeroDivisionError, OverflowError):
         raise ValueError(f"'{text}' is not a number") from None
 
 

@@ -185,6 +185,13 @@ def test_there_are_enough_cells() -> None:
     assert len(CELLS) >= 50
 
 
+def test_an_export_takes_names_and_paths_of_files(tmp_path: Path) -> None:
+    model = symcheck.load(DIE)
+    assert symcheck.export(model, tmp_path / "die.tra") == [str(tmp_path / "die.tra")]
+    with pytest.raises(symcheck.SymcheckError, match="export takes the name of a file"):
+        symcheck.export(model, 5)  # type: ignore[arg-type]
+
+
 def test_a_notebook_shows_one_frame_and_the_message() -> None:
     source = "import symcheck\n\ndef ask(model):\n    return model.check('P=? [ F y=1 ]')\n"
     names: dict[str, object] = {}

@@ -65,6 +65,7 @@ def said(tmp_path, monkeypatch, capsys):
         ("die.pm -sparce", "did you mean -sparse?"),
         ("die.pm -epsilon", "-epsilon: expected a value"),
         ("die.pm -epsilon abc", "-epsilon: 'abc' is not a number"),
+        ("die.pm -epsilon 1/0", "-epsilon: '1/0' is not a number"),
         ("die.pm die.pctl -prop 9", "there is no property '9'\n  hint: there is 1"),
     ],
 )
@@ -77,6 +78,19 @@ def test_files_and_switches(words, message, said):
 def test_texts_without_a_property_are_told(said):
     assert "Warning: empty.pctl has no property" in said("die.pm", "empty.pctl")[1]
     assert "Warning: -pf has no property" in said("die.pm", "-pf", "")[1]
+
+
+def test_the_accuracy_may_be_a_fraction(said):
+    assert said("die.pm", "die.pctl", "-epsilon", "1/1000")[0] == 0
+
+
+def test_a_refused_property_without_result_line_is_not_tested_like_every_other(said):
+    Path("refused.props").write_text(
+        'P=? [ F "nolabel" ];\n<<x>> P>=0.5 [ F d=6 ];\n// RESULT: 1/6\nP=? [ F d=6 ];\n'
+    )
+    status, out = said("die.pm", "refused.props", "-testall")
+    assert status == 0
+    assert "Tests: 1 passed, 0 failed, 2 not tested" in out
 
 
 @pytest.mark.parametrize("name", ["crlf.pm", "bom.pm"])
@@ -101,6 +115,7 @@ def test_windows_files_are_read(name, said):
         ("P=? [ F d=6 || d=5 ]", "or is written |"),
         ("P=? [ F d=6 and s=7 ]", "write &"),
         ("P=? [ F not d=6 ]", "write !"),
+        ("P=? [ F d~6 ]", "hint: write ! for not, or != for unequal"),
         ('P=? [ F "sixx" ]', 'unknown label or property "sixx"'),
         ('P=? [ F "sixx" ]', 'hint: declare it: label "sixx" = …;'),
         ('P=? [ F "six ]', "this quote is not closed"),

@@ -84,7 +84,9 @@ def test_a_width_below_the_rounding_of_large_values_is_not_proved(direction: str
     solved = solve_linear(problem, Accuracy(epsilon=1e-6, relative=False))
     assert (solved.lower <= 2.0**20).all()
     assert (solved.upper >= 2.0**20).all()
-    assert (solved.upper - solved.lower).max() <= 1e-6, "rational arithmetic proves what sweeps do not"
+    assert (solved.upper - solved.lower).max() <= 1e-6, (
+        "rational arithmetic proves what sweeps do not"
+    )
     found, _ = solve_extrapolated(component_block(problem), 1e-6, relative=True)
     assert isinstance(found, Bounds)
 

@@ -158,6 +158,57 @@ def test_what_enclosures_do_not_decide_is_an_error_with_its_place(text: str, exa
     assert diagnostic.span.text in text
 
 
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("max(2^0.5,2^0.5)", math.sqrt(2)),
+        ("min(2^0.5*2^0.5,2)", 2.0),
+        ("max(1,2^0.5)", math.sqrt(2)),
+        ("min(1,2^0.5,3^0.5)", 1.0),
+        ("floor(10*max(2^0.5,2^0.5,1))", 14),
+    ],
+)
+def test_an_extreme_does_not_ask_which_of_equal_numbers_it_is(text: str, value: float) -> None:
+    assert evaluate(parse_expression(text), {}) == pytest.approx(value, rel=1e-15)
+
+
+def test_shared_operands_are_enclosed_once() -> None:
+    """Each product asked its right operand twice: 2**40 enclosures of this tower."""
+    text = "2^0.5"
+    for _ in range(40):
+        text = f"(1-3^0.5*{text}/2)"
+    assert evaluate(parse_expression(f"{text} < 1e40"), {}) is True
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("1-pow(0.999999,1000000)", -math.expm1(1e6 * math.log1p(-1e-6))),
+        (
+            "(1-pow(0.999999,100000))*0.5+(1-pow(0.999998,100000))*0.5",
+            -sum(math.expm1(1e5 * math.log1p(x)) for x in (-1e-6, -2e-6)) / 2,
+        ),
+        ("pow(0.999999,1000000)<pow(0.999998,500001)", False),
+        ("pow(0.9999,20000)=pow(pow(0.9999,2),10000)", True),
+    ],
+)
+def test_powers_of_many_bits_are_enclosed_before_their_fractions_are_computed(
+    text: str, value: Value, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sums of such fractions took seconds for each valuation; only equality needs them."""
+    asked: list[int] = []
+    power = Fraction.__pow__
+
+    def counted(a: Fraction, b: int) -> Fraction:
+        asked.append(abs(b))
+        return power(a, b)
+
+    monkeypatch.setattr(Fraction, "__pow__", counted)
+    result = evaluate(parse_expression(text), {})
+    assert result == (value if isinstance(value, bool) else pytest.approx(value, rel=1e-9))
+    assert value is True or max(asked, default=0) < 1000
+
+
 def test_limits_of_int_are_values() -> None:
     assert evaluate(parse_expression("-9223372036854775807-1"), {}) == -(2**63)
     assert evaluate(parse_expression("(-2)^63"), {}) == -(2**63)

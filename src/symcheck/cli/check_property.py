@@ -21,6 +21,7 @@ from symcheck.cli.run_state import RunState
 from symcheck.cli.simulation.sampling import in_switches, with_switches
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import (
+    InputError,
     InternalError,
     OutputError,
     ResourceError,
@@ -131,7 +132,8 @@ def report_unparsed(state: RunState, index: int | None = None) -> None:
 def _report_unparsed(state: RunState, property: UnparsedProperty) -> None:
     """Report a property that does not follow the grammar.
 
-    A test of it fails, unless its RESULT line expects an error.
+    A test of it fails, unless its RESULT line expects an error. What is only refused is judged as
+    other properties that are.
     """
     state.output.property(property.text, None, {}, {})
     state.output.error(property.fault)
@@ -141,7 +143,11 @@ def _report_unparsed(state: RunState, property: UnparsedProperty) -> None:
         state.failures += 1
         return
     verdict = judge(property.comments, property.fault, {})
-    if verdict.kind is not VerdictKind.PASS:
+    fault = property.fault
+    refused = isinstance(fault, UnsupportedError) or (
+        isinstance(fault, InputError) and {d.code for d in fault.diagnostics} == {"model-type"}
+    )
+    if verdict.kind is not VerdictKind.PASS and not refused:
         verdict = Verdict(VerdictKind.FAIL, message)
     expected = expected_value(property.comments, {})
     span = property.span

@@ -105,7 +105,7 @@ class ImportedModel(Model):
 
 @converts_memory_error()
 def export(
-    model: Model, target: str, properties: str | Path | PropertiesFile | None = None
+    model: Model, target: str | Path, properties: str | Path | PropertiesFile | None = None
 ) -> list[str]:
     """Write a model to files. It is built, unless the format is JANI.
 
@@ -127,7 +127,9 @@ def export(
         >>> symcheck.export(model, "die.tra,sta")  # doctest: +SKIP
         ['die.tra', 'die.sta']
     """
-    parts = targets.parse_target(target, "model")
+    if not isinstance(target, str | Path):
+        raise UsageError(f"export takes the name of a file, such as 'die.tra', not {target!r}")
+    parts = targets.parse_target(str(target), "model")
     file = PropertiesFile() if properties is None else properties_file(properties)
     if properties is not None and all(part.kind != "jani" for part in parts):
         raise UsageError(

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.errors import InputError
-from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.evaluate import evaluate, evaluate_closely
 from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
 from symcheck.semantics.model import (
@@ -145,7 +145,7 @@ class _Search:
             return _divided(command, near_everywhere=True)
         if not rounded_sum(total, len(probabilities)):
             self._warn(command, total, self._example(command.guard))
-        values = [Fraction(evaluate(p, {}, exact=True)) / total for p in probabilities]
+        values = [Fraction(evaluate_closely(p, {})) / total for p in probabilities]
         return _with(
             command,
             [
@@ -247,14 +247,14 @@ def _doubles(probabilities: Sequence[Expression]) -> Iterator[float]:
 def _rational_sum(
     probabilities: Sequence[Expression], valuation: Mapping[str, Value]
 ) -> Fraction | None:
-    """The sum in rational arithmetic; None where that has no value."""
+    """The sum, in rational arithmetic or to 30 digits; None where it has no value."""
+    minus_one: Expression = Literal(Fraction(-1), Type.DOUBLE)
+    excess = reduce(lambda a, b: Binary(Operator.PLUS, a, b), probabilities, minus_one)
     try:
-        values = [evaluate(p, valuation, exact=True) for p in probabilities]
+        value = evaluate_closely(excess, valuation)
     except InputError:
         return None
-    if any(isinstance(v, float) for v in values):
-        return None
-    return Fraction(sum(values))
+    return None if isinstance(value, float) else 1 + Fraction(value)
 
 
 def _conjuncts(condition: Expression) -> Iterator[Expression]:

@@ -29,12 +29,18 @@ import operator as op
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from sys import float_info
-from typing import Any, assert_never, cast
+from typing import Any, TypeVar, assert_never, cast
 
 from symcheck.errors import Diagnostic, InputError, ModelFault, NameFault, UnsupportedError
 from symcheck.semantics.expressions import rounding_notes
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
-from symcheck.semantics.expressions.irrational import Irrational, Real, exponential, logarithm
+from symcheck.semantics.expressions.irrational import (
+    Irrational,
+    Real,
+    exponential,
+    extreme,
+    logarithm,
+)
 from symcheck.semantics.expressions.literals import convert, format_value, to_float, type_of_value
 from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.model import Value
@@ -58,7 +64,9 @@ __all__ = [
     "FUNCTIONS",
     "INT_MAX",
     "INT_MIN",
+    "KEPT_ERROR",
     "evaluate",
+    "evaluate_closely",
     "evaluate_constant",
     "is_int64",
     "is_rounding",
@@ -67,15 +75,20 @@ __all__ = [
 INT_MIN, INT_MAX = -(2**63), 2**63 - 1
 _EXPONENT_LIMIT = 1 << 20
 _EXACT_BITS = 1 << 24
+_FEW_BITS = 1 << 12
+"""The size from which on an enclosure of a power is asked for before its fraction."""
 _LARGEST_ROOT = 64
-_CANCELLATION = 2.0**-40
-"""The relative error from which on a double is computed from the exact value."""
+KEPT_ERROR = 2.0**-42
+"""The relative error up to which a double is kept, and not the one nearest to the exact value."""
 _LEAST = 5e-324
 
-Meaning = Callable[[Any, Any, bool, Node], Any]
+Exactness = bool | int
+"""Whether arithmetic is exact; an int: it is, but powers of more bits are enclosed."""
+
+Meaning = Callable[[Any, Any, Exactness, Node], Any]
 """The function of an operator: two values, whether arithmetic is exact, and the node for errors."""
 
-FunctionMeaning = Callable[[Sequence[Any], bool, Node], Any]
+FunctionMeaning = Callable[[Sequence[Any], Exactness, Node], Any]
 
 _Number = Any
 """A value, or an irrational number within an exact evaluation."""
@@ -114,7 +127,21 @@ def evaluate_constant(expression: Expression) -> Value:
     Raises:
         ModelFault: the expression has no value, or an irrational one that no normal double is near.
     """
-    value = _evaluate(expression, {}, True)
+    return _rational(_evaluate(expression, {}, True))
+
+
+def evaluate_closely(expression: Expression, valuation: Mapping[str, Value]) -> Value:
+    """The exact value of an expression, or a number within 30 digits of its operands' size where it
+    is irrational or has powers of many bits.
+
+    Raises:
+        ModelFault: the expression has no value.
+    """
+    return _rational(_evaluate(expression, valuation, _FEW_BITS))
+
+
+def _rational(value: _Number) -> Value:
+    """A value, or the double beside an irrational number. Raises ModelFault if none is near."""
     if not isinstance(value, Irrational):
         return cast("Value", value)
     nearest = float(value)
@@ -139,26 +166,54 @@ def is_rounding(expression: Expression) -> bool:
 
 def _accurate(value: float, expression: Expression, valuation: Mapping[str, Value]) -> float:
     """A double, or the one nearest to the exact value where that differs much."""
-    exact = _evaluate(expression, valuation, True)
-    if isinstance(exact, float):  # an infinity or NaN
-        return exact
-    nearest = to_float(exact) if isinstance(exact, Fraction) else float(exact)
-    if nearest == 0 and exact != 0:  # what is positive stays so
-        nearest = _LEAST if exact > 0 else -_LEAST
+
+    def nearest_double(exact: _Number) -> float:
+        if isinstance(exact, float):  # an infinity or NaN
+            return exact
+        nearest = to_float(exact) if isinstance(exact, Fraction) else float(exact)
+        if nearest == 0 and exact != 0:  # what is positive stays so
+            nearest = _LEAST if exact > 0 else -_LEAST
+        return nearest
+
+    nearest = _with_few_bits(lambda bits: nearest_double(_evaluate(expression, valuation, bits)))
+    if not math.isfinite(nearest):
+        return nearest
     if (value > 0, value < 0) != (nearest > 0, nearest < 0):
         rounding_notes.note(expression)
-    return value if abs(value - nearest) <= _CANCELLATION * abs(nearest) < math.inf else nearest
+    return value if abs(value - nearest) <= KEPT_ERROR * abs(nearest) < math.inf else nearest
 
 
-def _decided(expression: Binary | Call, valuation: Mapping[str, Value], exact: bool) -> _Number:
+_T = TypeVar("_T")
+
+
+def _with_few_bits(compute: Callable[[int], _T]) -> _T:
+    """What is computed with enclosures of large powers, or with their fractions if it has to be.
+
+    Sums of fractions of a million bits take seconds.
+    """
+    try:
+        return compute(_FEW_BITS)
+    except ModelFault as fault:
+        if all(d.code != "undecided" for d in fault.diagnostics):
+            raise
+        return compute(True)
+
+
+def _decided(
+    expression: Binary | Call, valuation: Mapping[str, Value], exact: Exactness
+) -> _Number:
     """A comparison, or a rounding to an int: in exact arithmetic."""
     parts = (
         (expression.left, expression.right)
         if isinstance(expression, Binary)
         else expression.arguments
     )
-    values = [_evaluate(part, valuation, True) for part in parts]
-    result = _apply(expression, values, True)
+
+    def decide(exact: Exactness) -> tuple[list[_Number], _Number]:
+        values = [_evaluate(part, valuation, exact) for part in parts]
+        return values, _apply(expression, values, exact)
+
+    values, result = decide(True) if exact is True else _with_few_bits(decide)
     if not exact and not all(isinstance(v, int) for v in values):
         _note_rounding(expression, parts, result, valuation)
     return result
@@ -179,23 +234,25 @@ def _note_rounding(
         rounding_notes.note(expression)
 
 
-def _apply(expression: Binary | Call, values: Sequence[_Number], exact: bool) -> _Number:
+def _apply(expression: Binary | Call, values: Sequence[_Number], exact: Exactness) -> _Number:
     if isinstance(expression, Binary):
         left, right = values
         return _MEANINGS[expression.operator](left, right, exact, expression)
     return _FUNCTION_MEANINGS[expression.function](values, exact, expression)
 
 
-def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: bool) -> _Number:
+def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: Exactness) -> _Number:
     match expression:
         case Literal(value, kind):
-            return convert(_checked(value, expression), kind, exact)
+            return convert(_checked(value, expression), kind, bool(exact))
         case Name(name):
             if name not in valuation:
                 raise NameFault(Diagnostic(f"{name} has no value", expression.span, "unknown-name"))
             given = valuation[name]
             return (
-                convert(given, Type.DOUBLE, exact) if isinstance(given, float | Fraction) else given
+                convert(given, Type.DOUBLE, bool(exact))
+                if isinstance(given, float | Fraction)
+                else given
             )
         case Unary(UnaryOperator.NOT, operand):
             return not _evaluate(operand, valuation, exact)
@@ -229,7 +286,9 @@ def _describe(node: Node) -> str:
     return f'"{node.name}"' if isinstance(node, LabelReference) else f"a {type(node).__name__}"
 
 
-def _conditional(expression: Conditional, valuation: Mapping[str, Value], exact: bool) -> _Number:
+def _conditional(
+    expression: Conditional, valuation: Mapping[str, Value], exact: Exactness
+) -> _Number:
     holds = _evaluate(expression.condition, valuation, exact)
     chosen, other = (
         (expression.then, expression.otherwise)
@@ -243,15 +302,15 @@ def _conditional(expression: Conditional, valuation: Mapping[str, Value], exact:
         and not isinstance(value, bool)
         and static_type(other, lambda name: type_of_value(valuation[name])) is Type.DOUBLE
     ):
-        return convert(value, Type.DOUBLE, exact)
+        return convert(value, Type.DOUBLE, bool(exact))
     return value
 
 
 _REAL = Fraction | Irrational
 
 
-def _double(value: Any, exact: bool) -> Any:
-    return value if isinstance(value, Irrational) else convert(value, Type.DOUBLE, exact)
+def _double(value: Any, exact: Exactness) -> Any:
+    return value if isinstance(value, Irrational) else convert(value, Type.DOUBLE, bool(exact))
 
 
 def _both_int(a: Value, b: Value) -> bool:
@@ -259,7 +318,7 @@ def _both_int(a: Value, b: Value) -> bool:
 
 
 def _comparison(compare: Callable[[Value, Value], bool]) -> Meaning:
-    def apply(a: Value, b: Value, exact: bool, node: Node) -> bool:  # noqa: ARG001
+    def apply(a: Value, b: Value, exact: Exactness, node: Node) -> bool:  # noqa: ARG001
         if not _both_int(a, b):
             a, b = _double(a, exact), _double(b, exact)
         return compare(a, b)
@@ -268,7 +327,7 @@ def _comparison(compare: Callable[[Value, Value], bool]) -> Meaning:
 
 
 def _arithmetic(operation: Callable[[Value, Value], Value]) -> Meaning:
-    def apply(a: Value, b: Value, exact: bool, node: Node) -> Value:
+    def apply(a: Value, b: Value, exact: Exactness, node: Node) -> Value:
         if _both_int(a, b):
             return _checked(operation(a, b), node)
         a, b = _double(a, exact), _double(b, exact)
@@ -284,7 +343,7 @@ def _sign_if_exact(value: Any) -> float:
     return float((value > 0) - (value < 0)) if isinstance(value, _REAL) else float(value)
 
 
-def _divide(a: Value, b: Value, exact: bool, node: Node) -> Value:  # noqa: ARG001
+def _divide(a: Value, b: Value, exact: Exactness, node: Node) -> Value:  # noqa: ARG001
     a, b = _double(a, exact), _double(b, exact)
     if isinstance(a, _REAL) and isinstance(b, _REAL) and b != 0:
         return cast("Value", a / b)
@@ -321,7 +380,7 @@ def _fault(node: Node, code: str, message: str, hint: str | None = None) -> Inpu
 # ---------------------------------------------------------------------------- powers and logarithms
 
 
-def _power(a: Value, b: Value, exact: bool, node: Node) -> Value | Irrational:
+def _power(a: Value, b: Value, exact: Exactness, node: Node) -> Value | Irrational:
     if isinstance(a, int) and isinstance(b, int):
         if b < 0:
             raise _fault(
@@ -335,31 +394,31 @@ def _power(a: Value, b: Value, exact: bool, node: Node) -> Value | Irrational:
         return _checked(a**b, node)
     a, b = _double(a, exact), _double(b, exact)
     if isinstance(a, _REAL) and isinstance(b, _REAL):
-        return _exact_power(a, b, node)
+        return _exact_power(a, b, node, _EXACT_BITS if exact is True else exact)
     return _finite_exact(_float_power(_sign_if_exact(a), _sign_if_exact(b)), exact)
 
 
-def _finite_exact(value: float, exact: bool) -> Value:
+def _finite_exact(value: float, exact: Exactness) -> Value:
     return Fraction(value) if exact and math.isfinite(value) else value
 
 
-def _exact_power(a: Real, b: Real, node: Node) -> Value | Irrational:
+def _exact_power(a: Real, b: Real, node: Node, most: int) -> Value | Irrational:
     is_whole = isinstance(b, Fraction) and b.denominator == 1
     if a == 0 or a == 1 or b == 0:
         return math.inf if a == 0 and b < 0 else Fraction(a != 0 or b == 0)
     if is_whole and isinstance(a, Fraction) and isinstance(b, Fraction):
         bits = a.numerator.bit_length() + a.denominator.bit_length()
-        if abs(a) == 1 or (abs(b) <= _EXPONENT_LIMIT and bits * abs(b) <= _EXACT_BITS):
+        if abs(a) == 1 or (abs(b) <= _EXPONENT_LIMIT and bits * abs(b) <= most):
             return Fraction(a ** int(b))
     if a < 0:
         if not isinstance(b, Fraction) or not is_whole:
             return math.nan
-        power = _exact_power(-a, b, node)
+        power = _exact_power(-a, b, node, most)
         return -power if int(b) % 2 else power
     if isinstance(a, Fraction) and isinstance(b, Fraction) and b.denominator <= _LARGEST_ROOT:
         top, bottom = (_root(n, b.denominator) for n in (a.numerator, a.denominator))
         if not is_whole and top is not None and bottom is not None:
-            return _exact_power(Fraction(top, bottom), Fraction(b.numerator), node)
+            return _exact_power(Fraction(top, bottom), Fraction(b.numerator), node, most)
     kind = "exponent" if is_whole else "fractional exponent"
     fate = "is too large for exact arithmetic" if is_whole else "has no exact value"
     message = f"a power with {kind} {b if isinstance(b, Fraction) else float(b)} {fate}"
@@ -387,7 +446,7 @@ def _float_power(a: float, b: float) -> float:
         return math.nan if a != 0 else math.inf
 
 
-def _logarithm(x: Value, b: Value, exact: bool, node: Node) -> Value | Irrational:
+def _logarithm(x: Value, b: Value, exact: Exactness, node: Node) -> Value | Irrational:
     x, b = _double(x, exact), _double(b, exact)
     if not (b > 0 and b != 1 and b != math.inf) or not x >= 0:
         return math.nan
@@ -423,15 +482,19 @@ def _ln(x: Fraction) -> float:
 # ---------------------------------------------------------------------------------------- functions
 
 
-def _extreme(better: Callable[[Value, Value], bool]) -> FunctionMeaning:
+def _extreme(better: Callable[[Any, Any], bool]) -> FunctionMeaning:
     """The best of the values; NaN if a value is NaN."""
 
-    def apply(values: Sequence[Value], exact: bool, node: Node) -> Value:  # noqa: ARG001
+    def apply(values: Sequence[Value], exact: Exactness, node: Node) -> Value:  # noqa: ARG001
         if not all(isinstance(v, int) for v in values):
             values = [_double(v, exact) for v in values]
         best = values[0]
         for value in values[1:]:
-            if value != value or better(value, best):
+            a, b = cast("tuple[_Number, _Number]", (value, best))
+            reals = isinstance(a, _REAL) and isinstance(b, _REAL)
+            if reals and Irrational in (type(a), type(b)):
+                best = cast("Value", extreme(a, b, better))
+            elif value != value or better(value, best):
                 best = value
         return best
 
@@ -439,7 +502,7 @@ def _extreme(better: Callable[[Value, Value], bool]) -> FunctionMeaning:
 
 
 def _rounding(function: Function, rounded: Callable[[float | Fraction], int]) -> FunctionMeaning:
-    def apply(values: Sequence[Value], exact: bool, node: Node) -> Value:  # noqa: ARG001
+    def apply(values: Sequence[Value], exact: Exactness, node: Node) -> Value:  # noqa: ARG001
         (x,) = values
         if isinstance(x, int):
             return x
@@ -454,7 +517,7 @@ def _round(x: Any) -> int:
     return math.floor((x if isinstance(x, Irrational) else Fraction(x)) + Fraction(1, 2))
 
 
-def _modulo(i: Value, j: Value, exact: bool, node: Node) -> Value:  # noqa: ARG001
+def _modulo(i: Value, j: Value, exact: Exactness, node: Node) -> Value:  # noqa: ARG001
     assert isinstance(i, int)
     assert isinstance(j, int)
     if j == 0:
@@ -464,7 +527,7 @@ def _modulo(i: Value, j: Value, exact: bool, node: Node) -> Value:  # noqa: ARG0
 
 
 def _of_two(meaning: Meaning) -> FunctionMeaning:
-    def apply(values: Sequence[Value], exact: bool, node: Node) -> _Number:
+    def apply(values: Sequence[Value], exact: Exactness, node: Node) -> _Number:
         a, b = values
         return meaning(a, b, exact, node)
 

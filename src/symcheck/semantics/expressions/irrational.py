@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from decimal import (
     MAX_EMAX,
     MIN_EMIN,
@@ -24,15 +25,19 @@ from decimal import (
     Overflow,
 )
 from fractions import Fraction
-from typing import TypeVar
+from functools import lru_cache
+from itertools import product
+from typing import Any, TypeVar
 
 from symcheck.errors import Diagnostic, ModelFault
 
-__all__ = ["Irrational", "Real", "exponential", "logarithm"]
+__all__ = ["Irrational", "Real", "exponential", "extreme", "logarithm"]
 
 _DIGITS = (30, 120, 480)
 _MOST_PLACES = 30
 _BEYOND = Decimal(10) ** _MOST_PLACES  # no int of 64 bits, whatever the number is exactly
+_REMEMBERED = 4096
+"""Logarithms and exponentials that are remembered: few numbers occur in many expressions."""
 _FAULTS = [InvalidOperation, DivisionByZero, Overflow]
 Interval = tuple[Decimal, Decimal]
 T = TypeVar("T")
@@ -55,11 +60,18 @@ class Irrational:
         why: the diagnostic that this number has no exact value, with its place.
     """
 
-    __slots__ = ("enclose", "why")
+    __slots__ = ("_compute", "_known", "why")
 
     def __init__(self, enclose: Callable[[int], Interval], why: Diagnostic) -> None:
-        self.enclose = enclose
+        self._compute = enclose
+        self._known: dict[int, Interval] = {}
         self.why = why
+
+    def enclose(self, digits: int) -> Interval:
+        """An interval with about so many digits, computed once: numbers share their operands."""
+        if digits not in self._known:
+            self._known[digits] = self._compute(digits)
+        return self._known[digits]
 
     def __repr__(self) -> str:
         return f"Irrational({float(self)!r})"
@@ -130,7 +142,7 @@ class Irrational:
             return other
 
         def enclose(digits: int) -> Interval:
-            ends = [(a, b) for a in self.enclose(digits) for b in interval(other, digits)]
+            ends = list(product(self.enclose(digits), interval(other, digits)))
             down, up = _down(digits), _up(digits)
             return min(down.multiply(a, b) for a, b in ends), max(up.multiply(*e) for e in ends)
 
@@ -208,10 +220,41 @@ def logarithm(x: Real, why: Diagnostic) -> Irrational:
         low, high = interval(x, digits)
         if low <= 0:
             raise ArithmeticError
-        down, up = _down(digits), _up(digits)
-        return down.next_minus(down.ln(low)), up.next_plus(up.ln(high))
+        return _logarithm(low, digits)[0], _logarithm(high, digits)[1]
 
     return Irrational(enclose, why)
+
+
+def extreme(a: Real, b: Real, better: Callable[[Any, Any], bool]) -> Real:
+    """The better one of two numbers, the least or the greatest.
+
+    Where few digits do not tell which one it is, that is never asked: the extremes of both
+    enclosures enclose it, also where the numbers are equal.
+    """
+
+    def enclose(digits: int) -> Interval:
+        (a, b), (c, d) = intervals(digits)
+        return (a if better(a, c) else c), (b if better(b, d) else d)
+
+    def intervals(digits: int) -> tuple[Interval, Interval]:
+        return interval(a, digits), interval(b, digits)
+
+    with suppress(ArithmeticError):
+        of_a, of_b = intervals(_DIGITS[0])
+        if all(better(x, y) for x, y in product(of_a, of_b)):
+            return a
+        if all(better(y, x) for x, y in product(of_a, of_b)):
+            return b
+    irrational = a if isinstance(a, Irrational) else b
+    assert isinstance(irrational, Irrational)
+    return Irrational(enclose, irrational.why)
+
+
+@lru_cache(_REMEMBERED)
+def _logarithm(x: Decimal, digits: int) -> Interval:
+    """An interval of the logarithm of x > 0."""
+    down, up = _down(digits), _up(digits)
+    return down.next_minus(down.ln(x)), up.next_plus(up.ln(x))
 
 
 def exponential(x: Real, why: Diagnostic) -> Irrational:
@@ -224,6 +267,7 @@ def exponential(x: Real, why: Diagnostic) -> Irrational:
     return Irrational(enclose, why)
 
 
+@lru_cache(_REMEMBERED)
 def _exponential(x: Decimal, digits: int) -> Interval:
     """An interval of the exponential of x, 10**k exp(x - k ln 10), as `exp` of much takes long."""
     down, up = _down(digits + _MOST_PLACES), _up(digits + _MOST_PLACES)

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
-from math import inf, isfinite
+from math import e, inf, isfinite
 from typing import Generic, NamedTuple, TypeVar
 
 from symcheck.kernels.explore.register_machine import Op
@@ -110,12 +110,15 @@ class RunningErrors(Generic[R]):
     def power(self, x: Enclosed[R], y: Enclosed[R]) -> Enclosed[R]:
         """The power of x with exponent y."""
         power = self.emit(Op.POWD, x.value, y.value)
+        base = None if x.error is None else self._relative(x)
+        # The logarithm of the power changes by at most |y| base + |ln x| y.error + y.error base.
+        changes = [self._scaled(y.value, base)]
         if y.error is not None:
-            return Enclosed(power, self.constant(inf))
+            changes += [self._scaled(self._ln(x), y.error), self._scaled(y.error, base)]
+        change = self.sum(*changes)
         relative: R = self.constant(_LIBRARY)
-        if x.error is not None:
-            base = self.emit(Op.SHARE, x.error, self.emit(Op.LESS, x.value, x.error))
-            grown = self.emit(Op.GROWTH, *[self.emit(Op.SCALE, y.value, base)] * 2)
+        if change is not None:
+            grown = self.emit(Op.GROWTH, change, change)
             relative = self.emit(Op.ADDD, grown, relative)
         error = self.emit(Op.SCALE, power, relative)
         return Enclosed(power, self.emit(Op.MAXD, error, self.constant(_LEAST_BOUND)))
@@ -123,9 +126,27 @@ class RunningErrors(Generic[R]):
     def log(self, x: Enclosed[R], base: Enclosed[R]) -> Enclosed[R]:
         """The logarithm of x."""
         logarithm = self.emit(Op.LOGD, x.value, base.value)
-        if x.error is not None or base.error is not None:
-            return Enclosed(logarithm, self.constant(inf))
-        return Enclosed(logarithm, self.emit(Op.SCALE, logarithm, self.constant(_LIBRARY)))
+        error: R = self.emit(Op.SCALE, logarithm, self.constant(_LIBRARY))
+        divisor = self._ln(base)
+        changes: list[R | None] = []
+        if base.error is not None:
+            change = self._relative(base)
+            changes.append(self._scaled(logarithm, change))
+            divisor = self.emit(Op.LESS, divisor, change)
+        if x.error is not None:
+            changes.append(self._relative(x))
+        total = self.sum(*changes)
+        if total is not None:
+            error = self.emit(Op.ADDD, error, self.emit(Op.SHARE, total, divisor))
+        return Enclosed(logarithm, error)
+
+    def _ln(self, x: Enclosed[R]) -> R:
+        return self.emit(Op.LOGD, x.value, self.constant(e))
+
+    def _relative(self, x: Enclosed[R]) -> R:
+        """A bound on the change of ln x; NaN where x may be 0."""
+        assert x.error is not None
+        return self.emit(Op.SHARE, x.error, self.emit(Op.LESS, x.value, x.error))
 
     def extreme(self, op: Op, x: Enclosed[R], y: Enclosed[R]) -> Enclosed[R]:
         """The minimum or the maximum."""

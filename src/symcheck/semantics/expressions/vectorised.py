@@ -25,7 +25,13 @@ from numpy.typing import NDArray
 
 from symcheck.errors import ModelFault
 from symcheck.kernels.explore.register_machine import Op, apply_to_doubles, decide_doubles
-from symcheck.semantics.expressions.evaluate import INT_MAX, INT_MIN, evaluate, is_int64
+from symcheck.semantics.expressions.evaluate import (
+    INT_MAX,
+    INT_MIN,
+    KEPT_ERROR,
+    evaluate,
+    is_int64,
+)
 from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.expressions.running_errors import (
     DECISIONS,
@@ -152,7 +158,8 @@ def _ask(
         values[i] = values[i] if answer is None else answer
     if errors is not None:
         errors = np.broadcast_to(errors, shape).ravel().copy()
-        errors[at] = np.spacing(np.abs(values[at]))
+        size = np.abs(values[at])
+        errors[at] = np.maximum(np.spacing(size), 2 * KEPT_ERROR * size)
         errors = errors.reshape(shape)
     return Lanes(values.reshape(shape), _union(bad.reshape(shape)), errors)
 
