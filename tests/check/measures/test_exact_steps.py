@@ -75,3 +75,9 @@ def test_values_that_stay_the_same_end_the_steps():
     model = symcheck.loads(text).with_options(exact=True)
     assert model.check("P=? [ F<=100000 s=3 ]").value == 1
     assert model.check("P=? [ F[50000,50001] s=2 ]").value == 0
+
+
+def test_discounted_values_of_too_many_digits_are_refused():
+    model = symcheck.loads(TEXT.format(kind="dtmc", more="")).with_options(exact=True)
+    with pytest.raises(symcheck.SymcheckError, match="fraction of about"):
+        model.check('R{"r"}=? [ C<=1000000000000 discount=0.9 ]')

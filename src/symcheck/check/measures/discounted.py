@@ -18,6 +18,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.measures.exact_steps import steps_in_integers
+from symcheck.check.measures.long_horizons import RestOfSteps
 from symcheck.check.measures.signed_steps import Steps, best, is_signed, lifted, signed_steps
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
@@ -207,6 +208,7 @@ def _iterated(
         if whole is not None:
             context.log.runs.append(SolverRun("steps", "step by step", system.n, steps))
             return system.lift(whole, None, exact=True)
+    digits = RestOfSteps(context, system, steps, earns=True) if exact and steps else None
     factors = full(1, discount, exact=exact)
     factor = factors[0]
     later = full(1, discount / (1 - discount), exact=exact)[0]
@@ -221,6 +223,8 @@ def _iterated(
         if factor != 0 and not rounding.signed and may_underflow(x, least):
             y = enclosed([y], partial(_of_signs, system, x, rewards, direction))[-1]
         change, x, taken, remaining = y - x, y, taken + 1, remaining * float(factor)
+        if digits is not None:
+            digits.is_known(taken, [x], [x])  # refuses numbers that become too large
         if not exact:
             largest = max(largest, _largest(x))
         if steps is None:
