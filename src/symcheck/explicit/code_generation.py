@@ -16,7 +16,7 @@ from symcheck.explicit.assembler import Assembler, Register, is_constant
 from symcheck.explicit.decider import Decider
 from symcheck.kernels.explore.register_machine import Op
 from symcheck.semantics.expressions.evaluate import evaluate
-from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.expressions.literals import to_signed_float
 from symcheck.semantics.expressions.running_errors import (
     DECISIONS,
     Enclosed,
@@ -114,7 +114,7 @@ class CodeGenerator:
         asm = self.assembler
         match expression:
             case Literal(value, Type.DOUBLE):
-                return asm.constant(to_float(value)), Type.DOUBLE
+                return asm.constant(to_signed_float(value)), Type.DOUBLE
             case Literal(value, type):
                 return asm.constant(int(value)), type
             case Name(name):

@@ -116,10 +116,10 @@ cdef inline double scale(double x, double error) noexcept nogil:
 
 
 cdef inline double share(double error, double y) noexcept nogil:
-    """A bound on |error / y|, NaN for y = 0."""
+    """A bound on |error / y|; for y = 0, NaN, or 0 if there is no error."""
     cdef double quotient = fabs(error / y)
     if y == 0:
-        return NAN
+        return 0 if error == 0 else NAN
     return FLOOR_OF_BOUNDS if quotient < FLOOR_OF_BOUNDS and error != 0 else quotient
 
 

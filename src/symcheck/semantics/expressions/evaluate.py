@@ -41,7 +41,12 @@ from symcheck.semantics.expressions.irrational import (
     extreme,
     logarithm,
 )
-from symcheck.semantics.expressions.literals import convert, format_value, to_float, type_of_value
+from symcheck.semantics.expressions.literals import (
+    convert,
+    format_value,
+    to_signed_float,
+    type_of_value,
+)
 from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import (
@@ -170,10 +175,10 @@ def _accurate(value: float, expression: Expression, valuation: Mapping[str, Valu
     def nearest_double(exact: _Number) -> float:
         if isinstance(exact, float):  # an infinity or NaN
             return exact
-        nearest = to_float(exact) if isinstance(exact, Fraction) else float(exact)
-        if nearest == 0 and exact != 0:  # what is positive stays so
-            nearest = _LEAST if exact > 0 else -_LEAST
-        return nearest
+        if isinstance(exact, Irrational):
+            nearest = float(exact)
+            return nearest or (_LEAST if exact > 0 else -_LEAST)
+        return to_signed_float(cast("Value", exact))
 
     nearest = _with_few_bits(lambda bits: nearest_double(_evaluate(expression, valuation, bits)))
     if not math.isfinite(nearest):

@@ -18,6 +18,7 @@ __all__ = [
     "format_state",
     "format_value",
     "to_float",
+    "to_signed_float",
     "type_of_value",
 ]
 
@@ -28,6 +29,14 @@ def to_float(value: Value) -> float:
         return float(value)
     except OverflowError:
         return math.inf if value > 0 else -math.inf
+
+
+def to_signed_float(value: Value) -> float:
+    """The nearest double, but the least one with its sign where that is 0 and the number is not: an
+    edge with a tiny probability stays one.
+    """
+    nearest = to_float(value)
+    return (5e-324 if value > 0 else -5e-324) if nearest == 0 and value != 0 else nearest
 
 
 def type_of_value(value: Value) -> Type:
@@ -50,7 +59,7 @@ def convert(value: Value, expected: Type, exact: bool) -> Value:
     actual = type_of_value(value)
     if expected is Type.DOUBLE and actual is not Type.BOOL:
         if not exact:
-            return to_float(value)
+            return to_signed_float(value)
         return value if isinstance(value, float) and not math.isfinite(value) else Fraction(value)
     if expected is not actual:
         raise TypeError(f"{format_value(value)} is of type {actual.value}, not {expected.value}")

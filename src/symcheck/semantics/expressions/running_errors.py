@@ -18,7 +18,7 @@ from math import e, inf, isfinite
 from typing import Generic, NamedTuple, TypeVar
 
 from symcheck.kernels.explore.register_machine import Op
-from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.expressions.literals import to_float, to_signed_float
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
 from symcheck.syntax.operators import Function, Operator
 from symcheck.syntax.traversal import children
@@ -75,7 +75,7 @@ class RunningErrors(Generic[R]):
     def literal(self, value: Fraction | int) -> Enclosed[R]:
         """A literal."""
         error = literal_error(value)
-        constant = self.constant(to_float(value))
+        constant = self.constant(to_signed_float(value))
         return Enclosed(constant, self.constant(error) if error else None)
 
     def negative(self, x: Enclosed[R]) -> Enclosed[R]:
@@ -121,7 +121,13 @@ class RunningErrors(Generic[R]):
             grown = self.emit(Op.GROWTH, change, change)
             relative = self.emit(Op.ADDD, grown, relative)
         error = self.emit(Op.SCALE, power, relative)
-        return Enclosed(power, self.emit(Op.MAXD, error, self.constant(_LEAST_BOUND)))
+        # What underflows has an error, and powers of an exact 0 have none.
+        least = self.constant(_LEAST_BOUND)
+        underflow = self.sum(
+            self._scaled(x.value, least), None if x.error is None else self._scaled(x.error, least)
+        )
+        assert underflow is not None
+        return Enclosed(power, self.emit(Op.MAXD, error, underflow))
 
     def log(self, x: Enclosed[R], base: Enclosed[R]) -> Enclosed[R]:
         """The logarithm of x."""

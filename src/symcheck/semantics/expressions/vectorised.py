@@ -32,7 +32,7 @@ from symcheck.semantics.expressions.evaluate import (
     evaluate,
     is_int64,
 )
-from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.expressions.literals import to_signed_float
 from symcheck.semantics.expressions.running_errors import (
     DECISIONS,
     Enclosed,
@@ -167,7 +167,7 @@ def _ask(
 def _evaluate(expression: Expression, columns: Mapping[str, Column]) -> Lanes:
     match expression:
         case Literal(value, Type.DOUBLE):
-            return Lanes(np.asarray(to_float(value)), None, _bound(literal_error(value)))
+            return Lanes(np.asarray(to_signed_float(value)), None, _bound(literal_error(value)))
         case Literal(value, _):
             return (
                 Lanes(np.asarray(value))
