@@ -55,7 +55,7 @@ from symcheck.semantics.diagnostics import suggest
 from symcheck.semantics.expressions.literals import as_expression
 from symcheck.semantics.model import BoundModel, Value, Variable
 from symcheck.semantics.rewards import Structure
-from symcheck.syntax.ast import ModelType
+from symcheck.syntax.ast import WITHOUT_KEYWORD, ModelType
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.parse import (
     parse_model,
@@ -175,7 +175,7 @@ class Model:
     @property
     def type(self) -> ModelType:
         """The model type: the given one, or that of the text, in which no keyword means MDP."""
-        return self.given_type or self.program.type or ModelType.MDP
+        return self.given_type or self.program.type or WITHOUT_KEYWORD
 
     def _repr_html_(self) -> str:
         from symcheck.tables import Table
@@ -788,7 +788,7 @@ def _single_property(formula: str) -> PropertiesFile:
 def model_type(given: ModelType | str | None) -> ModelType | None:
     """The model type of a name such as "mdp". Raises UsageError."""
     try:
-        return None if given is None else ModelType(given)
+        return given if given is None or isinstance(given, ModelType) else ModelType(given)
     except ValueError:
         names = [t.value for t in ModelType]
         near = suggest(str(given), names)

@@ -44,7 +44,6 @@ from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
     Expression,
     Filter,
-    ModelType,
     MultiObjective,
     PathQuantifier,
     StateFilter,
@@ -113,7 +112,7 @@ def check(
         observer=observer,
     )
     kind = context.type(formula)
-    if context.options.strategy and engine.model.type is ModelType.MDP:
+    if context.options.strategy and engine.model.type.has_choices:
         from symcheck.check.strategies.to_explicit import check_rows_fit
 
         check_rows_fit(

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from symcheck.check.context import Context
 from symcheck.check.measures.base import LongRunMeasures, TimedMeasures
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["long_run_measures", "timed_measures"]
 
 
 def timed_measures(context: Context) -> TimedMeasures:
     """Time-bounded measures, in steps or continuous time; the module is imported when needed."""
-    if context.engine.model.type is ModelType.CTMC:
+    if context.engine.model.type.continuous_time:
         from symcheck.check.measures import ctmc
 
         return ctmc
@@ -26,7 +25,7 @@ def timed_measures(context: Context) -> TimedMeasures:
 
 def long_run_measures(context: Context) -> LongRunMeasures:
     """Long-run averages of a chain or of an MDP; the module is imported when needed."""
-    if context.engine.model.type is ModelType.MDP:
+    if context.engine.model.type.has_choices:
         from symcheck.check.measures import long_run_mdp
 
         return long_run_mdp

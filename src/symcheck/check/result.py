@@ -11,7 +11,6 @@ from symcheck.engines.base import Engine
 from symcheck.engines.states import States, StateValues
 from symcheck.errors import NoStrategyError, NotInResultError, UnsupportedError, UsageError
 from symcheck.semantics.expressions.literals import format_state, format_value, to_float
-from symcheck.syntax.ast import ModelType
 from symcheck.tables import Table
 
 if TYPE_CHECKING:
@@ -294,7 +293,7 @@ class Result:
         reasons = [w for w in self.warnings if w.startswith(NO_STRATEGY)]
         if reasons:
             return NoStrategyError(f"the result has {reasons[0]}")
-        if self.engine is not None and self.engine.model.type is not ModelType.MDP:
+        if self.engine is not None and not self.engine.model.type.has_choices:
             kind = self.engine.model.type.value.upper()
             return NoStrategyError(
                 "the result has no strategy: strategies exist only for MDPs, "

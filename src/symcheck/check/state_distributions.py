@@ -33,7 +33,6 @@ from symcheck.numerics.tuning import (
     UNIT_ROUNDOFF,
 )
 from symcheck.options import Options
-from symcheck.syntax.ast import ModelType
 from symcheck.tables import Table, counted, state_table
 
 __all__ = ["Distribution", "initial_distribution", "steady_state", "transient"]
@@ -127,14 +126,14 @@ def transient(
     start = _prepared(engine, start, "transient")
     if not isinstance(time, Real) or not 0 <= time < np.inf:
         raise UsageError(f"a time is a number that is not negative, not {time!r}")
-    if engine.model.type is ModelType.DTMC and time != int(time):
+    if not engine.model.type.continuous_time and time != int(time):
         raise UsageError(f"a DTMC takes whole steps, not {time}")
-    if engine.exact and (engine.model.type is ModelType.DTMC or time == 0):
+    if engine.exact and (engine.model.type.chooses_uniformly or time == 0):
         lower = upper = _exact_steps(engine, start, time)
         text = f"{counted(int(time), 'step')} in rational arithmetic"
         return Distribution(engine, lower, upper, True, text, perf_counter() - started)
     matrix, start = _matrix(engine), doubles(start)
-    if engine.model.type is ModelType.DTMC:
+    if not engine.model.type.continuous_time:
         lower, upper, text = _steps(matrix, start, int(time))
     elif time == 0:
         lower, upper, text = start, start, "no time passes"
@@ -166,7 +165,7 @@ _OF_AN_MDP: Mapping[_Kind, str] = {
 
 
 def _prepared(engine: Engine, start: Numbers | None, kind: _Kind) -> Numbers:
-    if engine.model.type is ModelType.MDP:
+    if engine.model.type.has_choices:
         raise UnsupportedError(
             f"an MDP has no {kind} distribution over its states: it depends on the strategy"
             f"\n  hint: {_OF_AN_MDP[kind]}; -importstrat gives the chain of one strategy"

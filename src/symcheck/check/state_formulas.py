@@ -36,7 +36,6 @@ from symcheck.syntax.ast import (
     LabelReference,
     Literal,
     Measure,
-    ModelType,
     MultiObjective,
     Name,
     PathQuantifier,
@@ -325,7 +324,7 @@ def _direction(context: Context, formula: Measure, operator: str | None) -> Dire
 
     A bound without a direction must hold under all strategies.
     """
-    if context.engine.model.type is not ModelType.MDP:
+    if not context.engine.model.type.has_choices:
         return None
     given, letter = formula.direction, formula.letter
     if given in ("min", "max"):

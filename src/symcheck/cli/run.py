@@ -18,7 +18,6 @@ from symcheck.constant_values import combinations, parse_constants
 from symcheck.errors import Diagnostic, NameFault, UsageError
 from symcheck.experiments.properties_input import PropertiesInput, read_properties
 from symcheck.semantics.binding.bind import split_constants
-from symcheck.syntax.ast import ModelType
 from symcheck.syntax.declarations import PropertiesFile
 
 if TYPE_CHECKING:
@@ -182,7 +181,7 @@ def _facts(
     return {
         PROPERTY: checks,
         BUILT: checks or a.needs_model or not (a.simpath or a.step),
-        MDP: model.type is ModelType.MDP and a.importstrat is None,
+        MDP: model.type.has_choices and a.importstrat is None,
         VALUES: any(len(values) > 1 for values in of_model.values()),
     }
 

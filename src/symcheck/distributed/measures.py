@@ -38,7 +38,6 @@ from symcheck.syntax.ast import (
     Eventually,
     ExpectedTime,
     Expression,
-    ModelType,
     ProbabilityOperator,
     RewardOperator,
 )
@@ -104,7 +103,7 @@ class Measures:
         return self._reward(reward, normal_form(path, self.model), direction, labels)
 
     def _direction(self, given: str | None, operator: Operator | None) -> Direction | None:
-        if self.model.type is not ModelType.MDP:
+        if not self.model.type.has_choices:
             return None
         match given, operator:
             case (("min" | "max"), _):
@@ -209,7 +208,7 @@ class Measures:
     def _bounded_until(self, window: Window, direction: Direction | None) -> Bounds:
         self.parts.call(Part.complement, "zero", "left", "right")
         self.parts.call(Part.begin_iteration, "right", "zero", direction, None)
-        if self.model.type is ModelType.CTMC:
+        if self.model.type.continuous_time:
             _, time = window.times()
             assert time is not None
             return self._uniformised(time)

@@ -35,7 +35,7 @@ from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
 from symcheck.semantics.state_faults import describe_state
 from symcheck.simulate.state_predicates import compile_predicate
-from symcheck.syntax.ast import Expression, ModelType
+from symcheck.syntax.ast import Expression
 
 __all__ = ["Counts", "Message", "Part"]
 
@@ -352,8 +352,8 @@ class Part:
         return 2 if self._direction is Direction.MAX else 1
 
     @property
-    def _is_ctmc(self) -> bool:
-        return self._model.type is ModelType.CTMC
+    def _continuous_time(self) -> bool:
+        return self._model.type.continuous_time
 
     def _sweeps(self) -> PartSweeps:
         return PartSweeps(
@@ -364,7 +364,7 @@ class Part:
             self._constant,
             self._unknown_own.view(np.uint8),
             self._mode,
-            self._is_ctmc,
+            self._continuous_time,
         )
 
     def _rewards(self, reward: Reward) -> Floats:
@@ -378,7 +378,7 @@ class Part:
                     code = compile_expression(total_reward(items), self._model)
                     states[: self._n] = code.run_packed(self._layout, self._rows.states)
                 transitions = self._rows.rewards[index]
-            case Time() if self._is_ctmc:
+            case Time() if self._continuous_time:
                 states[: self._n] = 1.0
             case Steps() | Time():
                 transitions = self._matrix.row_sums()
@@ -414,7 +414,7 @@ class Part:
             constant,
             self._direction,
             constant is None,
-            self._is_ctmc,
+            self._continuous_time,
         )
         solution = solve_linear(problem, settings)
         place = int(np.count_nonzero(self._unknown[: self._rows.initial[0]]))
@@ -449,7 +449,7 @@ class Part:
                 matrix,
                 constant,
                 self._mode,
-                self._is_ctmc,
+                self._continuous_time,
                 *self._columns,
                 self._row_state,
             ),

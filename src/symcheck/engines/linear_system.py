@@ -120,7 +120,7 @@ class LinearSystem(SystemOf[S, V]):
 
     @property
     @abstractmethod
-    def is_ctmc(self) -> bool:
+    def continuous_time(self) -> bool:
         """Whether entries of the matrix are rates."""
 
     @property
@@ -141,7 +141,7 @@ class LinearSystem(SystemOf[S, V]):
     @cached_property
     def exit_rates(self) -> Numbers | None:
         """The exit rate of each state of a CTMC; None for other models."""
-        return self.row_sums() if self.is_ctmc else None
+        return self.row_sums() if self.continuous_time else None
 
     def embedded(self, rows: Numbers) -> Numbers:
         """Rates per row of a CTMC as probabilities of its embedded DTMC; of other models, the

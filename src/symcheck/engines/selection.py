@@ -36,7 +36,7 @@ from symcheck.engines.base import Engine, erased
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
 from symcheck.machine import available_memory
 from symcheck.options import Options
-from symcheck.syntax.ast import Call, ModelType
+from symcheck.syntax.ast import Call
 from symcheck.syntax.traversal import names, nodes
 
 if TYPE_CHECKING:
@@ -459,7 +459,7 @@ def _symbolic_engine(
         return _restricted_engine(restricted, erased(engine), observer, reason)
     size = engine.transitions * tuning.MATRIX_ENTRY_BYTES
     if (
-        space.symbolic.model.type is ModelType.MDP
+        space.symbolic.model.type.has_choices
         and engine.states <= tuning.MATERIALIZED_STATES
         and size <= tuning.ROWS_MEMORY_SHARE * available_memory()
     ):

@@ -68,7 +68,8 @@ def commands_apart(model: BoundModel) -> ExplicitModel:
         ModelFault: the model is faulty.
         ResourceError: a limit of time or memory was reached.
     """
-    return explore(replace(model, type=ModelType.MDP), Options(check_sums=False))
+    apart = replace(model, type=ModelType.with_properties(has_choices=True))
+    return explore(apart, Options(check_sums=False))
 
 
 def contributions(engine: Engine) -> Contributions | None:
@@ -82,7 +83,7 @@ def contributions(engine: Engine) -> Contributions | None:
         ResourceError: a limit of time or memory was reached.
     """
     model = engine.model
-    if model.type is ModelType.MDP or not model.actions:
+    if model.type.has_choices or not model.actions:
         return None
     imported = engine.capability(HasImportedStates)
     if imported is not None:
@@ -105,7 +106,7 @@ def _doubles(model: BoundModel) -> Contributions:
     row = np.repeat(np.arange(matrix.rows), matrix.lengths)
     counts = np.diff(matrix.groups)
     state = np.repeat(np.arange(matrix.states), counts)[row]
-    share = counts[state] if model.type is ModelType.DTMC else 1
+    share = counts[state] if model.type.chooses_uniformly else 1
     return Contributions(
         state, matrix.indices.astype(np.int64), apart.choice_actions[row], matrix.data / share
     )
@@ -121,7 +122,7 @@ def _rational(engine: Engine) -> Contributions:
         (i, number[target], names.get(choice.action or "", -1), Fraction(weight) / share)
         for i, state in enumerate(states)
         for enabled in [choices(model, state, check_sums=False)]
-        for share in [len(enabled) if model.type is ModelType.DTMC else 1]
+        for share in [len(enabled) if model.type.chooses_uniformly else 1]
         for choice in enabled
         for weight, target in choice.branches
     ]

@@ -14,7 +14,6 @@ from symcheck.engines.capabilities import HasActions
 from symcheck.engines.states import State, States, refuse_many
 from symcheck.engines.transition_actions import transition_parts
 from symcheck.matrices.rows import Int64s, SparseMatrix
-from symcheck.syntax.ast import ModelType
 from symcheck.tables import SHOWN_ROWS, Columns, Table, Tabular, optional_package
 
 if TYPE_CHECKING:
@@ -79,7 +78,7 @@ class TransitionTable(Tabular):
     def action(self) -> list[str | None]:
         """The action of each transition, None for none; those of a chain's are joined by commas."""
         model, known = self.engine.model, self.engine.capability(HasActions)
-        if model.type is not ModelType.MDP:
+        if not model.type.has_choices:
             parts = transition_parts(self.engine)
             joined = [] if parts is None else parts.joined(model.actions, self.matrix.entries)
             return [text or None for text in joined] or [None] * self.matrix.entries
@@ -126,7 +125,7 @@ class TransitionTable(Tabular):
         `action` and `choice`.
         """
         networkx = optional_package("networkx", "frames")
-        several = self.engine.model.type is ModelType.MDP
+        several = self.engine.model.type.has_choices
         graph = networkx.MultiDiGraph() if several else networkx.DiGraph()
         for state in States(self.engine, self.engine.all):
             graph.add_node(state.number, **state)

@@ -69,7 +69,7 @@ def row_rewards(kind: ModelType, matrix: SparseMatrix, rewards: Floats) -> Float
     """
     of = matrix.row_of_entry
     total: Floats = np.bincount(of, matrix.data * rewards, matrix.rows).astype(np.float64)
-    if kind is ModelType.CTMC:
+    if kind.continuous_time:
         return total
     # If all transitions of a row have one reward, it is the expected reward, without rounding.
     least, most = np.full(matrix.rows, np.inf), np.full(matrix.rows, -np.inf)
@@ -186,7 +186,7 @@ class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
             matrix = replace(matrix, data=np.asarray(matrix.data / sums[matrix.row_of_entry]))
             rewards = [_rewards_of(matrix, r) for r in rewards]
             sums = sum_segments(matrix.data, matrix.indptr)
-        if self.model.type is not ModelType.CTMC and any(s != 1 for s in sums):
+        if not self.model.type.continuous_time and any(s != 1 for s in sums):
             raise UnsupportedError(
                 "the given probabilities are rounded, and do not sum to 1 exactly"
             )
@@ -245,7 +245,7 @@ def build_imported(given: ExplicitData, options: Options) -> Engine:
 
 def _explicit(given: ExplicitData, fix_deadlocks: bool, check_sums: bool) -> ImportedEngine:
     fixed, row_actions, rewards, dead = _fixed(given, fix_deadlocks)
-    normal = given.type is not ModelType.CTMC and check_sums and not fixed.exact
+    normal = not given.type.continuous_time and check_sums and not fixed.exact
     divided, warning = _odd_rows(fixed) if normal else (np.zeros(fixed.rows, np.bool_), None)
     matrix, earned = fixed.doubles(), rewards
     if warning is not None:
@@ -307,7 +307,9 @@ def _rewards_of(matrix: SparseMatrix, given: ExplicitRewards) -> ExplicitRewards
     if matrix.exact:
         of_entries = _rationals(matrix.data) * _rationals(given.entries)
         return given._replace(rows=sum_segments(of_entries, matrix.indptr))
-    return given._replace(rows=row_rewards(ModelType.DTMC, matrix, doubles(given.entries)))
+    return given._replace(
+        rows=row_rewards(ModelType.with_properties(), matrix, doubles(given.entries))
+    )
 
 
 def imported_program(given: ExplicitData) -> Program:

@@ -148,7 +148,7 @@ class ExplicitExport:
 
     def transition_rewards(self, structure: ExplicitRewards) -> Numbers:
         """Per row, the one reward for all its transitions that has the row's expected reward."""
-        if self.type is not ModelType.CTMC:
+        if not self.type.continuous_time:
             return structure.rows
         return np.asarray(
             np.where(structure.rows == 0, 0.0, structure.rows.astype(np.float64) / self.row_sums)
@@ -218,7 +218,7 @@ def _rewards_of_commands(engine: Engine) -> Callable[[SparseMatrix], Sequence[Nu
     """A function that computes transition rewards of a chain from commands; None if not needed."""
     model = engine.model
     if (
-        model.type is ModelType.MDP
+        model.type.has_choices
         or not model.events
         or all(i.on_states for r in model.rewards for i in r.items)
     ):
@@ -234,7 +234,7 @@ def _rewards_of_commands(engine: Engine) -> Callable[[SparseMatrix], Sequence[Nu
 
 def _row_actions(engine: Engine) -> Int32s | None:
     """The action of each row of an MDP."""
-    if engine.model.type is not ModelType.MDP:
+    if not engine.model.type.has_choices:
         return None
     known = engine.capability(HasActions)
     assert known is not None

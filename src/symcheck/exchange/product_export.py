@@ -19,7 +19,7 @@ from symcheck.exchange.explicit_export import ExplicitExport, explicit_export
 from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.options import Options
 from symcheck.semantics.model import Variable
-from symcheck.syntax.ast import Expression, ModelType, ProbabilityOperator, Type
+from symcheck.syntax.ast import Expression, ProbabilityOperator, Type
 
 __all__ = ["product_export"]
 
@@ -126,7 +126,7 @@ def _product(
         [second, *(c[first] for c in model.columns)],
         matrix,
         model.values[entries],
-        model.actions if model.type is ModelType.MDP else (),
+        model.actions if model.type.has_choices else (),
         row_actions,
         {"init": initial_pairs[pairs], "deadlock": model.labels["deadlock"][first]},
         [],

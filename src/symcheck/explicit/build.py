@@ -23,7 +23,6 @@ from symcheck.errors import (
     ModelFault,
     ResourceError,
     TimeLimitError,
-    UnsupportedError,
     converts_memory_error,
 )
 from symcheck.explicit import tuning
@@ -41,7 +40,6 @@ from symcheck.options import Options
 from symcheck.parallel.threads import even_shares, helpers, on_threads, thread_count, use_threads
 from symcheck.semantics import state_faults
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import ModelType
 
 if TYPE_CHECKING:
     from symcheck.explicit.orbits import StateOrbits
@@ -74,7 +72,7 @@ def row_arrays(
     Returns:
         The matrix, int32[rows], and a float64[rows] for each reward structure.
     """
-    groups = np.zeros(len(order) + 1, np.int64) if model.type is ModelType.MDP else None
+    groups = np.zeros(len(order) + 1, np.int64) if model.type.has_choices else None
     indptr = np.zeros(rows.closed + 1, np.int64)
     indices, data = np.empty(rows.entries, np.int32), np.empty(rows.entries)
     actions = np.empty(rows.closed, np.int32)
@@ -151,10 +149,6 @@ class Exploration:
     _seconds: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
-        if self.model.type not in (ModelType.DTMC, ModelType.CTMC, ModelType.MDP):
-            raise UnsupportedError(
-                f"explicit exploration of a model of type {self.model.type.value}"
-            )
         started = time.perf_counter()
         self._max_memory = (
             tuning.MEMORY_SHARE * available_memory()

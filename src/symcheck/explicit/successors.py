@@ -19,7 +19,6 @@ from symcheck.matrices.rows import Bools, Floats, Int64s
 from symcheck.semantics.interpreter import state_rewards
 from symcheck.semantics.model import BoundModel, BoundReward
 from symcheck.semantics.rewards import Reward, reward_items
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["Choices", "SuccessorGenerator", "Successors"]
 
@@ -132,7 +131,7 @@ class SuccessorGenerator:
         found = self.choices(rows)
         offsets = np.append(np.int64(0), found.branch_ends[found.ends - 1])
         weights = found.weights
-        if self._model.type is not ModelType.CTMC:
+        if not self._model.type.continuous_time:
             choices = np.repeat(np.diff(found.ends, prepend=0), np.diff(offsets))
             # As in the kernel, an edge whose probability underflows is kept.
             weights = np.where(weights > choices * 5e-324, weights / choices, weights)

@@ -20,13 +20,12 @@ from symcheck.explicit.states import StateLayout
 from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate
 from symcheck.semantics.state_faults import sum_tolerance
-from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Name, Type
+from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Name, Type
 from symcheck.syntax.operators import Operator
 
 __all__ = ["Tables", "tables"]
 
 Assignments = Sequence[tuple[int, Expression]]
-_KINDS = {ModelType.DTMC: 0, ModelType.CTMC: 1, ModelType.MDP: 2}
 _ALL = (1 << 64) - 1
 
 
@@ -101,8 +100,8 @@ def tables(
         separate_choices: give each joint choice a row of its own, as in an MDP, also in a DTMC or
             CTMC.
     """
-    kind = ModelType.MDP if separate_choices else model.type
-    return _Builder(model, layout).build(_KINDS[kind], check_sums)
+    rows = 2 if separate_choices or model.type.has_choices else int(model.type.continuous_time)
+    return _Builder(model, layout).build(rows, check_sums)
 
 
 _STARTS = ("command_updates", "update_assignments", "event_parts", "part_commands")
@@ -153,7 +152,7 @@ class _Builder:
             kind=kind,
             words=self.layout.words,
             tolerance=sum_tolerance(self.model.unchecked_sums),
-            check_sums=check_sums and self.model.type is not ModelType.CTMC,
+            check_sums=check_sums and not self.model.type.continuous_time,
             fields=self.layout.fields,
             lows=self.layout.lows,
             ranges=self.layout.ranges,

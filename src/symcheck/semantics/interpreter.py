@@ -19,7 +19,7 @@ from symcheck.semantics import state_faults
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate, Value
-from symcheck.syntax.ast import Expression, ModelType
+from symcheck.syntax.ast import Expression
 
 __all__ = [
     "Choice",
@@ -107,7 +107,7 @@ def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tupl
     """
     evaluator = _StateEvaluator(model, state)
     result = []
-    is_mdp = model.type is ModelType.MDP
+    has_choices = model.type.has_choices
     total = nothing = [0.0] * len(model.rewards)
     for event in model.events:
         enabled = (
@@ -119,7 +119,7 @@ def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tupl
                 rewards = evaluator.rewards(False, event.action)
                 result.append(Choice(event.action, combination, branches, rewards))
                 if not model.exact:
-                    total = evaluator.earned(result[-1], nothing if is_mdp else total)
+                    total = evaluator.earned(result[-1], nothing if has_choices else total)
     return tuple(result)
 
 
@@ -135,9 +135,9 @@ def transitions(model: BoundModel, state: State, *, check_sums: bool = True) -> 
     result = choices(model, state, check_sums=check_sums)
     if not result:
         return ()
-    if model.type is ModelType.MDP:
+    if model.type.has_choices:
         return tuple(_row((c,), 1) for c in result)
-    return (_row(result, len(result) if model.type is ModelType.DTMC else 1),)
+    return (_row(result, len(result) if model.type.chooses_uniformly else 1),)
 
 
 def state_rewards(model: BoundModel, state: State) -> tuple[Value, ...]:
@@ -198,7 +198,7 @@ class _StateEvaluator:
     ) -> tuple[tuple[Value, State], ...]:
         """All combinations of the commands' updates that have a positive probability."""
         weighted = [[(self.probability(c, u), c, u) for u in c.updates] for c in commands]
-        if check_sums and self.model.type is not ModelType.CTMC:
+        if check_sums and not self.model.type.continuous_time:
             self.check_sums(commands, [sum(p for p, _, _ in updates) for updates in weighted])
         result = []
         for combination in product(*weighted):

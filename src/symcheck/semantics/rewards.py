@@ -8,7 +8,7 @@ from typing import assert_never, cast
 
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundModel, BoundReward
-from symcheck.syntax.ast import Expression, Literal, ModelType, RewardBound, RewardOperator, Type
+from symcheck.syntax.ast import Expression, Literal, RewardBound, RewardOperator, Type
 
 __all__ = [
     "Reward",
@@ -60,7 +60,7 @@ def reward_items(reward: Reward, model: BoundModel) -> tuple[BoundReward, ...]:
     match reward:
         case Structure(index):
             return model.rewards[index].items
-        case Time() if model.type is ModelType.CTMC:
+        case Time() if model.type.continuous_time:
             return (BoundReward(True, None, _ALWAYS, _ONE),)
         case Steps() | Time():
             return tuple(BoundReward(False, a, _ALWAYS, _ONE) for a in (None, *model.actions))

@@ -192,7 +192,7 @@ def at_state(fault: InputError, state: str) -> ModelFault:
 
 def weight_name(kind: ModelType) -> str:
     """What the weights of updates are in a model of this type."""
-    return "rate" if kind is ModelType.CTMC else "probability"
+    return "rate" if kind.continuous_time else "probability"
 
 
 def _span(*spans: Span) -> Span:

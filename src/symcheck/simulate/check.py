@@ -38,7 +38,6 @@ from symcheck.syntax.ast import (
     ExpectedTime,
     Expression,
     ExpressionNode,
-    ModelType,
     ProbabilityOperator,
     RewardOperator,
 )
@@ -113,7 +112,7 @@ def check_by_sampling(
     started = perf_counter()
     plan = plan or Plan()
     monitor, reward, bound = _read_operator(model, formula)
-    if model.type is ModelType.MDP and bound is not None:
+    if model.type.has_choices and bound is not None:
         raise UnsupportedError(
             "sampling does not decide thresholds of an mdp: a threshold must hold for all "
             "strategies, and sampling follows one, the uniform strategy; without sampling it is "
@@ -153,7 +152,7 @@ def check_by_sampling(
             workers=workers,
             observer=observer,
         )
-    uniform = (_UNIFORM,) if model.type is ModelType.MDP else ()
+    uniform = (_UNIFORM,) if model.type.has_choices else ()
     explanation = (
         f"{result.explanation}; {samples.samples} paths of "
         f"{samples.steps / max(samples.samples, 1):.1f} steps on average, seed {seed}"

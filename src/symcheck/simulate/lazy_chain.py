@@ -20,7 +20,6 @@ from symcheck.semantics import state_faults
 from symcheck.simulate import tuning
 from symcheck.simulate.sources import Source
 from symcheck.simulate.state_predicates import StatePredicate
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["LazyChain"]
 
@@ -64,7 +63,7 @@ class LazyChain:
         max_branches: int = tuning.MAX_BRANCHES,
     ) -> None:
         self.source, self.max_branches = source, max_branches
-        self.continuous = source.model.type is ModelType.CTMC
+        self.continuous = source.model.type.continuous_time
         self._predicates, self._fix_deadlocks = predicates, fix_deadlocks
         self._begin()
 

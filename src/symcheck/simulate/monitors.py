@@ -39,7 +39,6 @@ from symcheck.syntax.ast import (
     Expression,
     ExpressionNode,
     InstantaneousReward,
-    ModelType,
     PathFormula,
     RewardQuery,
     SteadyStateReward,
@@ -271,7 +270,7 @@ def _monitor(form: NormalForm, model: BoundModel, *, negative: bool) -> Monitor:
 
 
 def _time_bounds(times: Window, model: BoundModel) -> tuple[float, float | None]:
-    if model.type is ModelType.CTMC:
+    if model.type.continuous_time:
         return times.times()
     steps = times.steps()
     return float(steps.lower), None if steps.upper is None else float(steps.upper)

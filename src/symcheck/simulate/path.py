@@ -16,7 +16,6 @@ from symcheck.errors import Diagnostic, NameFault
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.interpreter import State
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import ModelType
 from symcheck.tables import Columns, Table, Tabular
 
 __all__ = ["Path", "PathFormat", "PathStep", "rows", "table", "used_seed"]
@@ -159,7 +158,7 @@ def rows(path: Path, path_format: PathFormat | None = None) -> list[list[str]]:
     for name in names:
         path.values(name)  # raises NameFault for an unknown variable
     chosen = [path.variables.index(n) for n in names]
-    timed = path.model.type is ModelType.CTMC
+    timed = path.model.type.continuous_time
     snapshot = path_format.snapshot is not None
     titles = [] if snapshot else ["action", *(["probability"] if path_format.probabilities else [])]
     titles += [

@@ -25,7 +25,7 @@ from symcheck.semantics.state_faults import describe_state
 from symcheck.simulate.intervals import Range
 from symcheck.simulate.item_ranges import sum_range
 from symcheck.simulate.state_predicates import StatePredicate, compile_predicate
-from symcheck.syntax.ast import Expression, ModelType
+from symcheck.syntax.ast import Expression
 
 __all__ = ["CommandSource", "Source", "TableSource"]
 
@@ -157,7 +157,7 @@ class TableSource:
         """The reward of each state, and of each transition."""
         explored, matrix = self._explored, self._explored.matrix
         states, entries = np.zeros(self.engine.states), np.zeros(matrix.entries)
-        timed = self.model.type is ModelType.CTMC
+        timed = self.model.type.continuous_time
         match self.reward:
             case None:
                 pass

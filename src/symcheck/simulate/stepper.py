@@ -16,7 +16,6 @@ from symcheck.semantics.interpreter import State
 from symcheck.semantics.state_faults import describe_state
 from symcheck.simulate.path import Path, PathStep, used_seed
 from symcheck.simulate.steps import Choice, Steps
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["Simulator", "StepStrategy"]
 
@@ -226,7 +225,7 @@ class Simulator:
     def __str__(self) -> str:
         """The state, its labels and rewards, and the numbered choices with their successors."""
         model, last = self._steps.model, self._path[-1]
-        time = f", time {last.time:.6g}" if model.type is ModelType.CTMC else ""
+        time = f", time {last.time:.6g}" if model.type.continuous_time else ""
         lines = [f"step {len(self._path) - 1}{time}: {self._text(last.state)}"]
         if self.labels:
             lines.append(f"labels: {', '.join(self.labels)}")

@@ -18,7 +18,6 @@ from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.interpreter import State, choices, state_rewards, valuation
 from symcheck.semantics.model import BoundCommand, BoundModel, Value
 from symcheck.simulate.path import PathStep
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["Branch", "Choice", "Steps", "TableSteps"]
 
@@ -118,7 +117,7 @@ class Steps:
         share = self._share(enabled)
         moves = [(c, b) for c in enabled for b in c.branches] if allowed is None else list(allowed)
         duration = 1.0
-        if kind is ModelType.CTMC:
+        if kind.continuous_time:
             rate = sum(float(b.probability) for c in enabled for b in c.branches)
             duration = float(generator.standard_exponential()) / rate
         weights = [float(b.probability) / share for _, b in moves]
@@ -132,13 +131,13 @@ class Steps:
             self.rewards(branch.state),
             choice.action,
             choice.module,
-            float(branch.probability) if kind is ModelType.MDP else weights[index],
+            float(branch.probability) if kind.has_choices else weights[index],
             branch.rewards,
         )
 
     def _share(self, enabled: Sequence[Choice]) -> int:
         """By what the probabilities of choices are divided: how many are equally likely."""
-        return 1 if self.model.type is ModelType.CTMC else len(enabled)
+        return 1 if self.model.type.continuous_time else len(enabled)
 
 
 class TableSteps(Steps):
@@ -177,7 +176,7 @@ class TableSteps(Steps):
         )
 
     def _share(self, enabled: Sequence[Choice]) -> int:
-        return len(enabled) if self.model.type is ModelType.MDP else 1
+        return len(enabled) if self.model.type.has_choices else 1
 
     def _of_actions(self, row: int, parts: TransitionParts) -> tuple[Choice, ...]:
         """The transitions of a row of a chain, by action."""
@@ -196,7 +195,7 @@ class TableSteps(Steps):
         matrix = explored.matrix
         part = slice(*matrix.indptr[row : row + 2].tolist())
         weights = matrix.data[part].tolist()
-        total = sum(weights) if self.model.type is ModelType.CTMC else 1
+        total = sum(weights) if self.model.type.continuous_time else 1
         earned = [
             [float(of_rows[row] / total)] * len(weights) if entries is None else entries[part]
             for of_rows, entries in zip(

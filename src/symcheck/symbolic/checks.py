@@ -19,7 +19,6 @@ from symcheck.options import Options
 from symcheck.semantics import interpreter, state_faults
 from symcheck.symbolic.events.commands import positive, possible
 from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace, SymbolicModel
-from symcheck.syntax.ast import ModelType
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
@@ -125,7 +124,7 @@ def _command_violations(
         outside = (command.guard - update.in_range) & positive(translator, update)
         if outside:
             yield outside & happens()
-    if options.check_sums and space.symbolic.model.type is not ModelType.CTMC:
+    if options.check_sums and not space.symbolic.model.type.continuous_time:
         yield _wrong_sum(space, command, where)
 
 

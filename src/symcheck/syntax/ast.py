@@ -85,12 +85,43 @@ class Type(Enum):
     DOUBLE = "double"
 
 
+_PROPERTIES = {"dtmc": (False, False), "ctmc": (True, False), "mdp": (False, True)}
+"""Of each type: whether time is continuous, and whether it has choices."""
+
+
 class ModelType(Enum):
-    """Kind of model, as its keyword says."""
+    """Kind of model. Code asks for its properties; its name is for reading and printing.
+
+    Attributes:
+        continuous_time: states are left at rates; otherwise, time counts steps.
+        has_choices: a player chooses among the commands that a state enables; otherwise, chance
+            does: in proportion to their rates, or uniformly in discrete time.
+    """
 
     DTMC = "dtmc"
     CTMC = "ctmc"
     MDP = "mdp"
+
+    def __init__(self, keyword: str) -> None:
+        self.continuous_time, self.has_choices = _PROPERTIES[keyword]
+
+    @property
+    def chooses_uniformly(self) -> bool:
+        """Whether chance chooses among enabled commands with equal probabilities."""
+        return not (self.continuous_time or self.has_choices)
+
+    @staticmethod
+    def with_properties(*, continuous_time: bool = False, has_choices: bool = False) -> ModelType:
+        """The type with these properties. Raises LookupError if there is none."""
+        wanted = continuous_time, has_choices
+        for kind in ModelType:
+            if (kind.continuous_time, kind.has_choices) == wanted:
+                return kind
+        raise LookupError("no type of models has choices in continuous time")
+
+
+WITHOUT_KEYWORD = ModelType.MDP
+"""The type of a model whose text does not name one, as in PRISM."""
 
 
 # -------------------------------------------------------------------------------------- expressions

@@ -24,7 +24,6 @@ from symcheck.symbolic.matrix.transitions import transitions
 from symcheck.syntax.ast import (
     Eventually,
     Measure,
-    ModelType,
     ProbabilityOperator,
     RewardOperator,
 )
@@ -136,7 +135,7 @@ def model_page(
         reduce=False,
         order=None,
         everywhere=True,
-        strategy=bound.type is ModelType.MDP and not model.options.exact,
+        strategy=bound.type.has_choices and not model.options.exact,
     )
     file = _properties(properties)
     given = constant_values(constants)
@@ -197,7 +196,7 @@ class _Writer:
             if entry["value"] != "error":
                 stages = self._stages(instance, symbolic)
                 shows.extend({**show, "group": instance.title} for show in stages)
-        choices = {} if bound.type is not ModelType.MDP else {"choices": f"{engine.choices:,}"}
+        choices = {} if not bound.type.has_choices else {"choices": f"{engine.choices:,}"}
         facts = {
             "type": bound.type.name,
             "states": f"{total:,}",
@@ -386,7 +385,7 @@ class _Writer:
 
 def _direction(formula: Measure, model: BoundModel) -> Direction | None:
     """The direction of an operator; that of a bound is the one that decides it."""
-    if model.type is not ModelType.MDP:
+    if not model.type.has_choices:
         return None
     if formula.direction is not None:
         return Direction(formula.direction)

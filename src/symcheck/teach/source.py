@@ -11,7 +11,6 @@ from symcheck.symbolic.build import build, construct
 from symcheck.symbolic.checks import check_model
 from symcheck.symbolic.model import StateSpace, SymbolicModel, Transitions
 from symcheck.symbolic.reachability.search import reach
-from symcheck.syntax.ast import ModelType
 from symcheck.view.choice_graph import GivenModel
 
 __all__ = [
@@ -60,7 +59,7 @@ def graph_engine(source: GivenModel | SymbolicEngine) -> SymbolicEngine:
     """An engine for questions about the graph of a model: of a chain, it needs no CUDD."""
     if not isinstance(source, GivenModel):
         return source
-    if available() or source.bound.type is ModelType.MDP:
+    if available() or source.bound.type.has_choices:
         return symbolic_engine(source)
     from symcheck.engines.symbolic.forms import MtbddEngine
 
@@ -73,7 +72,7 @@ def diagrams_of(source: GivenModel) -> tuple[StateSpace, SymbolicEngine | None]:
     """The reachable states, and an engine for questions about the graph: an MDP without CUDD has
     none.
     """
-    if source.bound.type is ModelType.MDP and not available():
+    if source.bound.type.has_choices and not available():
         return state_space(source), None
     engine = graph_engine(source)
     return engine.space, engine

@@ -199,10 +199,10 @@ def draw_states(
         names: write the names of variables; None: up to 40 states.
         title: the caption.
     """
-    is_mdp = graph.matrix.groups is not None
+    has_choices = graph.matrix.groups is not None
     named = len(drawn) <= _NAMED if names is None else names
     shown = _varying([graph.valuations[s] for s in drawn.tolist()]) if named else None
-    spread = 2 if is_mdp else 1
+    spread = 2 if has_choices else 1
     layer = {s: spread * int(distance[s]) for s in drawn.tolist()}
     keys = _colours(sets or {})
     nodes, edges, outside = [], [], 0
@@ -212,7 +212,7 @@ def draw_states(
 
     def on_path(s: int, t: int, action: str) -> bool:
         actions = taken.get((s, t), set())
-        return bool(actions) and (not is_mdp or None in actions or action in actions)
+        return bool(actions) and (not has_choices or None in actions or action in actions)
 
     for s in drawn.tolist():
         label = graph.text(graph.valuations[s], named=named, width=3 if named else 8, shown=shown)
@@ -220,7 +220,7 @@ def draw_states(
             label += f"\n{numbers[s]}"
         fill = next((c for c, (_, members) in keys.items() if members[s]), "")
         nodes.append(Node(f"s{s}", label, layer[s], _kind(graph, s, marked), fill))
-        of_chain = {} if is_mdp else graph.actions_to(s)
+        of_chain = {} if has_choices else graph.actions_to(s)
         for number, choice in enumerate(graph.choices(s)):
             emphasis: Emphasis = "" if choices is None else choices[choice.row]
             source, row = f"s{s}", f"r{choice.row}"
@@ -229,7 +229,7 @@ def draw_states(
                 action = f"{action} ({number_text(weights[choice.row])})".strip()
             # A choice with one successor is an edge; one with several leads to a point.
             inside = any(t in layer for t, _ in choice.successors)
-            if is_mdp and inside and len(choice.successors) > 1:
+            if has_choices and inside and len(choice.successors) > 1:
                 source = f"c{s}_{number}"
                 nodes.append(Node(source, "", layer[s] + 1 if layer[s] >= 0 else -1, "choice"))
                 leads = any(on_path(s, t, choice.action) for t, _ in choice.successors)
@@ -240,14 +240,14 @@ def draw_states(
                 if t not in layer:
                     rest += float(p)
                     continue
-                text = action if is_mdp and source == f"s{s}" else number_text(p)
+                text = action if has_choices and source == f"s{s}" else number_text(p)
                 text = f"{text} {of_chain[t]}" if of_chain.get(t) else text
                 kind: Emphasis = "path" if on_path(s, t, choice.action) else emphasis
                 edges.append(Edge(source, f"s{t}", text, False, kind, f"{row} t{t}"))
             if rest:
                 outside += 1
                 nodes.append(Node(f"m{choice.row}", "…", -1, "root"))
-                text = action if is_mdp and source == f"s{s}" else number_text(rest)
+                text = action if has_choices and source == f"s{s}" else number_text(rest)
                 edges.append(Edge(source, f"m{choice.row}", text, True, emphasis, row))
     widest = max(np.unique([d for d in layer.values() if d >= 0], return_counts=True)[1], default=0)
     depth = max(layer.values(), default=0) + spread

@@ -11,7 +11,6 @@ from symcheck.check.explanation.labelled_transitions import labelled_transitions
 from symcheck.check.explanation.question import Question
 from symcheck.numerics.likeliest_paths import StepProblem
 from symcheck.semantics.command_text import command_text
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["command_set"]
 
@@ -27,7 +26,7 @@ def command_set(question: Question) -> tuple[CommandSet | None, str]:
             None,
             "no commands: they are found for one of X, F, G, U, W and R without bounds on rewards",
         )
-    if model.type is ModelType.CTMC:
+    if model.type.continuous_time:
         return None, "no commands: without a command, the others of a CTMC are more likely"
     if isinstance(problem, StepProblem):
         steps = problem.steps
@@ -59,7 +58,7 @@ def command_set(question: Question) -> tuple[CommandSet | None, str]:
         return None, "no commands: the threshold is too close to the value (-exact decides)"
     chosen, smallest = answer
     texts = [command_text(model, labelled.commands[i]) for i in np.flatnonzero(chosen)]
-    another = engine.model.type is ModelType.MDP and question.satisfies
+    another = engine.model.type.has_choices and question.satisfies
     count = len(labelled.commands)
     earn = question.reward is not None
     return CommandSet(tuple(sorted(texts)), count, smallest, another, earn), ""

@@ -17,7 +17,6 @@ from symcheck.numerics import graph
 from symcheck.semantics.interpreter import Choice, State, choices
 from symcheck.semantics.model import BoundCommand
 from symcheck.semantics.rewards import Reward, Structure
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["LabelledTransitions", "labelled_transitions"]
 
@@ -116,7 +115,7 @@ def labelled_transitions(
     commands: dict[int, BoundCommand] = {}
     labels: dict[frozenset[int], int] = {}
     owner: list[int] = []
-    several = engine.model.type is ModelType.MDP
+    several = engine.model.type.has_choices
     for s in np.flatnonzero(relevant).tolist():
         enabled: Sequence[Choice] = choices(engine.model, states[s], check_sums=False)
         if rows is not None:

@@ -18,7 +18,6 @@ from symcheck.engines.states import State
 from symcheck.matrices.rows import SparseMatrix
 from symcheck.numerics.likeliest_paths import FoundPath
 from symcheck.semantics.interpreter import choices
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["named_paths"]
 
@@ -78,7 +77,7 @@ class _Actions:
     def of(self, row: int, source: int, target: int) -> str:
         """The action of a row, or those of a transition of a chain."""
         model = self.engine.model
-        if model.type is ModelType.MDP or model.builder is not None:
+        if model.type.has_choices or model.builder is not None:
             action = int(self.engine.explored.choice_actions[row])
             return model.actions[action] if action >= 0 else ""
         if (source, target) not in self.known:

@@ -60,7 +60,6 @@ from symcheck.syntax.ast import (
     Eventually,
     ExpectedTime,
     Expression,
-    ModelType,
     ProbabilityOperator,
     RewardOperator,
 )
@@ -129,7 +128,7 @@ def question_of(context: Context, formula: Expression) -> Question:
     upper = not formula.bound.operator.is_lower_bound
     # An upper bound that is broken, and a lower bound that holds, are shown by what is there.
     satisfies = upper == refutes
-    if engine.model.type is ModelType.MDP:
+    if engine.model.type.has_choices:
         given = formula.direction or ("max" if upper else "min")
         if (given == "max") is not satisfies:
             raise UnsupportedError(
@@ -165,7 +164,7 @@ def _threshold(context: Context, formula: BoundedOperator) -> Fraction:
 def _probabilities(engine: ExplicitEngine) -> SparseMatrix:
     """The matrix; that of the embedded chain for a CTMC."""
     matrix = engine.matrix
-    if engine.model.type is not ModelType.CTMC:
+    if not engine.model.type.continuous_time:
         return matrix
     sums = sum_segments(matrix.data, matrix.indptr) if matrix.exact else matrix.row_sums()
     return matrix.divided(sums)
@@ -184,7 +183,7 @@ def _probability(
 ) -> Question:
     path = resolve(formula.path, states_of(context), context.engine)
     path = path if satisfies else negated(path)
-    is_ctmc = engine.model.type is ModelType.CTMC
+    continuous_time = engine.model.type.continuous_time
     match path:
         case NextPath(target, window, negative) if window.trivial:
             end = context.engine.to_bools(~target if negative else target)
@@ -193,13 +192,13 @@ def _probability(
             return _plain(engine, steps, first, satisfies)
         case UntilPath(window=window) if window.trivial:
             rows, matrix = None, _probabilities(engine)
-            if engine.model.type is ModelType.MDP:
+            if engine.model.type.has_choices:
                 rows = strategy_of(context, formula, states_of).rows
                 matrix = matrix.choose(rows)
             passing, goal, _ = _until(context, matrix, path)
             problem = WalkProblem(matrix, passing, goal)
             return replace(_plain(engine, problem, first, satisfies), rows=rows)
-        case UntilPath(window=window) if is_ctmc:
+        case UntilPath(window=window) if continuous_time:
             if path.negative or not window.at_once:
                 raise UnsupportedError(
                     "counterexamples of time bounds are supported for F<=t and U<=t whose paths "
@@ -215,7 +214,7 @@ def _probability(
         case RewardPath():
             return _within_rewards(context, engine, formula, path, first, satisfies=satisfies)
         case NextPath() | UntilPath() | TemporalPath() | StatePath():
-            if is_ctmc and not isinstance(path, TemporalPath):
+            if continuous_time and not isinstance(path, TemporalPath):
                 raise UnsupportedError("counterexamples are not supported for X with a time bound")
             read = temporal(formula.path, states_of(context), context.engine.model)
             return _on_product(context, engine, replace(read, negative=not satisfies), first)
@@ -281,7 +280,7 @@ def _within_rewards(
     satisfies: bool,
 ) -> Question:
     """Paths with bounds on rewards: those of the product with a counter for each reward."""
-    is_mdp, to = engine.model.type is ModelType.MDP, context.engine.to_bools
+    has_choices, to = engine.model.type.has_choices, context.engine.to_bools
     system = context.engine.system(context.engine.all)
     bounds = [scale_bound(context, system, row_rewards(context, system, c), c) for c in path.counts]
     product = counter_product(engine, bounds, "a counterexample")
@@ -289,7 +288,7 @@ def _within_rewards(
     problem: WalkProblem | StepProblem
     match path.path:
         case NextPath(target):
-            if is_mdp:
+            if has_choices:
                 raise UnsupportedError(
                     "counterexamples of X with a bound on a reward are supported for chains; those "
                     "of F, G, U, W and R for MDPs too"
@@ -299,7 +298,7 @@ def _within_rewards(
             end = ~end if path.negative else end
             problem = StepProblem(matrix, everything, nothing, end, 1)
         case UntilPath(left, right):
-            if is_mdp:
+            if has_choices:
                 rows = strategy_of(context, formula, states_of).rows
                 matrix = matrix.choose(rows)
             passing = to(left)[product.state] & product.within
@@ -318,7 +317,7 @@ def _on_product(
     context: Context, engine: ExplicitEngine, path: TemporalPath, first: int
 ) -> Question:
     """Paths after which an LTL formula holds almost surely."""
-    if engine.model.type is ModelType.MDP:
+    if engine.model.type.has_choices:
         direction = Direction.MIN if path.negative else Direction.MAX
         strategy, accepted = temporal_strategy(context, replace(path, negative=False), direction)
         product, matrix, entry = strategy.engine, strategy.induced, strategy.entry
@@ -360,7 +359,7 @@ def _reward(
     query = formula.path if isinstance(formula, ExpectedTime) else formula.query
     formulas, on = states_of(context), context.engine
     read = resolve(query, formulas, on) if isinstance(query, Eventually) else None
-    bounded = isinstance(query, CumulativeReward) and engine.model.type is not ModelType.CTMC
+    bounded = isinstance(query, CumulativeReward) and not engine.model.type.continuous_time
     if not bounded and not (isinstance(read, UntilPath) and read.window.trivial):
         raise UnsupportedError(
             "counterexamples of expected rewards are supported for F states: R<=r [ F states ], "
@@ -374,7 +373,7 @@ def _reward(
     reward: Reward = Time() if isinstance(formula, ExpectedTime) else reward_of(context, formula)
     earned = context.engine.system(context.engine.all).step_rewards(reward)
     rows, matrix = None, _probabilities(engine)
-    if engine.model.type is ModelType.MDP and not bounded:
+    if engine.model.type.has_choices and not bounded:
         rows = strategy_of(context, formula, states_of).rows
         matrix, earned = matrix.choose(rows), earned[rows]
     everything = np.ones(engine.states, np.bool_)

@@ -18,7 +18,6 @@ from symcheck.errors import UnsupportedError
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import RewardWindow
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["cost_bounded_reward"]
 
@@ -58,7 +57,7 @@ def cost_bounded_reward(
         raise UnsupportedError(
             "rewards within a cost must not be negative or infinite; C<=k takes negative ones"
         )
-    if engine.model.type is ModelType.CTMC:
+    if engine.model.type.continuous_time:
         matrix = matrix.divided(system.row_sums())
     problem = CostBoundedProblem(matrix, rewards, bound.rewards, bound.upper, direction)
     lower, upper, levels = solve_cost_bounded(problem, context.options, context.observer)

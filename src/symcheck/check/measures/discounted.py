@@ -32,7 +32,6 @@ from symcheck.numerics.linear.problem import LinearProblem, Progress, largest_wi
 from symcheck.numerics.tuning import SERIES_ENTRIES, STEP_ENTRIES, UNIT_ROUNDOFF
 from symcheck.numerics.underflow import enclosed, may_underflow
 from symcheck.semantics.rewards import Reward
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["discounted_problem", "discounted_reward"]
 
@@ -65,7 +64,7 @@ def discounted_reward(
         UnsupportedError: the model is a CTMC, or the reward of a step is infinite.
     """
     engine = context.engine
-    if engine.model.type is ModelType.CTMC:
+    if engine.model.type.continuous_time:
         raise UnsupportedError(
             "discounted rewards are supported for DTMCs and MDPs, where a factor applies to each "
             "step; in a CTMC, R [ C<=t ] and R [ S ] are supported"

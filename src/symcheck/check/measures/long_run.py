@@ -21,7 +21,6 @@ from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.numerics.tuning import CANCELLATION
 from symcheck.semantics.rewards import Reward
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["steady_probability", "steady_reward"]
 
@@ -42,7 +41,7 @@ def steady_probability(
 
 def steady_reward(context: Context, reward: Reward, direction: Direction | None = None) -> Values:
     """Long-run average of the reward per step (DTMC) or unit of time (CTMC)."""
-    timed = context.engine.model.type is ModelType.CTMC  # rewards of transitions times rates
+    timed = context.engine.model.type.continuous_time  # rewards of transitions times rates
 
     def reward_of(system: System) -> tuple[Numbers, bool]:
         return system.earned(reward), timed and bool(np.any(system.rewards(reward)[1]))

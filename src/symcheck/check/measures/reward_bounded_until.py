@@ -30,7 +30,7 @@ from symcheck.numerics.linear.problem import largest_width
 from symcheck.semantics.model import BoundReward
 from symcheck.semantics.rewards import Reward, Steps, Structure, reward_items
 from symcheck.semantics.time_bounds import RewardWindow
-from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Type
+from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Type
 from symcheck.syntax.operators import Operator
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def reward_bounded_next(
         if bound.upper is not None:
             allowed &= bound.rewards <= bound.upper
     chances = system.one_step_probability(target)
-    if engine.model.type is ModelType.CTMC:
+    if engine.model.type.continuous_time:
         chances = chances / system.row_sums()
     sure = per_row(system.groups, engine.to_bools(engine.graph.all_successors_in(target)))
     if not engine.exact:  # a sum that is rounded to 1 is not known to be 1
@@ -141,7 +141,7 @@ def row_rewards(context: Context, system: System, count: RewardWindow) -> Number
         return np.ones(len(system.row_sums()))
     kind = context.engine.model.type
     states, rows = system.rewards(count.reward)
-    if kind is ModelType.CTMC and states.any():
+    if kind.continuous_time and states.any():
         raise UnsupportedError(
             "a bound on state rewards of a ctmc, which are earned per unit of time, is not "
             "supported; a bound on transition rewards is"
@@ -172,7 +172,7 @@ def check_uniform_rewards(context: Context, reward: Reward, *, paying: bool) -> 
                 "where they differ within a choice; the explicit engine knows where they do not"
             )
         return
-    if model.type is ModelType.MDP:
+    if model.type.has_choices:
         return
     if context.engine.capability(HasBlocks) is not None:
         raise UnsupportedError(
@@ -241,7 +241,7 @@ def _problem(
     from symcheck.numerics.reward_bounds.epoch_system import RewardBoundedReachability
 
     matrix, leave = system.matrix, system.one_step_probability(~system.states)
-    if context.engine.model.type is ModelType.CTMC:
+    if context.engine.model.type.continuous_time:
         rates = system.row_sums()
         matrix = matrix.divided(rates)
         leave = leave / rates

@@ -40,7 +40,6 @@ from symcheck.syntax.ast import (
     Bound,
     ExpectedTime,
     Expression,
-    ModelType,
     MultiObjective,
     ProbabilityOperator,
     RewardOperator,
@@ -229,7 +228,7 @@ def _query(
 
 def check_supported(context: Context, formula: MultiObjective) -> None:
     """Raise InputError or UnsupportedError if the model has no such queries."""
-    if context.engine.model.type is not ModelType.MDP:
+    if not context.engine.model.type.has_choices:
         raise InputError(Diagnostic("multi(...) needs an MDP", formula.span, "multi"))
     orbits = context.engine.capability(RepresentsOrbits)
     whole = None if orbits is None else orbits.represented

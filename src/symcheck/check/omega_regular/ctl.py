@@ -26,7 +26,6 @@ from symcheck.check.path_formulas import (
 from symcheck.engines.base import Graph, StateSet
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.time_bounds import Steps, Window
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["exists", "forall", "witness"]
 
@@ -74,7 +73,7 @@ def exists(context: Context, path: Path) -> StateSet:
 
 
 def _steps(context: Context, window: Window) -> Steps:
-    if not window.trivial and context.engine.model.type is ModelType.CTMC:
+    if not window.trivial and context.engine.model.type.continuous_time:
         raise UnsupportedError(
             "A and E with a bound on time are not supported in a ctmc; P>0 and P>=1 are"
         )

@@ -24,7 +24,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import Product, StateSet, Values
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
 from symcheck.semantics.rewards import Reward
-from symcheck.syntax.ast import Expression, ModelType
+from symcheck.syntax.ast import Expression
 
 __all__ = [
     "accepted_states",
@@ -213,7 +213,7 @@ def _read(
     sets: list[StateSet] = []
     for expression, states in path.sets:
         atoms[expression] = _atom(factory, sets, states, everything)
-    timed = context.engine.model.type is ModelType.CTMC
+    timed = context.engine.model.type.continuous_time
     formula = read(factory, path.form, atoms, timed=timed)
     blocks = [(0, everything)]
     for i, states in enumerate(sets):
@@ -272,7 +272,7 @@ def accepted_states(
 ) -> StateSet:
     """States in accepting end components, or (chains) of almost surely accepted runs."""
     graph = context.engine.graph
-    if context.engine.model.type is not ModelType.MDP:
+    if not context.engine.model.type.has_choices:
         return _union(
             context.engine.none,
             [_accepted_almost_surely(context, avoid, visits) for avoid, visits in pairs],

@@ -31,7 +31,6 @@ from symcheck.syntax.ast import (
     Globally,
     Limits,
     Literal,
-    ModelType,
     Next,
     Parameter,
     PathBound,
@@ -256,7 +255,7 @@ class _Search:
     def _direction(self) -> str | None:
         """The strategies that the bound is about; None for a chain."""
         direction = self.formula.direction
-        if direction is None and self.context.engine.model.type is ModelType.MDP:
+        if direction is None and self.context.engine.model.type.has_choices:
             above = self.formula.bound is not None and self.formula.bound.operator in (
                 Operator.GT,
                 Operator.GE,

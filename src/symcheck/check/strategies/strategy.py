@@ -45,7 +45,6 @@ from symcheck.syntax.ast import (
     Expression,
     ExpressionNode,
     InstantaneousReward,
-    ModelType,
     PathFormula,
     ProbabilityOperator,
     RewardOperator,
@@ -77,7 +76,7 @@ def strategy_of(
     Raises:
         UnsupportedError: the model is no MDP, or the formula is of another kind.
     """
-    if context.engine.model.type is not ModelType.MDP:
+    if not context.engine.model.type.has_choices:
         kind = context.engine.model.type.name
         raise UnsupportedError(f"strategies exist only for MDPs, and this model is a {kind}")
     if context.options.fairness:

@@ -77,7 +77,7 @@ def add_input(parser: SwitchParser) -> None:
             dest="model_type",
             action="store_const",
             const=kind,
-            help=f"read the model as {'an' if kind is ModelType.MDP else 'a'} {kind.name}",
+            help=f"read the model as {'an' if kind.has_choices else 'a'} {kind.name}",
         )
 
 

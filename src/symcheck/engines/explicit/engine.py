@@ -43,7 +43,7 @@ from symcheck.matrices.numbers import Numbers, Rationals, full, is_infinite, num
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
-from symcheck.syntax.ast import Expression, ModelType, Type
+from symcheck.syntax.ast import Expression, Type
 
 if TYPE_CHECKING:
     from symcheck.engines.explicit.product import ExplicitProduct
@@ -191,7 +191,7 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
 
     def _require_normal_numbers(self) -> None:
         if not self.exact and self.transitions:
-            rates = self.model.type is ModelType.CTMC
+            rates = self.model.type.continuous_time
             require_normal_numbers(*self.entry_range, self.matrix.longest, rates)
 
     @cached_property
@@ -232,7 +232,7 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
         match reward:
             case Structure(index):
                 return self.explored.state_rewards[index], self.explored.choice_rewards[index]
-            case Time() if self.model.type is ModelType.CTMC:
+            case Time() if self.model.type.continuous_time:
                 return self._full(self.states, 1), self._full(self.matrix.rows, 0)
             case Steps() | Time():
                 return self._full(self.states, 0), self.system(self.all).row_sums()
@@ -293,9 +293,9 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
         return True
 
     @property
-    def is_ctmc(self) -> bool:
+    def continuous_time(self) -> bool:
         """Whether entries of the matrix are rates."""
-        return self.engine.model.type is ModelType.CTMC
+        return self.engine.model.type.continuous_time
 
     @property
     def has_end_components(self) -> bool:

@@ -68,7 +68,7 @@ class FullMatrix:
             states, rows = self.engine.rewards(query.reward)
             require_normal_rewards(states, rows)
             constant, outside = per_row(matrix.groups, states) + rows, []
-            if system.is_ctmc and may_underflow(
+            if system.continuous_time and may_underflow(
                 constant, 1.0 / (matrix.longest * self.engine.entry_range[1])
             ):
                 return None  # the rewards of steps decide
@@ -79,6 +79,6 @@ class FullMatrix:
             constant,
             system.direction,
             constant is None,
-            system.is_ctmc,
+            system.continuous_time,
         )
         return solved_values(system, problem, known, settings, observer)

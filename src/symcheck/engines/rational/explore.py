@@ -35,7 +35,7 @@ from symcheck.semantics.interpreter import (
     value,
 )
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, ModelType
+from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
     from symcheck.explicit.orbits import StateOrbits
@@ -243,7 +243,7 @@ def _assemble(
         np.array(columns, np.int32),
         rationals(values),
         len(table),
-        np.array(groups, np.int64) if model.type is ModelType.MDP else None,
+        np.array(groups, np.int64) if model.type.has_choices else None,
     )
     per_state = [state_rewards(model, s) for s in table]
     return RationalModel(

@@ -105,8 +105,8 @@ class AcyclicSolution:
     def accepts(self, query: Query[SymbolicSet, SymbolicValues], settings: Settings) -> bool:
         """Whether very many states of a DTMC are unknown, and no other method was requested."""
         system, auto = query.system, settings.method == "auto"
-        is_dtmc = self.diagrams.guards is None and not system.is_ctmc
-        return auto and is_dtmc and bool(system.states.count >= tuning.ACYCLIC_STATES)
+        is_discrete_chain = self.diagrams.guards is None and not system.continuous_time
+        return auto and is_discrete_chain and bool(system.states.count >= tuning.ACYCLIC_STATES)
 
     def apply(
         self,

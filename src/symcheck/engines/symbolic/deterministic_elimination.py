@@ -45,7 +45,6 @@ from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem, Observer
 from symcheck.numerics.settings import Settings
 from symcheck.semantics.rewards import Reward
-from symcheck.syntax.ast import ModelType
 
 __all__ = [
     "DeterministicElimination",
@@ -412,10 +411,10 @@ class DeterministicElimination:
     @cached_property
     def possible(self) -> bool:
         """Whether the model is very large and not a CTMC, and the engine works with rows."""
-        is_ctmc = self.engine.model.type is ModelType.CTMC
         d = self.engine.diagrams
         large = d.count >= tuning.ELIMINATION_STATES and d.transition_count > tuning.FEW_TRANSITIONS
-        return self.engine.rows_limit is None and not is_ctmc and large
+        steps = not self.engine.model.type.continuous_time
+        return self.engine.rows_limit is None and steps and large
 
     def last(self, left: Bdd, right: Bdd, reward: Reward | None = None) -> ReducedSystem | None:
         """The system reduced last, if it is the one of this question and still in use."""

@@ -13,7 +13,6 @@ from symcheck.dd.odd import Odd
 from symcheck.engines.linear_system import require_normal_rewards
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
 from symcheck.symbolic.model import LazySequence, TransitionPart
-from symcheck.syntax.ast import ModelType
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import (
@@ -183,7 +182,7 @@ def diagrams_of(transitions: Transitions) -> Diagrams:
         transitions.action_sets,
         transitions.state_rewards,
         transitions.transition_rewards,
-        symbolic.model.type is ModelType.CTMC,
+        symbolic.model.type.continuous_time,
     )
 
 
@@ -192,7 +191,7 @@ def set_diagrams_of(space: StateSpace) -> Diagrams:
     matrix or rewards raises UnsupportedError.
     """
     symbolic = space.symbolic
-    assert symbolic.model.type is not ModelType.MDP  # its graph needs choice classes
+    assert not symbolic.model.type.has_choices  # its graph needs choice classes
     matrix = LazySequence([lambda: symbolic.manager.zero])
     structures = range(len(symbolic.model.rewards))
     return Diagrams(
@@ -209,5 +208,5 @@ def set_diagrams_of(space: StateSpace) -> Diagrams:
         {},
         LazySequence([lambda: symbolic.manager.zero for _ in structures]),
         LazySequence([lambda: (symbolic.manager.zero,) for _ in structures]),
-        symbolic.model.type is ModelType.CTMC,
+        symbolic.model.type.continuous_time,
     )

@@ -31,7 +31,6 @@ from symcheck.matrices.blocks import BlockMatrix, RowLayout, blocks, flatten, qu
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.rewards import Reward
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["DivisibleOperator", "SymbolicSystem"]
 
@@ -157,9 +156,9 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
         return operator if rates is None else operator.divided(rates)
 
     @property
-    def is_ctmc(self) -> bool:
+    def continuous_time(self) -> bool:
         """Whether entries of the matrix are rates."""
-        return self.engine.model.type is ModelType.CTMC
+        return self.engine.model.type.continuous_time
 
     @property
     def has_end_components(self) -> bool:

@@ -12,7 +12,6 @@ import numpy as np
 from symcheck.exchange.explicit_data import ExplicitRewards
 from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.text import FULL_PRECISION, number_text, number_texts
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["drn_file"]
 
@@ -48,9 +47,7 @@ def _states(model: ExplicitExport, start: int, stop: int, precision: int) -> Ite
     actions = _actions(model, first, last, begin, end)
     rewards = [_rewards(model, r, start, stop, first, last, precision) for r in model.rewards]
     rates = (
-        number_texts(model.row_sums[first:last], precision)
-        if model.type is ModelType.CTMC
-        else None
+        number_texts(model.row_sums[first:last], precision) if model.type.continuous_time else None
     )
     labels = [
         (f' "{n}"' if not n.isidentifier() else f" {n}", members[start:stop])
@@ -102,7 +99,7 @@ def _rewards(
     precision: int,
 ) -> tuple[list[str], list[str]]:
     states, rows = structure.states[start:stop], structure.rows[first:last]
-    if model.type is ModelType.CTMC:
+    if model.type.continuous_time:
         states, rows = states + rows, np.zeros(last - first)
     return [number_text(v, precision) for v in states.tolist()], [
         number_text(v, precision) for v in rows.tolist()

@@ -95,7 +95,7 @@ class _Reader:
         counts = np.diff(groups)
         values = np.array(parts.values, np.float64)
         targets = np.array(parts.targets, np.int32)
-        if model_type is not ModelType.MDP:
+        if not model_type.has_choices:
             for i in np.flatnonzero(counts > 1)[:1].tolist():
                 row = int(groups[i]) + 1
                 raise self.fault(parts.lines[row], f"a state of a {model_type.name} has one action")
@@ -105,7 +105,7 @@ class _Reader:
             row_lengths = lengths
         indptr = starts_of(row_lengths)
         row_of = np.repeat(np.arange(rows), lengths)
-        if model_type is not ModelType.CTMC and check_sums:
+        if not model_type.continuous_time and check_sums:
             sums = np.bincount(row_of, values, rows)
             for i in np.flatnonzero(np.abs(sums - 1) > SUM_TOLERANCE)[:1].tolist():
                 message = f"the probabilities of this action sum to {sums[i]:.12g}, not to 1"
@@ -113,8 +113,8 @@ class _Reader:
         matrix = self._matrix(indptr, targets, values, n, groups, model_type, parts)
         actions, codes = self._actions(parts, groups)
         contributions = None
-        row_actions = codes if model_type is ModelType.MDP else np.full(n, -1, np.int32)
-        if model_type is not ModelType.MDP and actions:
+        row_actions = codes if model_type.has_choices else np.full(n, -1, np.int32)
+        if not model_type.has_choices and actions:
             state_of_row = np.flatnonzero(counts)
             contributions = Contributions(
                 state_of_row[row_of], targets.astype(np.int64), codes[row_of], values
@@ -288,9 +288,9 @@ class _Reader:
             targets[order],
             values[order],
             n,
-            groups if type is ModelType.MDP else None,
+            groups if type.has_choices else None,
         )
-        if type is ModelType.CTMC:
+        if type.continuous_time:
             rates, sums = np.array(parts.rates), np.bincount(row, values, n)
             differ = np.abs(rates - sums) > 1e-6 * np.maximum(rates, sums)
             for i in np.flatnonzero(differ)[:1].tolist():
@@ -327,10 +327,10 @@ class _Reader:
         states, rows = np.zeros((count, matrix.states)), np.zeros((count, matrix.rows))
         for i, rewards in enumerate(parts.state_rewards):
             states[: len(rewards), i] = rewards
-        earning_rows = np.arange(matrix.rows) if type is ModelType.MDP else np.flatnonzero(counts)
+        earning_rows = np.arange(matrix.rows) if type.has_choices else np.flatnonzero(counts)
         for i, rewards in zip(earning_rows.tolist(), parts.row_rewards, strict=True):
             rows[: len(rewards), i] = rewards
-        if type is ModelType.CTMC:
+        if type.continuous_time:
             rows *= np.bincount(
                 np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr)), matrix.data, matrix.rows
             )

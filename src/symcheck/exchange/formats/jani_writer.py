@@ -32,7 +32,6 @@ from symcheck.syntax.ast import (
     LabelReference,
     Limits,
     Literal,
-    ModelType,
     Name,
     Next,
     PathBound,
@@ -236,7 +235,7 @@ class _Writer:
             if part.action is not None:
                 edge["action"] = part.action
             edge["guard"] = {"exp": self.expression(command.guard)}
-            if self.model.type is ModelType.CTMC:
+            if self.model.type.continuous_time:
                 # The branches of a command race: each is an edge with its rate.
                 for update in command.updates:
                     rate: Object = {"exp": self.expression(update.probability)}
@@ -353,7 +352,7 @@ class _Writer:
             case SteadyState(formula=formula):
                 return self._compared(node, "S", {"exp": self.expression(formula)})
             case ExpectedTime(path=Eventually(operand, None)):
-                kind = "time" if self.model.type is ModelType.CTMC else "steps"
+                kind = "time" if self.model.type.continuous_time else "steps"
                 reach = self.expression(operand)
                 return self._compared(node, "E", {"exp": 1, "accumulate": [kind], "reach": reach})
             case RewardOperator():
@@ -397,11 +396,11 @@ class _Writer:
 
     @property
     def _kinds(self) -> list[Value]:
-        return ["time", "steps"] if self.model.type is ModelType.CTMC else ["exit", "steps"]
+        return ["time", "steps"] if self.model.type.continuous_time else ["exit", "steps"]
 
     @property
     def _instant(self) -> str:
-        return "time-instant" if self.model.type is ModelType.CTMC else "step-instant"
+        return "time-instant" if self.model.type.continuous_time else "step-instant"
 
     def _expected(self, node: RewardOperator) -> Value:
         value: Object = {"exp": self._structure(node)}
@@ -427,7 +426,7 @@ class _Writer:
             case None:
                 return {}
             case TimeBound() as bound:
-                kind = "time" if self.model.type is ModelType.CTMC else "step"
+                kind = "time" if self.model.type.continuous_time else "step"
                 return {f"{kind}-bounds": self._interval(bound)}
             case RewardBound(structure=None) as bound:
                 return {"step-bounds": self._interval(bound)}

@@ -11,14 +11,13 @@ from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.text import FULL_PRECISION, lines
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Int64s
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["labels", "state_rewards", "states", "transition_rewards", "transitions"]
 
 
 def transitions(model: ExplicitExport, *, precision: int = FULL_PRECISION) -> Iterator[str]:
     """The transition matrix `P` (rates of a CTMC: `R`). Raises UnsupportedError for an MDP."""
-    name = "R" if model.type is ModelType.CTMC else "P"
+    name = "R" if model.type.continuous_time else "P"
     yield from _matrix(model, name, np.arange(model.matrix.entries), model.values, precision)
 
 

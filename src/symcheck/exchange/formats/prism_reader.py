@@ -173,10 +173,10 @@ def _read_transitions(part: Source, kind: ModelType | None, check_sums: bool) ->
         file.fault(0, "a model has at least one state", "count", 0)
     if size[0] >= 2**31:
         file.fault(0, "an explicit model has at most 2**31 - 1 states", "count", 0)
-    if kind is not None and (kind is ModelType.MDP) != has_choices:
+    if kind is not None and kind.has_choices != has_choices:
         holds = (
             "an MDP has states, choices and transitions"
-            if kind is ModelType.MDP
+            if kind.has_choices
             else f"a {kind.name} has states and transitions"
         )
         file.fault(
@@ -214,11 +214,13 @@ def _read_transitions(part: Source, kind: ModelType | None, check_sums: bool) ->
         row, groups = _choices(file, order, source, choice[order], n, rows)
         actions, row_actions = _read_actions(file, order, row, rows, action)
     sums: Floats = np.bincount(row, values, rows).astype(np.float64)
-    model_type = ModelType.MDP if has_choices else kind or _told_type(file)
+    of_choices = ModelType.with_properties(has_choices=True)
+    model_type = of_choices if has_choices else kind or _told_type(file)
     is_one = np.abs(sums - 1) <= SUM_TOLERANCE
     if model_type is None:
-        model_type = ModelType.DTMC if np.all(is_one | (sums == 0)) else ModelType.CTMC
-    if model_type is not ModelType.CTMC and check_sums:
+        are_rates = not np.all(is_one | (sums == 0))
+        model_type = ModelType.with_properties(continuous_time=are_rates)
+    if not model_type.continuous_time and check_sums:
         for i in np.flatnonzero(~is_one & (has_choices | (sums != 0)))[:1].tolist():
             at = int(np.searchsorted(row, i))
             what = f"probabilities {'of a choice' if has_choices else 'out'} of state {source[at]}"

@@ -16,7 +16,6 @@ from symcheck.exchange.text import CHUNK, FULL_PRECISION, lines, number_texts
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.state_faults import SUM_TOLERANCE
-from symcheck.syntax.ast import ModelType
 
 __all__ = [
     "labels_file",
@@ -53,7 +52,7 @@ def transitions_file(
         headers: write a comment with the model type; None: where a reader could not infer it.
     """
     m = model.matrix
-    ambiguous = model.type is ModelType.CTMC and bool(
+    ambiguous = model.type.continuous_time and bool(
         np.all(np.abs(model.row_sums - 1) <= SUM_TOLERANCE)
     )  # without a comment, a reader infers a DTMC
     if headers or (headers is None and ambiguous):

@@ -61,12 +61,10 @@ def _raw(path: Path) -> ExplicitUmb:
 def _type(raw: ExplicitUmb) -> ModelType:
     system = raw.index.transition_system
     match str(getattr(system.time, "value", system.time)), system.num_players:
-        case "discrete", 0:
-            return ModelType.DTMC
-        case "discrete", 1:
-            return ModelType.MDP
+        case "discrete", (0 | 1) as players:
+            return ModelType.with_properties(has_choices=players == 1)
         case "stochastic", 0:
-            return ModelType.CTMC
+            return ModelType.with_properties(continuous_time=True)
         case time, players:
             raise UnsupportedError(
                 f"UMB models with {time} time and {players} players are not supported; "
@@ -79,11 +77,11 @@ def _given(raw: ExplicitUmb, kind: ModelType, path: Path, check_sums: bool) -> E
     if n == 0:
         raise UsageError(f"'{path}' has no states")
     matrix, branches = _matrix(raw, kind, n, path)
-    if check_sums and kind is not ModelType.CTMC:
+    if check_sums and not kind.continuous_time:
         _check_sums(matrix, path)
     actions, row_actions = _actions(raw, matrix, kind)
     contributions = None
-    if kind is not ModelType.MDP and raw.branch_to_branch_action is not None:
+    if not kind.has_choices and raw.branch_to_branch_action is not None:
         actions, codes = _named(raw.branch_to_branch_action, raw.branch_action_to_string)
         row = matrix.row_of_entry[branches.entry]
         target = matrix.indices[branches.entry].astype(np.int64)
@@ -138,25 +136,25 @@ def _matrix(
         or targets.max(initial=-1) >= n
     ):
         raise UsageError(f"'{path}' contradicts itself: its parts have different sizes")
-    if kind is not ModelType.MDP and counts.max(initial=0) > 1:
+    if not kind.has_choices and counts.max(initial=0) > 1:
         raise UsageError(f"'{path}' contradicts itself: a state of a chain has several choices")
     row = np.repeat(np.arange(len(branches) - 1), np.diff(branches))
-    if kind is ModelType.CTMC:
+    if kind.continuous_time:
         rates = np.array([float(r) for r in raw.state_to_exit_rate])  # per state, and per choice
         values = values * np.repeat(np.repeat(rates, counts), np.diff(branches))
     rows = len(branches) - 1
-    if kind is not ModelType.MDP:
+    if not kind.has_choices:
         row, rows = np.flatnonzero(counts)[row], n
     for i in np.flatnonzero(~(values >= 0) | np.isinf(values))[:1].tolist():
         raise UsageError(f"'{path}': {values[i]:g} is not a probability or rate (branch {i})")
     by = np.lexsort((targets, row))
     by = by[values[by] > 0]  # a matrix holds no zeros
     keys, entry = np.unique(row[by] * n + targets[by], return_inverse=True)
-    divided = kind is not ModelType.MDP and raw.branch_to_branch_action is not None
+    divided = not kind.has_choices and raw.branch_to_branch_action is not None
     if len(keys) < len(by) and not divided:
         raise UnsupportedError(f"'{path}' has several branches of one choice to one state")
     indptr = starts_of(np.bincount(keys // n, minlength=rows))
-    groups = choices if kind is ModelType.MDP else None
+    groups = choices if kind.has_choices else None
     data = np.bincount(entry, values[by], len(keys)).astype(np.float64)
     matrix = SparseMatrix(indptr, (keys % n).astype(np.int32), data, n, groups)
     return matrix, _Branches(by, entry, values[by])
@@ -181,7 +179,7 @@ def _actions(
     raw: ExplicitUmb, matrix: SparseMatrix, kind: ModelType
 ) -> tuple[tuple[str, ...], Int32s]:
     none = np.full(matrix.rows, -1, np.int32)
-    if kind is not ModelType.MDP or raw.choice_to_choice_action is None:
+    if not kind.has_choices or raw.choice_to_choice_action is None:
         return (), none
     return _named(raw.choice_to_choice_action, raw.choice_action_to_string)
 

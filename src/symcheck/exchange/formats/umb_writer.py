@@ -14,7 +14,7 @@ import numpy as np
 from symcheck.errors import UsageError
 from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.matrices.numbers import Numbers
-from symcheck.syntax.ast import ModelType, Type
+from symcheck.syntax.ast import Type
 from symcheck.tables import optional_package
 from symcheck.version import __version__
 from symcheck.whole_file import write_whole
@@ -57,17 +57,17 @@ def umb_model(model: ExplicitExport) -> ExplicitUmb:
     """
     import umbi.umb
 
-    m, timed, parts = model.matrix, model.type is ModelType.CTMC, model.parts
+    m, timed, parts = model.matrix, model.type.continuous_time, model.parts
     made = umbi.umb.ExplicitUmb()
     system = made.index.transition_system
     made.index.file_data = umbi.umb.index.FileData(tool="symcheck", tool_version=__version__)
     system.time = "stochastic" if timed else "discrete"
-    system.num_players = 1 if model.type is ModelType.MDP else 0
+    system.num_players = 1 if model.type.has_choices else 0
     system.num_states, system.num_choices, system.num_branches = model.n, m.rows, len(parts.entry)
     made.state_is_initial = model.labels["init"].tolist()
     system.num_initial_states = sum(made.state_is_initial)
     made.state_to_choices = (np.arange(model.n + 1) if m.groups is None else m.groups).tolist()
-    made.state_to_player = [0] * model.n if model.type is ModelType.MDP else None
+    made.state_to_player = [0] * model.n if model.type.has_choices else None
     made.state_is_markovian = [timed] * model.n
     made.choice_to_branches = np.searchsorted(parts.entry, m.indptr).tolist()
     made.branch_to_target = m.indices[parts.entry].tolist()

@@ -88,10 +88,11 @@ def from_function(
     settings = make_options(options)
     model_kind = model_type(type)
     start = initial if isinstance(initial, list) else [initial]
-    weighted = model_kind is ModelType.CTMC or not settings.check_sums
+    has_rates = model_kind is not None and model_kind.continuous_time
+    weighted = has_rates or not settings.check_sums
     explored, choices, has_actions = _explore(start, step, max_states, weighted)
-    kind = model_kind or (ModelType.MDP if has_actions else ModelType.DTMC)
-    if has_actions and kind is not ModelType.MDP:
+    kind = model_kind or ModelType.with_properties(has_choices=has_actions)
+    if has_actions and not kind.has_choices:
         raise UsageError(f"step gives actions, which only an MDP has, not a {kind.name}")
     columns = _columns(explored)
     order = np.lexsort([values for _, _, values in reversed(columns)])
@@ -100,7 +101,7 @@ def from_function(
     sources = [position[number] for number, _, _ in choices]
     lengths = np.array([len(successors) for _, _, successors in choices], np.int64)
     groups, actions = None, None
-    if kind is ModelType.MDP:
+    if kind.has_choices:
         groups = starts_of(np.bincount(sources, minlength=len(explored)))
         actions = [action for _, action, _ in choices]
     else:

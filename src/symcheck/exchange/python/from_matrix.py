@@ -67,7 +67,7 @@ def from_matrix(
         2.0
     """
     settings = make_options(options)
-    kind = model_type(type) or (ModelType.DTMC if groups is None else ModelType.MDP)
+    kind = model_type(type) or ModelType.with_properties(has_choices=groups is not None)
     rows, columns, data, shape = _entries(matrix)
     n = shape[1]
     starts = np.arange(n + 1) if groups is None else np.asarray(groups, np.int64)
@@ -76,7 +76,7 @@ def from_matrix(
             raise UsageError(f"{what}: expected a mapping from names, not {given!r}")
     if (
         not n
-        or (groups is not None and kind is not ModelType.MDP)
+        or (groups is not None and not kind.has_choices)
         or starts.shape != (n + 1,)
         or (starts[0], starts[-1]) != (0, shape[0])
         or (np.diff(starts) < 0).any()
@@ -92,7 +92,7 @@ def from_matrix(
         columns.astype(np.int32),
         data,
         n,
-        starts if kind is ModelType.MDP else None,
+        starts if kind.has_choices else None,
     )
     _check_rows(kind, sparse, rows, settings.check_sums)
     return explicit_model(
@@ -144,8 +144,8 @@ def _check_rows(kind: ModelType, matrix: SparseMatrix, rows: Int64s, check_sums:
     for entry in np.flatnonzero(matrix.data < 0)[:1].tolist():
         message = f"row {rows[entry]} holds {matrix.data[entry]} in column {matrix.indices[entry]}"
         message += ": expected no negative number"
-        hint = "leave the diagonal of a generator matrix out" if kind is ModelType.CTMC else None
-    if not message and kind is not ModelType.CTMC and check_sums:
+        hint = "leave the diagonal of a generator matrix out" if kind.continuous_time else None
+    if not message and not kind.continuous_time and check_sums:
         sums = sum_segments(matrix.data, matrix.indptr).tolist()
         for row in [i for i, total in enumerate(sums) if not sums_to_one(total)][:1]:
             message = f"row {row} sums to {sums[row]}, not to 1"

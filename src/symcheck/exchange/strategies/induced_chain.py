@@ -118,7 +118,7 @@ def induced_data(
                 entries = earned.totals(matrix) / matrix.data
         rewards.append(ExplicitRewards(structure.name, states[kept], mean, entries))
     return ExplicitData(
-        ModelType.MDP if restrict else ModelType.DTMC,
+        ModelType.with_properties(has_choices=restrict),
         columns,
         matrix,
         model.actions,

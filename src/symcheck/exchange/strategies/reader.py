@@ -21,7 +21,6 @@ from symcheck.exchange.strategies.files import ANY_CHOICE
 from symcheck.matrices.numbers import numbers
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.expressions.literals import format_state
-from symcheck.syntax.ast import ModelType
 
 __all__ = ["load_strategy", "undecided_states"]
 
@@ -63,7 +62,7 @@ def load_strategy(model: Model, file: str | Path) -> Strategy:
         >>> symcheck.induced_chain(model, best).check('P=? [ F "rich" ]')  # doctest: +SKIP
     """
     kind = model.bound.type
-    if kind is not ModelType.MDP:
+    if not kind.has_choices:
         raise UnsupportedError(f"strategies exist only for MDPs, and this model is a {kind.name}")
     # Diagrams count the states quickly, so that a model whose rows do not fit is refused at once.
     check_rows_fit(model.engine, "a strategy from a file needs")

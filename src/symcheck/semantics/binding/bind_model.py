@@ -31,7 +31,7 @@ from symcheck.semantics.model import (
     Value,
     Variable,
 )
-from symcheck.syntax.ast import Expression, Literal, ModelType, Type
+from symcheck.syntax.ast import WITHOUT_KEYWORD, Expression, Literal, ModelType, Type
 from symcheck.syntax.declarations import Command, Constant, Program, RewardStructure, Update
 
 __all__ = ["bind", "check_constant_names", "exactly_bound", "undefined_constants"]
@@ -88,7 +88,7 @@ def bind(
     check_values_given(table, program.constants)
     checked = check_program(program, table)
     report.raise_all()
-    kind, divides = model_type or program.type or ModelType.MDP, normalise
+    kind, divides = model_type or program.type or WITHOUT_KEYWORD, normalise
     return _Builder(checked, constants or {}).build(kind, not exact if divides is None else divides)
 
 
@@ -123,7 +123,7 @@ class _Builder:
         self.report.raise_all()
         warnings: tuple[str, ...] = ()
         unchecked = False
-        if normalise and kind is not ModelType.CTMC:
+        if normalise and not kind.continuous_time:
             modules, warnings, unchecked = normalised_modules(modules, variables)
         return BoundModel(
             program=self.program,

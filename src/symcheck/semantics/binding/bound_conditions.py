@@ -21,7 +21,6 @@ from symcheck.syntax.ast import (
     InstantaneousReward,
     Literal,
     Measure,
-    ModelType,
     PathFormula,
     RewardBound,
     RewardOperator,
@@ -103,7 +102,7 @@ class _Conditions:
             return None
 
     def _direction(self, node: Measure) -> None:
-        if self.model.type is ModelType.MDP and node.direction is None and node.bound is None:
+        if self.model.type.has_choices and node.direction is None and node.bound is None:
             hint = f"write {node.letter}min=? or {node.letter}max=?"
             self.report.input(
                 "direction",
@@ -180,7 +179,7 @@ class _Conditions:
         value = self._constant(expression, what)
         if value is None:
             return None
-        if self.model.type is not ModelType.CTMC and not isinstance(value, int):
+        if not self.model.type.continuous_time and not isinstance(value, int):
             message = (
                 f"{what} counts steps in a {self.model.type.value.upper()}: it must be an int, "
                 "not a double"

@@ -33,7 +33,7 @@ from symcheck.semantics.model import (
     Variable,
 )
 from symcheck.semantics.reduction import tuning
-from symcheck.syntax.ast import Expression, Literal, ModelType, Type
+from symcheck.syntax.ast import Expression, Literal, Type
 from symcheck.syntax.traversal import names
 
 __all__ = ["outside_cone", "restricted_to_cone"]
@@ -129,7 +129,7 @@ def _never_blocks(participant: Participant, model: BoundModel) -> bool:
     numbers with the sum 1. In a chain exactly one is: a second one would change the weight.
     """
     return all(map(_has_weight_one, participant)) and _are_enabled(
-        [c.guard for c in participant], model.variables, once=model.type is not ModelType.MDP
+        [c.guard for c in participant], model.variables, once=not model.type.has_choices
     )
 
 

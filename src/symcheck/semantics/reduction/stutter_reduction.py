@@ -25,7 +25,6 @@ from symcheck.syntax.ast import (
     Bound,
     Expression,
     Literal,
-    ModelType,
     Name,
     Next,
     StateOperator,
@@ -85,7 +84,7 @@ def reduce_stutter_steps(
     """
     rewards = (e for r in model.rewards for i in r.items for e in (i.guard, i.value))
     if (
-        model.type not in (ModelType.DTMC, ModelType.MDP)
+        model.type.continuous_time
         or model.initial is not None
         or any(may_be_undefined(n) for e in rewards for n in nodes(e))
     ):

@@ -27,7 +27,6 @@ from symcheck.symbolic.model import (
     SymbolicModel,
     Transitions,
 )
-from symcheck.syntax.ast import ModelType
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd
@@ -53,7 +52,7 @@ def transitions(
     check_model(space, options)
     result = (
         _mdp_transitions(space)
-        if space.symbolic.model.type is ModelType.MDP
+        if space.symbolic.model.type.has_choices
         else _chain_transitions(space)
     )
     result = replace(result, seconds=time.perf_counter() - started)
@@ -69,7 +68,7 @@ def _chain_transitions(space: StateSpace) -> Transitions:
     symbolic = space.symbolic
     parts = [(e, e.participants) for e in symbolic.events if not e.guard.disjoint(space.states)]
     matrix = full_matrix(symbolic, parts, space.states)
-    numbers = choice_counts(space) if symbolic.model.type is ModelType.DTMC else None
+    numbers = choice_counts(space) if symbolic.model.type.chooses_uniformly else None
     if numbers is not None:
         matrix = nothing_lost(matrix / numbers, matrix)
     if space.deadlocks:

@@ -17,7 +17,7 @@ from functools import reduce
 from itertools import product
 
 from symcheck.errors import UnsupportedError
-from symcheck.syntax.ast import Binary, Expression, Literal, ModelType, Name
+from symcheck.syntax.ast import Binary, Expression, Literal, Name
 from symcheck.syntax.declarations import (
     Assignment,
     Command,
@@ -134,7 +134,7 @@ class _Composer:
                 yield _EventClass(result, parts)
 
     def _check_rates(self, event_class: _EventClass) -> None:
-        if self.network.type is not ModelType.CTMC:
+        if not self.network.type.continuous_time:
             return
         # An event has a rate if each choice of edges has one: all edges of some participant do.
         parts = event_class.parts.values()

@@ -8,7 +8,16 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from symcheck.errors import Span
-from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Name, Type
+from symcheck.syntax.ast import (
+    WITHOUT_KEYWORD,
+    Binary,
+    Conditional,
+    Expression,
+    Literal,
+    ModelType,
+    Name,
+    Type,
+)
 from symcheck.syntax.declarations import Constant, VariableDeclaration
 from symcheck.syntax.grammars import load
 from symcheck.syntax.jani.expressions import (
@@ -36,12 +45,7 @@ __all__ = [
     "read_network",
 ]
 
-_TYPES = {
-    "dtmc": ModelType.DTMC,
-    "ctmc": ModelType.CTMC,
-    "mdp": ModelType.MDP,
-    "lts": ModelType.MDP,
-}
+_TYPES = {kind.value: kind for kind in ModelType} | {"lts": WITHOUT_KEYWORD}
 _OTHER_TYPES = {
     "ma": "Markov automata",
     "ctmdp": "continuous-time Markov decision processes",
@@ -523,7 +527,7 @@ class _NetworkReader:
     ) -> Edge:
         node.check_members(_EDGE)
         action, guard, rate = node.get("action"), node.get("guard"), node.get("rate")
-        if rate is not None and self.kind is not ModelType.CTMC:
+        if rate is not None and not self.kind.continuous_time:
             raise rate.fault(f"edges of {self.kind.name}s have no rate")
         at = _at(location_variable, self._location(node["location"], locations))
         condition = TRUE if guard is None else reader.read(guard["exp"])
@@ -583,7 +587,7 @@ class _NetworkReader:
         """The edge that does nothing where no edge has the action."""
         guards = [e.guard for e in edges if e.action == action.text]
         guard = negation(_any(guards)) if guards else TRUE
-        rate = ONE if self.kind is ModelType.CTMC else None
+        rate = ONE if self.kind.continuous_time else None
         return [Edge(action.text, guard, rate, (Branch(None, (), node.span),), node)]
 
 

@@ -17,7 +17,6 @@ from symcheck.syntax.ast import (
     Globally,
     InstantaneousReward,
     LabelReference,
-    ModelType,
     Name,
     Next,
     PathBound,
@@ -192,7 +191,7 @@ class PropertyReader(ExpressionReader):
     def _measure(self, node: Json, bound: Bound | None) -> Expression:
         operator = node["op"].text
         direction = None
-        if self.network.type is ModelType.MDP:
+        if self.network.type.has_choices:
             direction = operator[1:]
         match operator[0]:
             case "P":
@@ -263,7 +262,7 @@ class PropertyReader(ExpressionReader):
         return RewardOperator(direction, bound, structure, query, span=node.span)
 
     def _instant(self, node: Json) -> Expression | None:
-        is_timed = self.network.type is ModelType.CTMC
+        is_timed = self.network.type.continuous_time
         key, other = ("time-instant", "step-instant")[:: 1 if is_timed else -1]
         wrong = node.get(other)
         if wrong is not None:
@@ -280,7 +279,7 @@ class PropertyReader(ExpressionReader):
             if kind.text not in ("steps", "time", "exit"):
                 raise kind.fault("rewards accumulate over steps, time or exit")
         steps = "steps" in kinds_of_node
-        if self.network.type is ModelType.CTMC:
+        if self.network.type.continuous_time:
             return self._structure(
                 node,
                 value,
@@ -356,7 +355,7 @@ class PropertyReader(ExpressionReader):
     # ------------------------------------------------------------------------------------- bounds
 
     def _bounds(self, node: Json) -> PathBound | None:
-        is_timed = self.network.type is ModelType.CTMC
+        is_timed = self.network.type.continuous_time
         result: list[TimeBound | RewardBound] = []
         steps, time = node.get("step-bounds"), node.get("time-bounds")
         if time is not None:
