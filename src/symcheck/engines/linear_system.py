@@ -57,8 +57,8 @@ def refuse_infinite_minimum(direction: Direction | None) -> None:
         )
 
 
-_ROUNDINGS = 16 * UNIT_ROUNDOFF
-"""The relative error of a reward that is not a sum of items, such as one that was read."""
+_ROUNDINGS = 16
+"""The rounded operations of a reward that is not a sum of items, such as one that was read."""
 
 
 def _finite(results: Numbers, *operands: Numbers) -> Numbers:
@@ -159,11 +159,13 @@ class LinearSystem(SystemOf[S, V]):
 
     def step_reward_errors(self, reward: Reward) -> Numbers:
         """Per row: a bound on the rounding error of `step_rewards`, of an engine with doubles."""
+        operations = _ROUNDINGS
         if isinstance(reward, Structure):
             errors = self.reward_sums.errors(reward.index, self.states)
             if errors is not None:
                 return self.embedded(errors) * (1.0 + 1e-9)
-        return _ROUNDINGS * np.abs(self.step_rewards(reward))
+            operations += self.reward_sums.operations(reward.index) + self.operator.longest
+        return operations * UNIT_ROUNDOFF * np.abs(self.step_rewards(reward))
 
     def state_rewards(self, reward: Reward) -> Numbers:
         """The state reward per state; accurate also where items of opposite signs cancel."""

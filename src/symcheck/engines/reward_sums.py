@@ -91,6 +91,11 @@ class RewardSums:
         engine, members = self.engine, self.engine.to_bools(states)
         return self._errors[index][per_row(engine.system(engine.all).groups, members)]
 
+    def operations(self, index: int) -> int:
+        """The most operations that are rounded in what a row earns, apart from its sum."""
+        items = self.engine.model.rewards[index].items
+        return sum(2 + len(list(nodes(item.value))) for item in items)
+
     def per_state(self, index: int, states: StateSet) -> Floats | None:
         """State rewards of a structure, float64[states]; None if floating point adds them
         accurately everywhere.
@@ -214,8 +219,7 @@ class RewardSums:
             )
         else:
             out = self._corrected(index, total, lost, self._choices(groups), groups)
-        operations = sum(2 + len(list(nodes(item.value))) for item in items)
-        unit = (operations + system.operator.longest) * UNIT_ROUNDOFF
+        unit = (self.operations(index) + system.operator.longest) * UNIT_ROUNDOFF
         of_rows = np.abs(total if out is None else out)
         self._errors[index] = unit * np.where(lost, of_rows, magnitudes)
         return out
