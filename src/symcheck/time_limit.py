@@ -142,7 +142,10 @@ def _alarm_is_free() -> bool:
 
 
 class _Destructors:
-    """Silences "Exception ignored in …" where a destructor is interrupted: Python drops that."""
+    """Silences "Exception ignored in …" where a destructor is interrupted: Python drops that.
+
+    It also drops the warning of a file that an interrupt leaves between its opening and its `with`.
+    """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -164,7 +167,7 @@ class _Destructors:
                 sys.unraisablehook = self._previous
 
     def _report(self, event: sys.UnraisableHookArgs) -> None:
-        expected = issubclass(event.exc_type, KeyboardInterrupt)
+        expected = issubclass(event.exc_type, (KeyboardInterrupt, ResourceWarning))
         if not (expected and any(timer.expired for timer in self._timers)):
             self._previous(event)
 

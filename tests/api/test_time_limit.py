@@ -137,6 +137,23 @@ def test_other_errors_pass() -> None:
 
 
 @pytest.mark.parametrize("run", [here, in_thread])
+def test_a_file_that_is_being_opened_is_dropped_in_silence(
+    run: Callable[[Callable[[], object]], None], tmp_path: Path
+) -> None:
+    """Warnings are errors here, and pytest reports those that a destructor cannot raise."""
+    (path := tmp_path / "file").touch()
+
+    def read_again_and_again() -> None:
+        while True:
+            with path.open("rb", buffering=0) as file:
+                file.read()
+
+    for _ in range(40):
+        with pytest.raises(TimeLimitError):
+            run(lambda: within(0.005, read_again_and_again))
+
+
+@pytest.mark.parametrize("run", [here, in_thread])
 def test_a_module_is_imported_completely(
     run: Callable[[Callable[[], object]], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
