@@ -1,0 +1,600 @@
+"""Check certificates of probabilistic model checking: `symcheck-verify MODEL.tra CERTIFICATE`.
+
+The model is read from explicit files (.tra, .lab, .srew, .trew), the certificate from JSON. Numbers
+are rationals, or integers that are rounded outward. What is accepted is believed because of the
+rules below, each with its proof, and not because of its writer.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import operator
+import re
+import sys
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cache, partial
+from math import lcm
+from pathlib import Path
+from typing import Any, NamedTuple
+
+__all__ = ["Model", "Rejected", "check", "main", "read_model"]
+
+
+class Rejected(Exception):
+    """Something is not proved: the message names the state and the inequality that fails."""
+
+
+class Row(NamedTuple):
+    """The distribution of a choice: probability `weights[i] / denominator` of `targets[i]`."""
+
+    weights: tuple[int, ...]
+    targets: tuple[int, ...]
+    denominator: int
+
+
+class Reward(NamedTuple):
+    """What a state earns (in a ctmc, per unit of time), and the transitions of a row on average."""
+
+    of_state: dict[int, Fraction]
+    of_row: dict[int, Fraction]
+
+
+@dataclass(slots=True)
+class Model:
+    """A Markov chain or Markov decision process."""
+
+    kind: str  # dtmc, ctmc or mdp
+    first: list[int] = field(default_factory=lambda: [0])  # the rows of s begin at first[s]
+    rows: list[Row] = field(default_factory=list)  # of a ctmc, the distributions of its jumps
+    exit_rates: list[Fraction] | None = None  # of a ctmc, the rate at which each state is left
+    labels: dict[str, frozenset[int]] = field(default_factory=dict)  # the states with a label
+    rewards: dict[str, Reward] = field(default_factory=dict)  # the reward structures by name
+    digests: dict[str, str] = field(default_factory=dict)  # SHA-256 of each file that was read
+
+    @property
+    def states(self) -> int:
+        """The number of states."""
+        return len(self.first) - 1
+
+    def rows_of(self, state: int) -> range:
+        """The rows among which a state chooses."""
+        return range(self.first[state], self.first[state + 1])
+
+    def stay(self, row: int) -> Fraction:
+        """The mean time of a step by a row."""
+        return Fraction(1) if self.exit_rates is None else 1 / self.exit_rates[row]
+
+    def where(self, state: int, row: int) -> str:
+        """The text of a row of a state."""
+        return f"state {state}, choice {row - self.first[state]}"
+
+
+def _reader(kind: str) -> Callable[[str], Fraction]:
+    """What a text stands for: the number that its digits say, or the nearest double."""
+    if kind not in ("rational", "double"):
+        raise Rejected(f"unknown kind of numbers: {kind}")
+    return cache(lambda text: Fraction(float(text)) if kind == "double" else Fraction(text))
+
+
+def read_model(path: Path, kind: str, numbers: str) -> Model:
+    """The model of FILE.tra; FILE.lab, FILE.srew, FILE1.srew, … beside it are read, too.
+
+    Args:
+        path: the file of transitions.
+        kind: dtmc, ctmc or mdp.
+        numbers: rational, or double for the nearest doubles of what the files say.
+    """
+    if kind not in ("dtmc", "ctmc", "mdp"):
+        raise Rejected(f"unknown type of models: {kind}")
+    model, known = Model(kind), _reader(numbers)
+    _read_transitions(model, path, known)
+    if (labels := path.with_suffix(".lab")).exists():
+        _read_labels(model, labels)
+    pattern = re.compile(re.escape(path.stem) + r"\d*\.[st]rew")
+    for file in sorted(path.parent.glob("*rew")):
+        if pattern.fullmatch(file.name):
+            _read_rewards(model, file, known)
+    return model
+
+
+def _lines(model: Model, text: str, name: str) -> Iterator[list[str]]:
+    """The words of each line that is no comment; the digest of the file is kept."""
+    model.digests[name] = hashlib.sha256(text.encode()).hexdigest()
+    return (words for line in text.split("\n") if (words := line.split()) and words[0] != "#")
+
+
+def _read_transitions(model: Model, path: Path, number: Callable[[str], Fraction]) -> None:
+    lines = _lines(model, path.read_text("utf-8"), ".tra")
+    states, *_, transitions = (int(word) for word in next(lines))
+    columns = 3 if model.kind == "mdp" else 2
+    found: dict[tuple[int, ...], tuple[list[int], list[Fraction]]] = {}
+    for words in lines:
+        *place, target = (int(word) for word in words[:columns])
+        targets, values = found.setdefault(tuple(place), ([], []))
+        targets.append(target)
+        values.append(number(words[columns]))
+        if not (0 <= place[0] < states and 0 <= target < states and values[-1] > 0):
+            raise Rejected(f"transition {' '.join(words)}: no such state, or not positive")
+        transitions -= 1
+    shared: dict[tuple[Fraction, ...], tuple[tuple[int, ...], int]] = {}
+    exit_rates = []
+    for row, (targets, values) in sorted(found.items()):
+        while model.states < row[0] + 1:
+            model.first.append(len(model.rows))
+        if row != (row[0], len(model.rows) - model.first[row[0]])[: columns - 1]:
+            raise Rejected(f"state {row[0]}: its choices are not numbered from 0")
+        exit_rates.append(sum(values, Fraction(0)))
+        if model.kind != "ctmc" and exit_rates[-1] != 1:
+            raise Rejected(f"state {row[0]}: the probabilities of row {row} do not sum to 1")
+        key = tuple(v / exit_rates[-1] for v in values)
+        if key not in shared:
+            denominator = lcm(*(v.denominator for v in key))
+            shared[key] = tuple(int(v * denominator) for v in key), denominator
+        model.rows.append(Row(shared[key][0], tuple(targets), shared[key][1]))
+        model.first[-1] = len(model.rows)
+    if transitions or model.states != states or any(not model.rows_of(s) for s in range(states)):
+        raise Rejected("the counts of the first line are others, or a state has no transition")
+    model.exit_rates = exit_rates if model.kind == "ctmc" else None
+
+
+def _read_labels(model: Model, path: Path) -> None:
+    lines = _lines(model, path.read_text("utf-8"), ".lab")
+    parts = [word.partition("=") for word in next(lines)]
+    members: dict[int, set[int]] = {int(number): set() for number, _, _ in parts}
+    for state, *of_state in lines:
+        for number in of_state:
+            members[int(number)].add(int(state.rstrip(":")))
+    model.labels = {name.strip('"'): frozenset(members[int(i)]) for i, _, name in parts}
+
+
+def _read_rewards(model: Model, path: Path, number: Callable[[str], Fraction]) -> None:
+    text = path.read_text("utf-8")
+    found = re.search(r'^# Reward structure "([^"]*)"', text, re.MULTILINE)
+    name = found.group(1) if found else ""
+    lines = _lines(model, text, f"{path.suffix} {name}".strip())
+    reward = model.rewards.setdefault(name, Reward({}, {}))
+    next(lines)
+    for *place, value in lines:
+        state, *rest = (int(word) for word in place)
+        if path.suffix == ".srew":
+            reward.of_state[state] = number(value)
+            continue
+        index = model.first[state] + (rest[0] if model.kind == "mdp" else 0)
+        row = model.rows[index]
+        weight = sum(w for w, t in zip(row.weights, row.targets, strict=True) if t == rest[-1])
+        earned = Fraction(weight, row.denominator) * number(value)
+        reward.of_row[index] = reward.of_row.get(index, Fraction(0)) + earned
+
+
+@dataclass(frozen=True, slots=True)
+class Vector:
+    """A number per state: `numerators[s] / denominator`; None stands for infinity."""
+
+    numerators: list[Any]
+    denominator: int
+
+    @staticmethod
+    def read(data: Any, model: Model) -> Vector:
+        """The vector of a certificate."""
+        vector = Vector(data["numerators"], int(data["denominator"]))
+        whole = all(x is None or type(x) is int for x in vector.numerators)
+        if not whole or vector.denominator <= 0 or len(vector.numerators) != model.states:
+            raise Rejected("a vector has an integer or null per state, over a positive denominator")
+        return vector
+
+    def at(self, state: int) -> Fraction | None:
+        """The number of a state; None: infinity."""
+        value = self.numerators[state]
+        return None if value is None else Fraction(value, self.denominator)
+
+    def excess(self, state: int, row: Row, earned: Fraction) -> int:
+        """A number with the sign of `x(state) - earned - P x`, where all of these are finite."""
+        values = map(self.numerators.__getitem__, row.targets)
+        left: int = self.numerators[state] * row.denominator
+        left -= sum(map(operator.mul, row.weights, values))
+        if not earned:
+            return left
+        return left * earned.denominator - earned.numerator * row.denominator * self.denominator
+
+
+Rows = Callable[[int], Iterable[int]]  # the rows of a state that inequalities are about
+Earned = Callable[[int, int], Fraction]  # what a step from a state by a row earns on average
+Bounds = tuple[Fraction, Fraction]
+States = Collection[int]
+_WORD = {1: ">=", -1: "<="}
+
+
+class Side(NamedTuple):
+    """An upper (sign 1, x >= r + P x) or lower bound (-1) of a minimum, a maximum, or a chain."""
+
+    optimum: str | None
+    sign: int
+
+
+def _rows(model: Model, evidence: Any, side: Side) -> Rows:
+    """All rows, or those of the strategy of the certificate.
+
+    A maximum is at least what one strategy attains, and a minimum at most: there, a strategy
+    without memory suffices. The other bounds hold for all rows. In a chain, a state has one row.
+    """
+    if side.optimum is None or (side.optimum == "max") is (side.sign > 0):
+        return model.rows_of
+    choices = evidence["choices"]
+    for state in range(model.states):
+        if type(choices[state]) is not int or not 0 <= choices[state] < len(model.rows_of(state)):
+            raise Rejected(f"state {state} has no choice {choices[state]}")
+    return lambda state: (model.first[state] + choices[state],)
+
+
+def _ranks(model: Model, evidence: Any) -> list[int | None]:
+    """The ranks of a certificate; None: no rank."""
+    ranks: list[int | None] = evidence["ranks"]
+    if len(ranks) != model.states or not all(r is None or type(r) is int for r in ranks):
+        raise Rejected("ranks are whole numbers or null, one per state")
+    return ranks
+
+
+def _require_progress(model: Model, rows: Rows, ranks: Sequence[int | None], ends: States) -> None:
+    """Each state with a rank is an end, or each of its rows may enter a state of lower rank.
+
+    So every strategy over these rows reaches an end with positive probability from any of them.
+    """
+    for state, rank in enumerate(ranks):
+        if rank is None or state in ends:
+            continue
+        for row in rows(state):
+            if all((r := ranks[t]) is None or r >= rank for t in model.rows[row].targets):
+                raise Rejected(f"{model.where(state, row)}: no transition lowers the rank {rank}")
+
+
+def until_bound(model: Model, evidence: Any, side: Side, left: States, right: States) -> Vector:
+    """A bound x of the probability of `left U right`, where P is the distribution of a row.
+
+    Upper: x >= 0, x >= 1 on `right`, and x >= P x on the other states of `left`. By induction, x
+    bounds the probability of reaching `right` within n steps.
+
+    Lower: x <= 1 on `right`, x <= P x on the other states of `left`, x <= 0 elsewhere; and where
+    x > 0 in `left`, there is a rank that some transition of each row lowers, down to `right`. For
+    every n, x is at most the probability of having reached `right` after n steps plus the mean of x
+    over the other runs. Almost surely these enter an end component without `right`, or end outside
+    of `left`. No state of such a component has a rank, as its rows would lead to `right`: x <= 0.
+    """
+    x, rows = Vector.read(evidence["vector"], model), _rows(model, evidence, side)
+    ranks = [None] * model.states if side.sign > 0 else _ranks(model, evidence)
+    for state, value in enumerate(x.numerators):
+        inside, end = state in left and state not in right, int(state in right)
+        if value is None or (side.sign > 0 and value < 0):
+            raise Rejected(f"state {state}: 0 <= x does not hold")
+        if inside:
+            _require(model, x, state, rows(state), None, side)
+        elif (value - end * x.denominator) * side.sign < 0:
+            raise Rejected(f"state {state}: x {_WORD[side.sign]} {end} does not hold")
+        if side.sign < 0 and inside and value > 0 and ranks[state] is None:
+            raise Rejected(f"state {state}: x > 0 needs a rank")
+        if ranks[state] is not None and not inside and not end:
+            raise Rejected(f"state {state}: a rank where paths may not go")
+    _require_progress(model, rows, ranks, right)
+    return x
+
+
+def reach_reward_bound(
+    model: Model, evidence: Any, side: Side, earned: Earned, target: States
+) -> Vector:
+    """A bound x of the expected reward r until `target`; it is infinite where that may be missed.
+
+    Upper, with r >= 0: where x is finite, x >= 0; outside of `target`, x >= r + P x, only states of
+    finite x follow, and some transition of each row lowers a rank, down to `target`, which is
+    reached almost surely, therefore. By induction, x bounds what is earned within n steps.
+
+    Lower: x <= 0 on `target`, and where x is finite, x <= r + P x for each row that leads only to
+    states of finite x. For a strategy that reaches `target` almost surely, x is at most what it
+    earns in n steps plus the mean of x afterwards, and the latter tends to at most 0; other
+    strategies earn infinitely much. x is infinite only where `missed` shows it: an upper bound
+    below 1 of the probability of reaching `target`.
+    """
+    x, rows = Vector.read(evidence["vector"], model), _rows(model, evidence, side)
+    infinite = {state for state, value in enumerate(x.numerators) if value is None}
+    if infinite and side.sign < 0:
+        dual = {None: None, "max": "min", "min": "max"}[side.optimum]
+        everywhere = range(model.states)
+        y = until_bound(model, evidence["missed"], Side(dual, 1), everywhere, target)
+        if unproved := [s for s in infinite if y.numerators[s] >= y.denominator]:
+            raise Rejected(f"state {unproved[0]}: it is not proved that the target may be missed")
+    for state, value in enumerate(x.numerators):
+        if value is None:
+            continue
+        if (side.sign > 0 and value < 0) or (state in target and value * side.sign < 0):
+            raise Rejected(f"state {state}: x {_WORD[side.sign]} 0 does not hold")
+        if state not in target:
+            of_state = rows(state)
+            if side.sign < 0:
+                of_state = [r for r in of_state if infinite.isdisjoint(model.rows[r].targets)]
+            _require(model, x, state, of_state, earned, side)
+    if side.sign > 0:
+        ranks = _ranks(model, evidence)
+        for state, value in enumerate(x.numerators):
+            if value is not None and state not in target and ranks[state] is None:
+                raise Rejected(f"state {state}: a finite reward needs a rank")
+        _require_progress(model, rows, ranks, target)
+    return x
+
+
+def average_bound(model: Model, evidence: Any, side: Side, earned: Earned) -> Vector:
+    """A bound g of the long-run average of the reward r per step; in a ctmc, per unit of time.
+
+    With the mean time t of a step and a bias h: g >= P g and t g + h >= r + P h (for a lower bound,
+    <=). Added over n steps, the second one bounds what they earn by the sum of t g, up to the
+    difference of two values of h; the mean of g after any step is at most (least) g.
+    """
+    gain, bias = Vector.read(evidence["gain"], model), Vector.read(evidence["bias"], model)
+    rows = _rows(model, evidence, side)
+    for state in range(model.states):
+        for row in rows(state):
+            of_gain = Fraction(gain.numerators[state], gain.denominator)
+            rest = earned(state, row) - model.stay(row) * of_gain
+            falls = gain.excess(state, model.rows[row], Fraction(0)) * side.sign >= 0
+            if not falls or bias.excess(state, model.rows[row], rest) * side.sign < 0:
+                text = (
+                    f"t g + h {_WORD[side.sign]} r + P h" if falls else f"g {_WORD[side.sign]} P g"
+                )
+                raise Rejected(f"{model.where(state, row)}: {text} does not hold")
+    return gain
+
+
+def _require(
+    model: Model, x: Vector, state: int, rows: Iterable[int], earned: Earned | None, side: Side
+) -> None:
+    """Require x >= r + P x, or <= for a lower bound, of these rows of a state."""
+    for row in rows:
+        gained = Fraction(0) if earned is None else earned(state, row)
+        infinite = any(x.numerators[t] is None for t in model.rows[row].targets)
+        if infinite or gained < 0 or x.excess(state, model.rows[row], gained) * side.sign < 0:
+            text = f"x {_WORD[side.sign]} {'r + P x, with r >= 0,' if earned else 'P x'}"
+            raise Rejected(f"{model.where(state, row)}: {text} does not hold")
+
+
+_ONE = 1 << 96  # values within steps are integers over it: a step moves a bound by 2**-96
+
+
+def after_steps(
+    model: Model, steps: int, start: Sequence[Any], earned: Earned, free: States, best: Any
+) -> Callable[[int], Bounds]:
+    """Bounds of what steps `v := best of (earned + P v)` in the free states make of `start`."""
+    sides = []
+    for up in (False, True):
+        values = [_scaled(Fraction(value), up=up) for value in start]
+        gains = {r: _scaled(earned(s, r), up=up) for s in free for r in model.rows_of(s)}
+        for _ in range(steps):
+            new = values.copy()
+            for s in free:
+                means = (_mean(model.rows[r], values, up=up) + gains[r] for r in model.rows_of(s))
+                new[s] = best(means)
+            values = new
+        sides.append(values)
+    return lambda s: (Fraction(sides[0][s], _ONE), Fraction(sides[1][s], _ONE))
+
+
+def until_in_time(model: Model, time: Fraction, left: States, right: States) -> Any:
+    """Bounds of the probability that a ctmc satisfies `left U<=time right`, by uniformisation.
+
+    The chain steps at the greatest exit rate q, and some steps stay; their number has a Poisson
+    distribution with mean q time (Jensen 1953). What more steps add is between 0 and their weight.
+    """
+    if model.exit_rates is None or time < 0:
+        raise Rejected("a ctmc and a time of at least 0 are needed")
+    free = [s for s in left if s not in right]
+    rate = max((model.exit_rates[s] for s in free), default=Fraction(1))
+    shares = [model.exit_rates[s] / rate for s in free]
+    weights, later = _poisson(rate * time)
+    sides = []
+    for up in (False, True):
+        values = [_ONE if s in right else 0 for s in range(model.states)]
+        sums = [_scaled(later, up=True) * _ONE if up else 0] * model.states
+        for k, weight in enumerate(weights):
+            new = values.copy()
+            for s, share in zip(free if k else [], shares, strict=False):
+                moved = share.numerator * (_mean(model.rows[s], values, up=up) - values[s])
+                new[s] += _divided(moved, share.denominator, up=up)
+            values, w = new, _scaled(weight[up], up=up)
+            sums = [total + w * value for total, value in zip(sums, values, strict=True)]
+        sides.append(sums)
+    whole = _ONE * _ONE
+    return lambda s: (Fraction(sides[0][s], whole), Fraction(min(sides[1][s], whole), whole))
+
+
+def _poisson(mean: Fraction) -> tuple[list[Bounds], Fraction]:
+    """Bounds of the probabilities of 0, 1, … events, and an upper one of all that are left out.
+
+    The terms mean**k / k! are computed relative to the greatest one, until they are below
+    2**-96 of it; geometric series bound what follows on both sides. Their sum divides them.
+    """
+    k = mode = int(mean)
+    low, high = {mode: _ONE}, {mode: _ONE}
+    while k > 0 and low[k] > 0:
+        ratio = k / mean
+        low[k - 1] = low[k] * ratio.numerator // ratio.denominator
+        high[k - 1] = _divided(high[k] * ratio.numerator, ratio.denominator, up=True)
+        k -= 1
+    first, k = k, mode
+    while low[k] > 0:
+        k, ratio = k + 1, mean / (k + 1)
+        low[k] = low[k - 1] * ratio.numerator // ratio.denominator
+        high[k] = _divided(high[k - 1] * ratio.numerator, ratio.denominator, up=True)
+    rising = mean / (k + 1)
+    above = high[k] * rising / (1 - rising)
+    falling = first / mean if first else Fraction(0)
+    below = high[first] * falling / (1 - falling)
+    least, most = sum(low.values()), sum(high.values()) + above + below
+    weights = [(low[i] / most, Fraction(high[i], least)) for i in range(first, k + 1)]
+    return [(Fraction(0), below / least)] * first + weights, above / least
+
+
+def _mean(row: Row, values: Sequence[int], *, up: bool) -> int:
+    total: int = sum(map(operator.mul, row.weights, map(values.__getitem__, row.targets)))
+    return _divided(total, row.denominator, up=up)
+
+
+def _divided(value: int, by: int, *, up: bool) -> int:
+    return -(-value // by) if up else value // by
+
+
+def _scaled(value: Fraction, *, up: bool) -> int:
+    return _divided(value.numerator * _ONE, value.denominator, up=up)
+
+
+Proved = Callable[[int], Fraction | None]  # the bound of each state; None: infinity
+_OPERATORS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
+
+
+def check(model: Model, certificate: Any) -> list[str]:
+    """What a certificate proves of a model, as sentences.
+
+    Raises:
+        Rejected: something that it states is not proved.
+    """
+    stated = certificate["model"]["sha256"]
+    if stated != model.digests:
+        names = ", ".join(sorted({name for name, _ in stated.items() ^ model.digests.items()}))
+        raise Rejected(f"the certificate is about another model: {names} differ")
+    statement = certificate["statement"]
+    if statement["optimum"] not in (("min", "max") if model.kind == "mdp" else (None,)):
+        raise Rejected("an mdp needs the optimum min or max, and other models have none")
+    lower, upper = _proved(model, statement, certificate["evidence"])
+    proved, verdicts, given = [], set(), statement.get("comparison")
+    for text, ends in statement["bounds"].items():
+        state, (low, high) = int(text), [None if e == "Infinity" else Fraction(e) for e in ends]
+        if not 0 <= state < model.states:
+            raise Rejected(f"there is no state {state}")
+        found_low, found_high = lower(state), upper(state)
+        if found_low is not None and (low is None or found_low < low):
+            raise Rejected(f"state {state}: the value is not proved to be at least {ends[0]}")
+        if high is not None and (found_high is None or found_high > high):
+            raise Rejected(f"state {state}: the value is not proved to be at most {ends[1]}")
+        proved.append(f"state {state}: the value is from {ends[0]} to {ends[1]}")
+        if given is not None:
+            compare, threshold = _OPERATORS[given["operator"]], Fraction(given["threshold"])
+            of_ends = {compare(float("inf") if e is None else e, threshold) for e in (low, high)}
+            if len(of_ends) > 1:
+                raise Rejected(f"state {state}: the bounds do not decide the comparison")
+            verdicts |= of_ends
+    if not proved:
+        raise Rejected("the certificate states nothing")
+    if given is not None:
+        if (verdicts == {True}) is not given["holds"]:
+            raise Rejected("the verdict of the comparison is not what the bounds say")
+        text = f"{given['operator']} {given['threshold']} in each of these states"
+        proved.append(f"{given['holds']}: the value is {text}")
+    return proved
+
+
+def _proved(model: Model, statement: Any, evidence: Any) -> tuple[Proved, Proved]:
+    """The lower and the upper bounds that are proved of the measure of a statement."""
+    optimum, steps, everywhere = statement["optimum"], statement.get("steps"), range(model.states)
+
+    def nothing(*_: int) -> Fraction:
+        return Fraction(0)
+
+    def by_rule(rule: Callable[..., Vector], *about: Any) -> tuple[Proved, Proved]:
+        low = rule(model, evidence["lower"], Side(optimum, -1), *about)
+        return low.at, rule(model, evidence["upper"], Side(optimum, 1), *about).at
+
+    def both(bounds: Callable[[int], Bounds]) -> tuple[Proved, Proved]:
+        return lambda state: bounds(state)[0], lambda state: bounds(state)[1]
+
+    def repeated(start: list[Any], earned: Earned, free: States) -> tuple[Proved, Proved]:
+        if model.exit_rates is not None or type(steps) is not int or steps < 0:
+            raise Rejected("a whole number of steps in discrete time is needed")
+        best = min if optimum == "min" else max
+        return both(after_steps(model, steps, start, earned, free, best))
+
+    match statement["measure"]:
+        case "until":
+            left, right = _states(model, statement["left"]), _states(model, statement["right"])
+            if "time" in statement:
+                found = both(until_in_time(model, Fraction(statement["time"]), left, right))
+            elif steps is None:
+                found = by_rule(until_bound, left, right)
+            else:
+                start = [int(s in right) for s in everywhere]
+                found = repeated(start, nothing, left - right)
+            if statement["negated"]:  # the optimum is that of the until formula
+                low, high = (lambda s, side=side: 1 - side(s) for side in found)
+                return high, low
+            return found
+        case "reward":
+            earned = partial(_earned, model, _reward(model, statement))
+            return by_rule(reach_reward_bound, earned, _states(model, statement["target"]))
+        case "cumulative":
+            earned = partial(_earned, model, _reward(model, statement))
+            return repeated([0] * model.states, earned, everywhere)
+        case "instantaneous":
+            at_end = _reward(model, statement).of_state
+            return repeated([at_end.get(s, 0) for s in everywhere], nothing, everywhere)
+        case "average":
+            inside = _states(model, statement["states"]) if "states" in statement else None
+            reward = Reward(dict.fromkeys(inside, Fraction(1)), {}) if inside is not None else None
+            earned = partial(_earned, model, reward or _reward(model, statement))
+            return by_rule(average_bound, earned)
+        case unknown:
+            raise Rejected(f"unknown measure: {unknown}")
+
+
+def _earned(model: Model, reward: Reward | None, state: int, row: int) -> Fraction:
+    """The mean reward of a step by a row of a state; without a reward structure, its time."""
+    if reward is None:
+        return model.stay(row)
+    of_row = reward.of_row.get(row, Fraction(0))
+    return model.stay(row) * reward.of_state[state] + of_row if state in reward.of_state else of_row
+
+
+def _reward(model: Model, statement: Any) -> Any:
+    """The reward structure of a statement; None: the time."""
+    return None if statement["reward"] is None else model.rewards[statement["reward"]]
+
+
+def _states(model: Model, data: Any) -> frozenset[int]:
+    """A set of states: "all", numbers, a label, or what `not`, `and` and `or` make of sets."""
+    everywhere = frozenset(range(model.states))
+    match data:
+        case "all":
+            return everywhere
+        case {"states": numbers}:
+            return everywhere & frozenset(numbers)
+        case {"label": name}:
+            return model.labels[name]
+        case {"not": inner}:
+            return everywhere - _states(model, inner)
+        case {"or": parts}:
+            return frozenset[int]().union(*(_states(model, part) for part in parts))
+        case _:
+            raise Rejected(f"unknown set of states: {str(data)[:60]}")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Check a certificate; the exit status is 0 if it is accepted, 1 if not, 2 for wrong usage."""
+    words = sys.argv[1:] if arguments is None else arguments
+    if len(words) != 2:
+        print("usage: symcheck-verify MODEL.tra CERTIFICATE", file=sys.stderr)
+        return 2
+    try:
+        certificate = json.loads(Path(words[1]).read_text(encoding="utf-8"))
+        about = certificate["model"]
+        proved = check(read_model(Path(words[0]), about["type"], about["numbers"]), certificate)
+        about = {
+            k: v for k, v in certificate["statement"].items() if k not in ("bounds", "comparison")
+        }
+        print("\n  ".join([f"accepted: {json.dumps(about)}", *proved]))
+        print(f"  (its writer reads this as {certificate['property']})")
+        return 0
+    except Rejected as error:
+        print(f"rejected: {error}")
+    except (OSError, ValueError, LookupError, TypeError, ArithmeticError, AttributeError) as error:
+        print(f"rejected: the model or the certificate cannot be read: {error!r}")
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
