@@ -534,9 +534,7 @@ def _proved(model: Model, statement: Any, evidence: Any) -> tuple[Proved, Proved
             at_end = _reward(model, statement).of_state
             return repeated([at_end.get(s, 0) for s in everywhere], nothing, everywhere)
         case "average":
-            inside = _states(model, statement["states"]) if "states" in statement else None
-            reward = Reward(dict.fromkeys(inside, Fraction(1)), {}) if inside is not None else None
-            earned = partial(_earned, model, reward or _reward(model, statement))
+            earned = partial(_earned, model, _reward(model, statement))
             return by_rule(average_bound, earned)
         case unknown:
             raise Rejected(f"unknown measure: {unknown}")
@@ -551,7 +549,9 @@ def _earned(model: Model, reward: Reward | None, state: int, row: int) -> Fracti
 
 
 def _reward(model: Model, statement: Any) -> Any:
-    """The reward structure of a statement; None: the time."""
+    """The reward structure of a statement, or 1 in its states; None: the time."""
+    if "states" in statement:
+        return Reward(dict.fromkeys(_states(model, statement["states"]), Fraction(1)), {})
     return None if statement["reward"] is None else model.rewards[statement["reward"]]
 
 

@@ -310,3 +310,18 @@ EPOCH_ENTRIES_PER_CALL = 50_000_000
 """Entries that are visited between calls of the observer."""
 UNFOLDED_ENTRIES = 200_000_000
 """States or entries of a model with an unfolded reward dimension."""
+
+TIGHT_ROWS = (1e-13, 1e-11, 1e-9, 1e-7, 1e-5, 1e-3)
+"""Room, relative to the value, below which a row of a certificate is given more room."""
+WIDEST_ROOM = 1e-2
+"""Values of a certificate move by at most this share of what is earned of them later."""
+ROOM_GROWTH = 16.0
+"""Factor between two attempts to give rows room."""
+GRID_BITS = 60
+"""Bits of the smallest value of a certificate."""
+GAIN_ROOM = (1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
+"""Room that the gain of a certificate gives its bias, relative to the greatest gain."""
+BIAS_POLICIES = 100
+"""The most policies whose bias is computed for a certificate."""
+BIAS_ACCURACY = 1e-12
+"""Accuracy of the bias of a certificate."""

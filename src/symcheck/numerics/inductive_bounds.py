@@ -1,0 +1,383 @@
+"""Vectors that satisfy the inequalities of a bound exactly, found from approximate values.
+
+An upper bound x of x = opt (r + P x) satisfies x >= r + P x, a lower bound x <= r + P x: for all
+rows of a state, or for those of a strategy. Approximate values do so up to their error. They are
+moved by a multiple of the slack w, which has w >= x + P w in the rows that are almost tight: this
+gives each of these rows some room, in proportion to its value; other rows have room already. What
+results is rounded to a grid, and checked in integers: the vectors hold as they are stored.
+
+Source: Hartmanns & Kaminski (2020), optimistic value iteration, for the idea of a guess that is
+verified; Chatterjee et al. (TACAS 2025) for what a certificate needs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from functools import cached_property
+from itertools import pairwise
+from math import frexp, lcm
+
+import numpy as np
+
+from symcheck.direction import Direction
+from symcheck.errors import NumericalError
+from symcheck.matrices.numbers import Rationals, doubles
+from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, first_best, spans, starts_of
+from symcheck.numerics import graph, tuning
+from symcheck.numerics.linear.problem import LinearProblem
+from symcheck.numerics.settings import Accuracy
+
+__all__ = [
+    "AverageVectors",
+    "InductiveVector",
+    "Inequalities",
+    "average_vectors",
+    "inductive",
+    "progress",
+]
+
+
+@dataclass(frozen=True, eq=False)
+class InductiveVector:
+    """A bound of each state, as integers over a power of two, and what proves it.
+
+    Attributes:
+        numerators: the integers, objects[n]; None for infinity.
+        bits: the denominator is 2**bits.
+        choices: the row that a strategy takes in each state, int64[n]; None: all rows.
+        ranks: int64[n], -1 for none; None where no ranks are needed.
+    """
+
+    numerators: Rationals
+    bits: int
+    choices: Int64s | None = None
+    ranks: Int64s | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Inequalities:
+    """The inequalities of one side of a measure.
+
+    Attributes:
+        matrix: the probabilities of all rows, as rationals.
+        free: the states in which they have to hold, bool[n].
+        fixed: the values of the other states, float64[n].
+        earned: what each row earns, rationals[rows]; None: nothing.
+        upper: whether x >= r + P x is needed.
+        all_rows: whether they have to hold for all rows; otherwise for those of a strategy.
+        strategy: the row of each state where not all rows count, int64[n]; None: one is chosen.
+        ends: the states to which ranks descend, bool[n]; None: no ranks are needed.
+    """
+
+    matrix: SparseMatrix = field(repr=False)
+    free: Bools
+    fixed: Floats
+    earned: Rationals | None
+    upper: bool
+    all_rows: bool
+    ends: Bools | None
+    strategy: Int64s | None = None
+
+    @cached_property
+    def edges(self) -> graph.Incidence:
+        """The matrix with its transposed graph."""
+        return graph.Incidence(self.matrix)
+
+    @cached_property
+    def doubles(self) -> SparseMatrix:
+        """The probabilities as doubles."""
+        return self.matrix.doubles()
+
+    @cached_property
+    def rewards(self) -> Floats:
+        """What each row earns, as doubles."""
+        return np.zeros(self.matrix.rows) if self.earned is None else doubles(self.earned)
+
+    @cached_property
+    def considered(self) -> Bools:
+        """Rows of free states; where an infinite value follows, a lower bound always holds."""
+        rows = self.free[self.edges.owner_of_rows]
+        if not self.upper and np.isinf(self.fixed).any():
+            rows &= np.isfinite(self.doubles.multiply(np.where(self.free, 0.0, self.fixed)))
+        return rows
+
+    def room(self, x: Floats) -> Floats:
+        """By how much each considered row satisfies its inequality; infinite for other rows."""
+        with np.errstate(invalid="ignore"):
+            excess = x[self.edges.owner_of_rows] - self.rewards - self.doubles.multiply(x)
+        return np.where(self.considered, excess if self.upper else -excess, np.inf)
+
+
+def inductive(problem: Inequalities, guess: Floats) -> InductiveVector:
+    """A vector that satisfies the inequalities exactly, near to approximate values.
+
+    Args:
+        problem: the inequalities.
+        guess: values of the free states, float64[n].
+
+    Raises:
+        NumericalError: none was found.
+    """
+    x = np.where(problem.free, guess, problem.fixed)
+    room, scale = problem.room(x), np.abs(x)[problem.edges.owner_of_rows]
+    for tolerance in tuning.TIGHT_ROWS:
+        found = _near(problem, x, room, np.abs(room) <= tolerance * scale)
+        if found is not None:
+            return found
+    raise NumericalError("no vector was found that satisfies the inequalities of a certificate")
+
+
+def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> InductiveVector | None:
+    """A vector that satisfies the inequalities, if these rows are those that need room."""
+    rows, ranks, choices = problem.considered, None, None
+    if problem.ends is not None:
+        candidates = rows if problem.all_rows else tight
+        ranks, towards = progress(problem.edges, candidates, problem.ends, problem.all_rows)
+        if (problem.free & (ranks < 0) & (x > 0)).any():
+            return None
+    if not problem.all_rows:
+        choices = problem.strategy
+        if choices is None:
+            choices = first_best(np.where(rows, room, -np.inf), problem.edges.groups)
+        if problem.ends is not None:
+            choices[towards >= 0] = towards[towards >= 0]
+        rows = np.zeros_like(rows)
+        rows[choices] = True
+        rows &= problem.considered
+        tight = rows
+    slack = _slack(problem, x, rows, tight & rows)
+    if slack is None:
+        return None
+    base, w = slack
+    checked = _Integers.of(problem, rows)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        missing = np.maximum(-problem.room(base), 0.0) / np.abs(base)[problem.edges.owner_of_rows]
+    worst = float(np.max(missing[tight & rows & np.isfinite(missing)], initial=0.0))
+    step = 2.0 * worst + (problem.matrix.longest + 8) * 4.0 * tuning.UNIT_ROUNDOFF
+    while step < tuning.WIDEST_ROOM:
+        moved = base + step * w if problem.upper else base - step * w
+        if problem.earned is None and not problem.upper:
+            moved = np.maximum(moved, 0.0)
+        vector = InductiveVector(*_on_grid(np.where(problem.free, moved, problem.fixed)))
+        if checked.satisfied_by(vector):
+            return replace(vector, choices=choices, ranks=ranks)
+        step *= tuning.ROOM_GROWTH
+    return None
+
+
+def progress(
+    edges: graph.Incidence, rows: Bools, ends: Bools, all_rows: bool
+) -> tuple[Int64s, Int64s]:
+    """Ranks that some transition of each row lowers, down to `ends`.
+
+    Args:
+        edges: the matrix.
+        rows: the rows that are considered, bool[rows].
+        ends: the states of rank 0, bool[n].
+        all_rows: whether all considered rows of a state have to lower its rank; otherwise one.
+
+    Returns:
+        The rank of each state, -1 for none, and the first row that lowers it, -1 for none.
+    """
+    n, owner = edges.matrix.states, edges.owner_of_rows
+    ranks, towards = np.where(ends, 0, -1), np.full(n, -1, np.int64)
+    left = np.bincount(owner[rows], minlength=n) if all_rows else np.ones(n, np.int64)
+    seen, frontier, rank = ~rows, np.flatnonzero(ends), 0
+    while len(frontier):
+        rank += 1
+        into = edges.rows_in[spans(edges.pre[:-1][frontier], edges.pre[1:][frontier])]
+        into = np.unique(into[~seen[into]]).astype(np.int64)
+        seen[into] = True
+        into = into[ranks[owner[into]] < 0]
+        towards[owner[into[::-1]]] = into[::-1]
+        left -= np.minimum(np.bincount(owner[into], minlength=n), left)
+        frontier = np.unique(owner[into])
+        frontier = frontier[left[frontier] == 0]
+        ranks[frontier] = rank
+    return ranks, np.where(ranks > 0, towards, -1)
+
+
+def _slack(
+    problem: Inequalities, x: Floats, rows: Bools, tight: Bools
+) -> tuple[Floats, Floats] | None:
+    """Values that are equal within end components, and their slack; None if it is infinite.
+
+    States of an end component without rewards have one value; its rows are satisfied with equality.
+    """
+    from symcheck.numerics.linear.methods import solve_linear
+
+    owner = problem.edges.owner_of_rows
+    inner = rows & (problem.rewards == 0.0)
+    parts = graph.maximal_end_components(problem.edges, problem.free, inner)
+    index, count = parts.quotient_states()
+    best = np.full(count, -np.inf if problem.upper else np.inf)
+    (np.maximum if problem.upper else np.minimum).at(best, index, x)
+    base = np.where(problem.free, best[index], x)
+    kept = np.flatnonzero(tight & ~parts.rows)
+    kept = kept[np.argsort(index[owner[kept]], kind="stable")]
+    sizes = np.bincount(index[owner[kept]], minlength=count)
+    unknown = np.zeros(count, np.bool_)
+    unknown[index[problem.free]] = True
+    unknown &= sizes > 0
+    groups = starts_of(sizes)
+    whole = problem.doubles.choose(kept.astype(np.int64), groups).merge(index, count)
+    inside, outer = whole.among(unknown), whole.rows_of(unknown)
+    closed = inside.lengths == whole.lengths[outer]
+    if graph.maximal_end_components(inside, np.ones(inside.states, np.bool_), closed).count:
+        return None
+    weight = np.abs(best)[unknown]
+    assert inside.groups is not None
+    constant = np.repeat(weight, np.diff(inside.groups))
+    leaving = np.where(closed, 0.0, whole.row_sums()[outer] - inside.row_sums())
+    system = LinearProblem(
+        constant, inside, exit=leaving, direction=Direction.MAX, probability=False
+    )
+    try:
+        solved = solve_linear(system, Accuracy(epsilon=1e-2))
+    except NumericalError:
+        return None
+    of_part = np.zeros(count)
+    of_part[unknown] = solved.upper * 1.02
+    w = np.where(problem.free, of_part[index], 0.0)
+    return (base, w) if np.isfinite(w).all() else None
+
+
+def _on_grid(values: Floats) -> tuple[Rationals, int]:
+    """Finite doubles as integers over 2**bits, which is the second number; None for infinity."""
+    positive = np.abs(values[np.isfinite(values) & (values != 0.0)])
+    smallest = frexp(float(positive.min(initial=1.0)))[1]
+    bits = max(0, tuning.GRID_BITS - smallest)
+    mantissas, exponents = np.frexp(np.where(np.isfinite(values), values, 0.0))
+    whole = np.ldexp(mantissas, 53).astype(np.int64).tolist()
+    shifts = (exponents.astype(np.int64) - 53 + bits).tolist()
+    numerators = np.empty(len(values), object)
+    numerators[:] = [v << by if by >= 0 else v >> -by for v, by in zip(whole, shifts, strict=True)]
+    numerators[np.isinf(values)] = None
+    return numerators, bits
+
+
+@dataclass(frozen=True, eq=False)
+class _Integers:
+    """The considered rows with whole weights over a denominator for each row."""
+
+    problem: Inequalities
+    matrix: SparseMatrix
+    owner: Int64s
+    denominators: Rationals
+    earned: Rationals
+
+    @staticmethod
+    def of(problem: Inequalities, rows: Bools) -> _Integers:
+        """The rows of the inequalities."""
+        kept = np.flatnonzero(rows).astype(np.int64)
+        chosen = problem.matrix.choose(kept)
+        texts = chosen.data.tolist()
+        bounds = chosen.indptr.tolist()
+        denominators = np.empty(len(kept), object)
+        denominators[:] = [lcm(*(f.denominator for f in texts[a:b])) for a, b in pairwise(bounds)]
+        weights = np.empty(len(texts), object)
+        each = np.repeat(denominators, chosen.lengths).tolist()
+        weights[:] = [f.numerator * (d // f.denominator) for f, d in zip(texts, each, strict=True)]
+        earned = np.empty(len(kept), object)
+        earned[:] = 0 if problem.earned is None else problem.earned[kept]
+        owner = problem.edges.owner_of_rows[kept].astype(np.int64)
+        return _Integers(problem, replace(chosen, data=weights), owner, denominators, earned)
+
+    def satisfied_by(self, vector: InductiveVector) -> bool:
+        """Whether all rows satisfy their inequality exactly."""
+        values = np.where(vector.numerators == None, 0, vector.numerators)  # noqa: E711
+        products = self.matrix.data * values[self.matrix.indices]
+        expected = np.add.reduceat(products, self.matrix.indptr[:-1]) if len(products) else products
+        excess = values[self.owner] * self.denominators - expected
+        excess = excess - self.earned * self.denominators * (1 << vector.bits)
+        return bool((excess >= 0).all() if self.problem.upper else (excess <= 0).all())
+
+
+@dataclass(frozen=True, eq=False)
+class AverageVectors:
+    """A bound of the long-run average of each state, and what proves it: g and h with g >= P g and
+    t g + h >= r + P h (an upper bound; <= for a lower one), where t is the mean time of a step.
+    """
+
+    gain: InductiveVector
+    bias: InductiveVector
+
+
+def average_vectors(problem: Inequalities, stay: Rationals, gain: Floats) -> AverageVectors:
+    """Vectors that satisfy both inequalities exactly.
+
+    Args:
+        problem: all states are free, `earned` is the reward of a step, and `strategy` the rows of
+            an optimal strategy (None in a chain).
+        stay: the mean time of a step of each row, rationals[rows].
+        gain: the long-run averages, float64[n].
+
+    Raises:
+        NumericalError: none were found.
+    """
+    assert problem.earned is not None
+    shift = 1.0 + float(np.max(np.abs(gain), initial=0.0))
+    of_gain = inductive(replace(problem, earned=None), gain + shift)
+    owner = problem.edges.owner_of_rows
+    rows = np.ones(problem.matrix.rows, np.bool_)
+    if not problem.all_rows:
+        assert problem.strategy is not None
+        rows[:] = False
+        rows[problem.strategy] = True
+    bias = _bias(problem, doubles(stay), gain)
+    for room in tuning.GAIN_ROOM:
+        step = room * shift
+        moved = of_gain.numerators + int((step if problem.upper else -step) * 2.0**of_gain.bits)
+        moved = moved - int(shift * 2.0**of_gain.bits)
+        found = InductiveVector(moved, of_gain.bits, problem.strategy)
+        exact = np.empty(len(moved), object)
+        exact[:] = [Fraction(int(v), 1 << of_gain.bits) for v in moved]
+        rest = replace(problem, earned=problem.earned - stay * exact[owner])
+        candidate = InductiveVector(*_on_grid(bias))
+        if _Integers.of(rest, rows).satisfied_by(candidate):
+            return AverageVectors(found, candidate)
+    raise NumericalError("no bias was found that satisfies the inequalities of a certificate")
+
+
+def _bias(problem: Inequalities, stay: Floats, gain: Floats) -> Floats:
+    """The bias of an optimal policy that no row improves, by policy iteration."""
+    owner, groups = problem.edges.owner_of_rows, problem.edges.groups
+    policy = groups[:-1].copy() if problem.strategy is None else problem.strategy
+    sign = 1.0 if problem.upper else -1.0
+    expected = problem.rewards - stay * gain[owner]
+    falls = sign * (gain[owner] - problem.doubles.multiply(gain))
+    keeps = falls <= 1e-9 * (1.0 + np.abs(gain).max(initial=0.0))
+    bias = _policy_bias(problem, policy, expected)
+    for _ in range(tuning.BIAS_POLICIES if problem.all_rows else 0):
+        better = sign * (expected + problem.doubles.multiply(bias) - bias[owner])
+        slack = 1e-9 * (1.0 + np.abs(bias).max(initial=0.0))
+        best = first_best(np.where(keeps, better, -np.inf), groups)
+        improved = np.where(better[best] > better[policy] + slack, best, policy)
+        if (improved == policy).all():
+            break
+        policy = improved
+        bias = _policy_bias(problem, policy, expected)
+    # Rows that lead to worse gains get room from a multiple of the gain.
+    excess = sign * (expected + problem.doubles.multiply(bias) - bias[owner])
+    needs = ~keeps & (excess > 0.0) if problem.all_rows else np.zeros_like(keeps)
+    weight = float(np.max(2.0 * excess[needs] / falls[needs], initial=0.0))
+    return np.asarray(bias + weight * gain)
+
+
+def _policy_bias(problem: Inequalities, policy: Int64s, expected: Floats) -> Floats:
+    """The expected sum of `expected` until the first state of the component that a run enters."""
+    from symcheck.numerics.linear.methods import solve_linear
+
+    chain = problem.doubles.choose(policy)
+    unknown = np.ones(chain.states, np.bool_)
+    for component in graph.bsccs(chain):
+        unknown[component[0]] = False
+    inside = chain.among(unknown)
+    out = np.zeros(chain.states)
+    if unknown.any():
+        leaving = np.maximum(chain.row_sums()[unknown] - inside.row_sums(), 0.0)
+        system = LinearProblem(expected[policy][unknown], inside, exit=leaving, probability=False)
+        accuracy = Accuracy(epsilon=tuning.BIAS_ACCURACY, relative=False)
+        out[unknown] = solve_linear(system, accuracy).middle
+    return out
