@@ -48,10 +48,6 @@ def _average(
     from symcheck.numerics.long_run.mean_payoff import component_gains, mec_quotient
 
     assert direction is not None
-    if context.options.fairness:
-        raise UnsupportedError(
-            "long-run averages over fair strategies only are not supported; without -fair they are"
-        )
     if is_infinite(rewards).any():
         raise UnsupportedError("long-run averages of infinite rewards are not supported")
     options, observer = context.options, context.observer
