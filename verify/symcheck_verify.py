@@ -456,9 +456,8 @@ def check(model: Model, certificate: Any) -> list[str]:
         Rejected: something that it states is not proved.
     """
     stated = certificate["model"]["sha256"]
-    if stated != model.digests:
-        names = ", ".join(sorted({name for name, _ in stated.items() ^ model.digests.items()}))
-        raise Rejected(f"the certificate is about another model: {names} differ")
+    if differing := sorted(dict(stated.items() - model.digests.items())):
+        raise Rejected(f"the certificate is about another model: {', '.join(differing)} differ")
     statement = certificate["statement"]
     if statement["optimum"] not in (("min", "max") if model.kind == "mdp" else (None,)):
         raise Rejected("an mdp needs the optimum min or max, and other models have none")

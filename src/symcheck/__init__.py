@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from symcheck.errors import SymcheckError as SymcheckError
     from symcheck.exchange.api_io import export as export
     from symcheck.exchange.api_io import load_explicit as load_explicit
+    from symcheck.exchange.certificates import save_certificate as save_certificate
     from symcheck.exchange.python.from_function import from_function as from_function
     from symcheck.exchange.python.from_matrix import from_matrix as from_matrix
     from symcheck.exchange.strategies.induced_chain import induced_chain as induced_chain
@@ -56,6 +57,7 @@ _MODULES = {
     "engines.states": "State States",
     "errors": "SymcheckError",
     "exchange.api_io": "export load_explicit",
+    "exchange.certificates": "save_certificate",
     "exchange.python.from_function": "from_function",
     "exchange.python.from_matrix": "from_matrix",
     "exchange.strategies.induced_chain": "induced_chain",

@@ -56,6 +56,7 @@ from symcheck.tables import counted
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
     from symcheck.check.bisimulation.quotient import Quotient
+    from symcheck.check.certificate import Certificate
     from symcheck.check.counterexample import Counterexample
     from symcheck.engines.explicit.strategy import Strategy
 
@@ -145,6 +146,7 @@ def check(
         seconds=perf_counter() - started,
         engine=engine,
         explain=partial(_explanation, replace(context, log=CheckLog()), formula),
+        certify=partial(_certificate, replace(context, log=CheckLog()), formula),
     )
 
 
@@ -160,6 +162,12 @@ def _explanation(context: Context, formula: Expression, paths: int | None) -> Co
     from symcheck.check.explanation.find import find_counterexample
 
     return find_counterexample(context, formula, paths)
+
+
+def _certificate(context: Context, formula: Expression) -> Certificate:
+    from symcheck.check.certificate import certify
+
+    return certify(context, formula)
 
 
 def _check_on_quotient(

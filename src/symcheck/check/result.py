@@ -14,6 +14,7 @@ from symcheck.semantics.expressions.literals import format_state, format_value, 
 from symcheck.tables import Table
 
 if TYPE_CHECKING:
+    from symcheck.check.certificate import Certificate
     from symcheck.check.counterexample import Counterexample
     from symcheck.check.pareto_front import ParetoFront
     from symcheck.engines.explicit.strategy import Strategy
@@ -181,6 +182,7 @@ class Result:
         seconds: time of the check.
         engine: on which the property was checked.
         explain: finds a counterexample with at most so many paths.
+        certify: finds a certificate.
     """
 
     value: Answer
@@ -198,6 +200,7 @@ class Result:
     seconds: float = field(default=0.0, repr=False)
     engine: Engine | None = field(default=None, repr=False)
     explain: Callable[[int | None], Counterexample] | None = field(default=None, repr=False)
+    certify: Callable[[], Certificate] | None = field(default=None, repr=False)
 
     if not TYPE_CHECKING:
 
@@ -236,6 +239,30 @@ class Result:
         if self.explain is None:
             raise UnsupportedError("an estimate has no counterexample")
         return self.explain(paths)
+
+    def certificate(self) -> Certificate:
+        """What a third party needs to check the value without trusting symcheck.
+
+        `symcheck.save_certificate` writes it with the model that it is about, for the command
+        `symcheck-verify`.
+
+        Raises:
+            UnsupportedError: there are no certificates for such a property, or the model cannot be
+                explored in rational arithmetic.
+            NumericalError: no vectors were found that satisfy the inequalities.
+
+        Examples:
+            >>> import symcheck
+            >>> from fractions import Fraction
+            >>> die = symcheck.load("models/die/die.pm")
+            >>> proof = die.check("P=? [ F d=6 ]").certificate()
+            >>> low, high = proof.bounds[0]
+            >>> low <= Fraction(1, 6) <= high
+            True
+        """
+        if self.certify is None:
+            raise UnsupportedError("an estimate has no certificate")
+        return self.certify()
 
     @property
     def values(self) -> StateValues:

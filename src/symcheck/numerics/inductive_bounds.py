@@ -22,6 +22,7 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
+from symcheck.machine import require_memory_for_scipy
 from symcheck.matrices.numbers import Rationals, doubles
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, first_best, spans, starts_of
 from symcheck.numerics import graph, tuning
@@ -317,6 +318,7 @@ def average_vectors(problem: Inequalities, stay: Rationals, gain: Floats) -> Ave
         NumericalError: none were found.
     """
     assert problem.earned is not None
+    gain, bias = _gain_and_bias(problem, doubles(stay), gain)
     shift = 1.0 + float(np.max(np.abs(gain), initial=0.0))
     of_gain = inductive(replace(problem, earned=None), gain + shift)
     owner = problem.edges.owner_of_rows
@@ -325,59 +327,84 @@ def average_vectors(problem: Inequalities, stay: Rationals, gain: Floats) -> Ave
         assert problem.strategy is not None
         rows[:] = False
         rows[problem.strategy] = True
-    bias = _bias(problem, doubles(stay), gain)
+    whole = 2.0**of_gain.bits
     for room in tuning.GAIN_ROOM:
-        step = room * shift
-        moved = of_gain.numerators + int((step if problem.upper else -step) * 2.0**of_gain.bits)
-        moved = moved - int(shift * 2.0**of_gain.bits)
-        found = InductiveVector(moved, of_gain.bits, problem.strategy)
+        step = int(room * shift * whole)
+        moved = of_gain.numerators + (step if problem.upper else -step) - int(shift * whole)
         exact = np.empty(len(moved), object)
         exact[:] = [Fraction(int(v), 1 << of_gain.bits) for v in moved]
         rest = replace(problem, earned=problem.earned - stay * exact[owner])
         candidate = InductiveVector(*_on_grid(bias))
         if _Integers.of(rest, rows).satisfied_by(candidate):
+            found = InductiveVector(moved, of_gain.bits, problem.strategy)
             return AverageVectors(found, candidate)
     raise NumericalError("no bias was found that satisfies the inequalities of a certificate")
 
 
-def _bias(problem: Inequalities, stay: Floats, gain: Floats) -> Floats:
-    """The bias of an optimal policy that no row improves, by policy iteration."""
-    owner, groups = problem.edges.owner_of_rows, problem.edges.groups
+def _gain_and_bias(problem: Inequalities, stay: Floats, gain: Floats) -> tuple[Floats, Floats]:
+    """The gain and the bias of an optimal policy that no row improves, by policy iteration."""
+    groups = problem.edges.groups
     policy = groups[:-1].copy() if problem.strategy is None else problem.strategy
     sign = 1.0 if problem.upper else -1.0
-    expected = problem.rewards - stay * gain[owner]
-    falls = sign * (gain[owner] - problem.doubles.multiply(gain))
-    keeps = falls <= 1e-9 * (1.0 + np.abs(gain).max(initial=0.0))
-    bias = _policy_bias(problem, policy, expected)
-    for _ in range(tuning.BIAS_POLICIES if problem.all_rows else 0):
-        better = sign * (expected + problem.doubles.multiply(bias) - bias[owner])
+    several = problem.all_rows and problem.matrix.groups is not None
+    gain, bias = _of_policy(problem, policy, stay, gain)
+    for _ in range(tuning.BIAS_POLICIES if several else 0):
+        excess, falls = _excess(problem, stay, gain, bias)
+        keeps = falls <= 1e-9 * (1.0 + np.abs(gain).max(initial=0.0))
         slack = 1e-9 * (1.0 + np.abs(bias).max(initial=0.0))
-        best = first_best(np.where(keeps, better, -np.inf), groups)
-        improved = np.where(better[best] > better[policy] + slack, best, policy)
+        best = first_best(np.where(keeps, excess, -np.inf), groups)
+        improved = np.where(excess[best] > excess[policy] + slack, best, policy)
         if (improved == policy).all():
             break
         policy = improved
-        bias = _policy_bias(problem, policy, expected)
+        better, bias = _of_policy(problem, policy, stay, gain)
+        gain = sign * np.maximum(sign * gain, sign * better)
+    if not several:
+        return gain, bias
     # Rows that lead to worse gains get room from a multiple of the gain.
-    excess = sign * (expected + problem.doubles.multiply(bias) - bias[owner])
-    needs = ~keeps & (excess > 0.0) if problem.all_rows else np.zeros_like(keeps)
+    excess, falls = _excess(problem, stay, gain, bias)
+    needs = (falls > 1e-9 * (1.0 + np.abs(gain).max(initial=0.0))) & (excess > 0.0)
     weight = float(np.max(2.0 * excess[needs] / falls[needs], initial=0.0))
-    return np.asarray(bias + weight * gain)
+    return gain, np.asarray(bias + weight * gain)
 
 
-def _policy_bias(problem: Inequalities, policy: Int64s, expected: Floats) -> Floats:
-    """The expected sum of `expected` until the first state of the component that a run enters."""
-    from symcheck.numerics.linear.methods import solve_linear
+def _excess(
+    problem: Inequalities, stay: Floats, gain: Floats, bias: Floats
+) -> tuple[Floats, Floats]:
+    """By how much each row misses its inequality of the bias, and by how much the gain falls."""
+    owner, sign = problem.edges.owner_of_rows, 1.0 if problem.upper else -1.0
+    expected = problem.rewards - stay * gain[owner] + problem.doubles.multiply(bias)
+    return sign * (expected - bias[owner]), sign * (gain[owner] - problem.doubles.multiply(gain))
 
-    chain = problem.doubles.choose(policy)
-    unknown = np.ones(chain.states, np.bool_)
+
+def _of_policy(
+    problem: Inequalities, policy: Int64s, stay: Floats, gain: Floats
+) -> tuple[Floats, Floats]:
+    """The gain and the bias of a policy; gains of transient states are left as they are.
+
+    The gain of a recurrent component is unknown in the place of the bias of its first state, which
+    is 0. So all equations of the component are solved to the last digits.
+    """
+    require_memory_for_scipy()
+    from scipy.sparse import csc_array, csr_array, eye_array
+    from scipy.sparse.linalg import splu
+
+    chain, n = problem.doubles.choose(policy), problem.matrix.states
+    matrix = csr_array((chain.data, chain.indices, chain.indptr), shape=(n, n))
+    first, recurrent = np.ones(n), np.full(n, -1)
     for component in graph.bsccs(chain):
-        unknown[component[0]] = False
-    inside = chain.among(unknown)
-    out = np.zeros(chain.states)
-    if unknown.any():
-        leaving = np.maximum(chain.row_sums()[unknown] - inside.row_sums(), 0.0)
-        system = LinearProblem(expected[policy][unknown], inside, exit=leaving, probability=False)
-        accuracy = Accuracy(epsilon=tuning.BIAS_ACCURACY, relative=False)
-        out[unknown] = solve_linear(system, accuracy).middle
-    return out
+        first[component[0]] = 0.0
+        recurrent[component] = component[0]
+    inside = np.flatnonzero(recurrent >= 0)
+    gains = csr_array((stay[policy][inside], (inside, recurrent[inside])), shape=(n, n))
+    without_first = csr_array((first, (np.arange(n), np.arange(n))), shape=(n, n))
+    system = csc_array((eye_array(n) - matrix) @ without_first + gains)
+    right = problem.rewards[policy] - np.where(recurrent < 0, stay[policy] * gain, 0.0)
+    try:
+        factors = splu(system)
+    except RuntimeError:
+        raise NumericalError("the equations of the bias are singular in doubles") from None
+    found = factors.solve(right)
+    found = found + factors.solve(right - system @ found)  # one step of refinement
+    gain = np.where(recurrent >= 0, found[recurrent], gain)
+    return gain, np.where(first == 0.0, 0.0, found)

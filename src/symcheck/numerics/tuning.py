@@ -323,5 +323,3 @@ GAIN_ROOM = (1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
 """Room that the gain of a certificate gives its bias, relative to the greatest gain."""
 BIAS_POLICIES = 100
 """The most policies whose bias is computed for a certificate."""
-BIAS_ACCURACY = 1e-12
-"""Accuracy of the bias of a certificate."""

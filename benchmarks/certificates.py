@@ -1,0 +1,164 @@
+"""Check that certificates are accepted, and that no changed one is accepted that states a lie.
+
+python benchmarks/certificates.py [--runs N] [--mutants M] [--seed S]
+
+Each run draws a model and a property, writes its certificate, and has it checked; then M changes
+of the certificate. What is accepted has to be true by oracles that share no code with symcheck.
+Prints how many were accepted (a looser bound is still true) and rejected, and each lie.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import json
+import sys
+from collections import Counter
+from fractions import Fraction
+from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent / "verify")]
+
+from oracles.statements import Drawn, draw, truth
+from symcheck_verify import Model, Rejected, check, read_model
+
+import symcheck
+
+READ_ERRORS = (ValueError, LookupError, TypeError, ArithmeticError, AttributeError)
+
+
+def written(drawn: Drawn, folder: Path) -> tuple[Model, dict[str, Any]]:
+    """The certificate of a property as the checker reads it, and the model."""
+    model = symcheck.loads(drawn.text, strategy=drawn.kind == "mdp")
+    file = folder / "proof.json"
+    symcheck.save_certificate(model.check(drawn.formula).certificate(), file)
+    certificate = json.loads(file.read_text())
+    return read_model(file.with_suffix(".tra"), drawn.kind, "rational"), certificate
+
+
+def is_true(model: Model, statement: dict[str, Any]) -> bool:
+    """Whether what a statement says of each of its states is so, by the oracles."""
+    values = truth(model, statement)
+    verdicts = set()
+    for state, (low, high) in statement["bounds"].items():
+        least, most = values[int(state)]
+        if not (_number(low) <= least and most <= _number(high)):
+            return False
+        if given := statement.get("comparison"):
+            threshold, operator = Fraction(given["threshold"]), given["operator"]
+            verdicts.add(
+                {"<": most < threshold, "<=": most <= threshold,
+                 ">": least > threshold, ">=": least >= threshold}[operator]
+            )  # fmt: skip
+    return "comparison" not in statement or (verdicts == {True}) is statement["comparison"]["holds"]
+
+
+def _number(text: str) -> Fraction | float:
+    return float("inf") if text == "Infinity" else Fraction(text)
+
+
+def mutant(certificate: dict[str, Any], rng: Random) -> dict[str, Any]:
+    """The certificate with one to three changes of numbers, choices, ranks or the statement."""
+    changed = copy.deepcopy(certificate)
+    for _ in range(rng.randint(1, 3)):
+        places = list(_leaves({k: changed[k] for k in ("statement", "evidence")}, ()))
+        path, value = rng.choice(places)
+        inside: Any = changed
+        for key in path[:-1]:
+            inside = inside[key]
+        inside[path[-1]] = _other(path, value, rng)
+    return changed
+
+
+def _leaves(data: Any, path: tuple[Any, ...]) -> Any:
+    """The numbers, names and nulls within a certificate, with their places."""
+    items = data.items() if isinstance(data, dict) else enumerate(data)
+    for key, value in items:
+        if isinstance(value, dict | list):
+            yield from _leaves(value, (*path, key))
+        else:
+            yield (*path, key), value
+
+
+def _other(path: tuple[Any, ...], value: Any, rng: Random) -> Any:
+    if path[-1] == "optimum":
+        return rng.choice(("min", "max")) if value else None
+    if path[-1] in ("label", "left", "right", "target", "states"):
+        return rng.choice(("goal", "free", "init")) if path[-1] == "label" else "all"
+    if isinstance(value, bool):
+        return not value
+    if value is None or rng.random() < 0.05:
+        return rng.choice((0, 1, None))
+    if isinstance(value, int):
+        steps = (-2, -1, 1, 2, value // 2 + 1, -(value // 3) - 1, -value // 10**6, value // 10**6)
+        return value + rng.choice(steps)
+    if path[1:2] == ("bounds",):
+        scale = Fraction(rng.choice((1, -1)), rng.choice((2, 100, 10**6, 10**9)))
+        base = Fraction(0) if value == "Infinity" else Fraction(value)
+        return str(base * (1 + scale)) if rng.random() < 0.9 else "Infinity"
+    if path[-1] == "denominator":
+        return str(int(value) * rng.choice((2, 3)))
+    return value
+
+
+def attack(
+    drawn: Drawn, rng: Random, mutants: int, folder: Path, counts: Counter[str]
+) -> list[str]:
+    """What is wrong with the certificate of a property and its changes, as sentences."""
+    model, certificate = written(drawn, folder)
+    faults = []
+    try:
+        check(model, certificate)
+        counts["accepted"] += 1
+    except Rejected as error:
+        faults.append(f"rejected: {error}")
+    if not is_true(model, certificate["statement"]):
+        faults.append("the certificate itself is not true")
+    for _ in range(mutants):
+        changed = mutant(certificate, rng)
+        try:
+            check(model, changed)
+        except Rejected:
+            counts["mutants rejected"] += 1
+            continue
+        except READ_ERRORS:
+            counts["mutants that cannot be read"] += 1
+            continue
+        if is_true(model, changed["statement"]):
+            counts["mutants accepted, and true"] += 1
+        else:
+            faults.append(f"a lie is accepted: {json.dumps(changed)}")
+    return faults
+
+
+def main() -> int:
+    """Run the campaign; the exit status is 1 if something is wrong."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--runs", type=int, default=500)
+    parser.add_argument("--mutants", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    counts, wrong = Counter[str](), 0
+    with TemporaryDirectory() as folder:
+        for seed in range(given.seed, given.seed + given.runs):
+            drawn = draw(seed)
+            faults: list[str] = []
+            try:
+                for file in Path(folder).iterdir():
+                    file.unlink()
+                faults = attack(drawn, Random(seed), given.mutants, Path(folder), counts)
+            except symcheck.SymcheckError as error:
+                faults = [f"no certificate: {error}"]
+            wrong += bool(faults)
+            for fault in faults:
+                print(f"{seed}: {drawn.formula}\n{drawn.text}{fault}\n", flush=True)
+    print(dict(counts), f"{wrong} runs with a fault")
+    return int(wrong > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
