@@ -20,13 +20,13 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import Any
 
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE.parent / "tests"), str(HERE.parent / "verify")]
+import symcheck
 
-from oracles.statements import Drawn, draw, truth
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "verify"))
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 from symcheck_verify import Model, Rejected, check, read_model
 
-import symcheck
+from oracles.statements import Drawn, draw, truth
 
 READ_ERRORS = (ValueError, LookupError, TypeError, ArithmeticError, AttributeError)
 

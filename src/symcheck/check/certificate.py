@@ -60,7 +60,7 @@ class Certificate:
 
     Attributes:
         model: the model that it is about, in rational arithmetic.
-        property: the text of the property.
+        formula: the text of the property.
         statement: what is stated: the measure, and bounds of its value in each initial state.
         evidence: the vectors, strategies and ranks that prove the lower and the upper bounds.
 
@@ -68,12 +68,12 @@ class Certificate:
     """
 
     model: Engine = field(repr=False)
-    property: str
+    formula: str
     statement: Mapping[str, Any]
     evidence: Mapping[str, Any]
 
     def __repr__(self) -> str:
-        return f"<Certificate of {self.property}: {self.bounds}>"
+        return f"<Certificate of {self.formula}: {self.bounds}>"
 
     @property
     def bounds(self) -> Mapping[int, tuple[Number, Number]]:

@@ -50,7 +50,7 @@ def save_certificate(certificate: Certificate, path: str | Path) -> list[str]:
     }
     whole = {
         "certificate": 1,
-        "property": certificate.property,
+        "property": certificate.formula,
         "model": about,
         "statement": certificate.statement,
         "evidence": certificate.evidence,

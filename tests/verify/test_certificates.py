@@ -1,0 +1,95 @@
+"""Certificates that symcheck writes: the checker accepts them, and no lie that is made of them."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from pathlib import Path
+from random import Random
+
+import certificates
+import pytest
+import symcheck_verify
+
+import symcheck
+from oracles.statements import draw
+from symcheck.errors import UnsupportedError, UsageError
+
+MODELS = Path(__file__).resolve().parents[2] / "models"
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_certificates_are_accepted_and_lies_are_not(seed: int, tmp_path: Path) -> None:
+    counts = certificates.Counter[str]()
+    assert not certificates.attack(draw(seed), Random(seed), 5, tmp_path, counts)
+    assert counts["accepted"] == 1
+
+
+@pytest.mark.parametrize("engine", ["explicit", "sparse", "hybrid", "mtbdd", "exact"])
+@pytest.mark.parametrize(
+    ("model", "formula", "value"),
+    [
+        ("die/die.pm", "P=? [ F d=6 ]", Fraction(1, 6)),
+        ("die/die.pm", "P=? [ G s<7 ]", 0),
+        ("die/die.pm", "R=? [ F s=7 ]", Fraction(11, 3)),
+        ("gambler/stakes.nm", 'Pmax=? [ F "rich" ]', Fraction(32, 125)),
+        ("gambler/stakes.nm", 'R{"bets"}min=? [ F "rich" | "ruined" ]', Fraction(41, 25)),
+    ],
+)
+def test_engines_write_certificates_of_published_values(
+    engine: str, model: str, formula: str, value: Fraction, tmp_path: Path
+) -> None:
+    """Numbers of states are those of exported files, whatever the order of the engine."""
+    loaded = symcheck.load(MODELS / model, engine=engine)  # type: ignore[arg-type]
+    proof = loaded.check(formula).certificate()
+    ((low, high),) = proof.bounds.values()
+    assert low <= value <= high
+    files = symcheck.save_certificate(proof, tmp_path / "proof.json")
+    assert symcheck_verify.main([files[1], files[0]]) == 0
+
+
+def test_bounds_are_about_rationals_and_not_about_doubles(tmp_path: Path) -> None:
+    """0.1 and 0.9 are no doubles, and 0.1+0.2 is 0.3."""
+    text = "dtmc module m s:[0..2]; [] s=0 -> 0.1:(s'=1)+0.2:(s'=1)+0.7:(s'=2); [] s>0 -> true;"
+    model = symcheck.loads(f"{text} endmodule")
+    proof = model.check("P>=0.3 [ F s=1 ]").certificate()
+    low, high = proof.bounds[0]
+    assert low <= Fraction(3, 10) <= high
+
+
+def test_a_verdict_at_the_threshold_has_no_certificate_of_doubles(tmp_path: Path) -> None:
+    """The bounds decide what they do not contain."""
+    die = symcheck.load(MODELS / "die/die.pm")
+    proof = die.check("P<0.2 [ F d=6 ]").certificate()
+    assert proof.statement["comparison"] == {"operator": "<", "threshold": "1/5", "holds": True}
+    files = symcheck.save_certificate(proof, tmp_path / "proof.json")
+    assert symcheck_verify.main([files[1], files[0]]) == 0
+
+
+@pytest.mark.parametrize(
+    "formula",
+    ["P=? [ F<=2 d=6 || F d>0 ]", "P=? [ G F d=6 ]", "R=? [ C discount=0.5 ]", "d=6", "1/3"],
+)
+def test_other_quantities_are_refused_by_name(formula: str) -> None:
+    result = symcheck.load(MODELS / "die/die.pm").check(formula)
+    with pytest.raises(UnsupportedError, match=r"^certificates are for"):
+        result.certificate()
+
+
+def test_a_wrong_value_of_a_peer_is_rejected(tmp_path: Path) -> None:
+    """A tool that stops when values change little prints 0.24, and calls it precise."""
+    game = symcheck.load(MODELS / "gambler/stakes.nm")
+    proof = game.check('Pmax=? [ F "rich" ]').certificate()
+    files = symcheck.save_certificate(proof, tmp_path / "proof.json")
+    given = json.loads(Path(files[0]).read_text())
+    ((state, _),) = given["statement"]["bounds"].items()
+    given["statement"]["bounds"][state] = ["0.239999", "0.240001"]
+    Path(files[0]).write_text(json.dumps(given))
+    assert symcheck_verify.main([files[1], files[0]]) == 1
+
+
+def test_the_file_is_json(tmp_path: Path) -> None:
+    proof = symcheck.load(MODELS / "die/die.pm").check("P=? [ F d=6 ]").certificate()
+    with pytest.raises(UsageError, match=r"a certificate is a \.json file"):
+        symcheck.save_certificate(proof, tmp_path / "proof.txt")
+    assert not list(tmp_path.iterdir())
