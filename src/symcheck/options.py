@@ -472,8 +472,8 @@ def make_options(values: Mapping[str, object], base: Options = _DEFAULT) -> Opti
     for name in values:
         if name not in known:
             raise UsageError(
-                f"there is no option '{name}'{_suggestion(name, known)}"
-                f"\n  hint: the options are {', '.join(known)}"
+                f"there is no option '{name}'{_suggestion(name, known)}",
+                hint=f"the options are {', '.join(known)}",
             )
     if "engine" in values and "exact" not in values:
         values = {**values, "exact": values["engine"] == "exact"}

@@ -184,8 +184,8 @@ def internal_error(error: Exception) -> InternalError:
         )
     return InternalError(
         f"internal error: {type(error).__name__}: {error} "
-        f"({Path(where.filename).name}:{where.lineno})"
-        f"\n  hint: {hint}"
+        f"({Path(where.filename).name}:{where.lineno})",
+        hint=hint,
     )
 
 

@@ -177,8 +177,8 @@ def _export_dot(path: str, output: Output, engine: Engine, varying: ConstantText
     symbolic = engine.capability(HasDiagrams)
     if symbolic is None:
         raise UnsupportedError(
-            f"-exportdot draws a diagram, and the engine {engine.name} has none"
-            "\n  hint: -m, -h or -s build diagrams"
+            f"-exportdot draws a diagram, and the engine {engine.name} has none",
+            hint="-m, -h or -s build diagrams",
         )
     matrices = symbolic.diagrams.roots
     for i, matrix in enumerate(matrices):

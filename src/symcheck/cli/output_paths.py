@@ -60,7 +60,7 @@ def of_switch(name: str) -> Iterator[None]:
     try:
         yield
     except UsageError as error:
-        raise UsageError(f"{name}: {error}") from None
+        raise UsageError(f"{name}: {error.message}", hint=error.hint) from None
 
 
 def check_files(a: Arguments) -> None:
@@ -82,8 +82,8 @@ def check_files(a: Arguments) -> None:
             check_iterations_file(a.exportiterations)
         except UsageError as error:
             raise UsageError(
-                f"-exportiterations: {error}\n  hint: -exportiterations iterations.csv; "
-                "-exportpage iterations.html plays them"
+                f"-exportiterations: {error}",
+                hint="-exportiterations iterations.csv; -exportpage iterations.html plays them",
             ) from None
     if a.exporttests is not None:
         from symcheck.check.testing.property_tests import check_report_file
@@ -102,7 +102,7 @@ def check_files(a: Arguments) -> None:
         if page.suffix.lower() not in (".html", ".htm"):
             name = page.name.partition(".")[0]
             raise UsageError(
-                f"-exportpage: '{page}' is no HTML file\n  hint: -exportpage {name}.html"
+                f"-exportpage: '{page}' is no HTML file", hint=f"-exportpage {name}.html"
             )
         _check_folder("-exportpage", page)
 
@@ -132,7 +132,7 @@ def check_results_file(argument: str) -> None:
             check_extension(path)
         except UsageError as error:
             raise UsageError(
-                f"-exportresults: {error}\n  hint: '{path}:text' writes a text under any name"
+                f"-exportresults: {error}", hint=f"'{path}:text' writes a text under any name"
             ) from None
 
 

@@ -197,7 +197,7 @@ def _note_unused_switches(state: RunState, facts: Mapping[str, bool]) -> None:
         reasons.setdefault(f": {reason}", []).append(switch)
     for unmet in unmet_needs(a.given, facts):
         if not unmet.note:
-            raise UsageError(str(unmet))
+            raise unmet.error
         reasons.setdefault(unmet.reason, []).append(unmet.switch)
     for reason, switches in reasons.items():
         verb = "have" if len(switches) > 1 else "has"

@@ -56,8 +56,8 @@ def plot(
     unnamed = [n for n in several if n != x and n not in others]
     if unnamed:
         raise UsageError(
-            f"plot: {unnamed[0]} has several values too\n  hint: name it in by=, "
-            f"or choose one value with select({unnamed[0]}=...)"
+            f"plot: {unnamed[0]} has several values too",
+            hint=f"name it in by=, or choose one value with select({unnamed[0]}=...)",
         )
     new_axes = axes is None
     if axes is None:

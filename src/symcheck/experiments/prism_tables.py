@@ -139,7 +139,7 @@ def render(rows: Sequence[Row], varying: Sequence[str], kinds: Sequence[str]) ->
     unknown = [k for k in kinds if k not in FORMATS]
     if unknown:
         raise UsageError(
-            f"unknown format '{unknown[0]}'\n  hint: the formats are {', '.join(FORMATS)}"
+            f"unknown format '{unknown[0]}'", hint=f"the formats are {', '.join(FORMATS)}"
         )
     order = list(dict.fromkeys(r.name for r in rows))
     rows = sorted(rows, key=lambda r: order.index(r.name))

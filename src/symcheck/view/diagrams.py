@@ -123,14 +123,14 @@ def shared_picture(
     """
     graph = _Graph.of(diagrams)
     if len(graph.level) > 64 * max_nodes:
-        raise UnsupportedError(_too_many(len(graph.level), max_nodes))
+        raise _too_many(len(graph.level), max_nodes)
     blocks = _blocks(graph, encoding)
     by_bit = bits or blocks is None
     nodes, edges, layers = (
         _binary(graph, encoding) if bits or blocks is None else _grouped(graph, blocks)
     )
     if len(nodes) > max_nodes:
-        raise UnsupportedError(_too_many(len(nodes), max_nodes))
+        raise _too_many(len(nodes), max_nodes)
     legend = "" if not edges else _BITS if by_bit else _VALUES
     if legend and by_bit and len(diagrams) == 1:
         # A diagram in memory has the leaf 0; a set has complement edges, which save nodes.
@@ -141,10 +141,10 @@ def shared_picture(
     return picture, tuple(f"n{root}" for root in graph.roots)
 
 
-def _too_many(count: int, limit: int) -> str:
-    return (
-        f"the diagram has {count:,} nodes, and at most {limit} are drawn\n"
-        "  hint: draw a smaller diagram, or raise max_nodes"
+def _too_many(count: int, limit: int) -> UnsupportedError:
+    return UnsupportedError(
+        f"the diagram has {count:,} nodes, and at most {limit} are drawn",
+        hint="draw a smaller diagram, or raise max_nodes",
     )
 
 

@@ -78,7 +78,7 @@ def _require_finite(context: Context, values: Values, reward: Reward) -> None:
         return
     if not is_infinite(engine.system(engine.all).step_rewards(reward)).any():
         raise UnsupportedError(
-            "the expected reward is beyond the range of floating-point numbers\n  hint: use -exact"
+            "the expected reward is beyond the range of floating-point numbers", hint="use -exact"
         )
 
 

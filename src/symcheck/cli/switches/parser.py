@@ -74,7 +74,7 @@ class SwitchParser(argparse.ArgumentParser):
         # argparse names each spelling: "argument -e/--e: expected one argument".
         message = re.sub(r"^argument (-\w+)[^:]*:", r"\1:", message)
         message = message.replace("expected one argument", "expected a value")
-        raise UsageError(f"{message}\n  hint: symcheck --help lists the switches")
+        raise UsageError(message, hint="symcheck --help lists the switches")
 
     def add(self, name: str, *aliases: str, needs: Needs = ALWAYS, **keywords: Any) -> None:
         """A switch that is written with one dash, and with two as well."""
@@ -123,7 +123,7 @@ class SwitchParser(argparse.ArgumentParser):
                 continue  # a file, or the value of a switch
             name = action.option_strings[0]
             if name in result and type(action) is _STORE and action.nargs != 0:
-                raise UsageError(f"{written} is given twice\n  hint: leave out one of them")
+                raise UsageError(f"{written} is given twice", hint="leave out one of them")
             result[name] = Given(written, self.needs[name])
         return result
 

@@ -100,7 +100,7 @@ def explain(word: str, switches: Sequence[SwitchDescription]) -> str:
     known = [n for switch in switches for n in switch.names]
     near = get_close_matches(name, [*known, *ignored, *refused], 1, 0.7)
     hint = f"did you mean {near[0]}? " if near else ""
-    raise UsageError(f"-help: there is no switch {name}\n  hint: {hint}-help lists the switches")
+    raise UsageError(f"-help: there is no switch {name}", hint=f"{hint}-help lists the switches")
 
 
 def _described(option: Option) -> list[str]:
