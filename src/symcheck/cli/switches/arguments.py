@@ -203,7 +203,7 @@ def information(arguments: Arguments) -> str | None:
     if arguments.help is not None:
         switch = arguments.help
         return explain(switch, parser.switches()) if switch else parser.format_help().rstrip()
-    return completion(arguments.completion or "", parser.switches()).rstrip()
+    return completion(arguments.completion or "", parser, parser.switches()).rstrip()
 
 
 def parse_arguments(words: Sequence[str]) -> Arguments:
