@@ -13,15 +13,13 @@ from pathlib import Path
 from typing import overload
 
 from symcheck.engines.states import State
-from symcheck.errors import UsageError
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.syntax.printer import pretty_number
 from symcheck.tables import SHOWN_ROWS, Table
-from symcheck.whole_file import write_whole
+from symcheck.whole_file import extension_of, write_whole
 
-__all__ = ["CommandSet", "Counterexample", "LikelyPath", "check_counterexample_file"]
+__all__ = ["CommandSet", "Counterexample", "LikelyPath", "counterexample_extension"]
 
-_EXTENSIONS = (".txt", ".json", ".dot")
 _MANY_VARIABLES = 6
 """With more variables than this, a step of a path shows only those that it changes."""
 _SHOWN_STATES = 12
@@ -212,7 +210,7 @@ class Counterexample:
 
         Raises UsageError: the extension is another one, or the file cannot be written.
         """
-        extension = check_counterexample_file(path)
+        extension = counterexample_extension(path)
         match extension:
             case ".txt":
                 text = "\n".join([self.formula, *self._shown(len(self.paths))]) + "\n"
@@ -285,13 +283,9 @@ class Counterexample:
         return replace(self, commands=commands, note=both)
 
 
-def check_counterexample_file(path: str | Path) -> str:
-    """The extension of a file: .txt, .json or .dot. Raises UsageError."""
-    extension = Path(path).suffix.lower()
-    if extension not in _EXTENSIONS:
-        known = ", ".join(_EXTENSIONS)
-        raise UsageError(f"'{path}': the extension says what is written, and it is none of {known}")
-    return extension
+def counterexample_extension(path: str | Path) -> str:
+    """'.txt', '.json' or '.dot'. Raises UsageError."""
+    return extension_of(path, (".txt", ".json", ".dot"), "what is written")
 
 
 def _number(value: float | Fraction) -> str:

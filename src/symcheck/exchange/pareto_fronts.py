@@ -6,32 +6,17 @@ import csv
 import json
 from fractions import Fraction
 from io import StringIO
-from pathlib import Path
 
 from symcheck.check.pareto_front import ParetoFront
-from symcheck.errors import UsageError
+from symcheck.exchange.text import table_extension
 from symcheck.semantics.expressions.literals import format_value
 
-__all__ = ["EXTENSIONS", "check_front_file", "front_text"]
-
-EXTENSIONS = (".csv", ".json")
+__all__ = ["front_extension", "front_text"]
 
 
-def check_front_file(path: str) -> str:
-    """The extension of a file for a front; that of 'stdout' is '.csv'.
-
-    Raises:
-        UsageError: it is unknown, or the folder does not exist.
-    """
-    extension = ".csv" if path == "stdout" else Path(path).suffix.lower()
-    if extension not in EXTENSIONS:
-        raise UsageError(
-            f"'{path}': the extension says how a Pareto front is written, "
-            f"and it is none of {', '.join(EXTENSIONS)}"
-        )
-    if not Path(path).parent.is_dir():
-        raise UsageError(f"there is no folder '{Path(path).parent}'")
-    return extension
+def front_extension(path: str) -> str:
+    """'.csv', also for 'stdout', or '.json'. Raises UsageError."""
+    return table_extension(path, "how a Pareto front is written")
 
 
 def front_text(front: ParetoFront, extension: str) -> str:

@@ -76,12 +76,26 @@ class SwitchParser(argparse.ArgumentParser):
         message = message.replace("expected one argument", "expected a value")
         raise UsageError(message, hint="symcheck --help lists the switches")
 
-    def add(self, name: str, *aliases: str, needs: Needs = ALWAYS, **keywords: Any) -> None:
-        """A switch that is written with one dash, and with two as well."""
-        names = [f"-{n}" for n in (name, *aliases)]
-        self.needs[names[0]] = needs
-        names += [f"--{n}" for n in (name, *aliases) if len(n) > 1]
-        self.add_argument(*names, **keywords)
+    def add(
+        self, names: str, values: str, help: str, needs: Needs = ALWAYS, **keywords: Any
+    ) -> None:
+        """A switch that is written with one dash, and with two as well.
+
+        Args:
+            names: the usual one first.
+            values: the names of what follows it; empty: nothing follows.
+            help: one line of the help.
+            needs: what it must have to have an effect.
+            keywords: for `add_argument`.
+        """
+        spellings = [f"-{n}" for n in names.split()]
+        self.needs[spellings[0]] = needs
+        spellings += [f"-{n}" for n in spellings if len(n) > 2]
+        if values:
+            keywords["metavar"] = tuple(values.split()) if " " in values else values
+        else:
+            keywords.setdefault("action", "store_true")
+        self.add_argument(*spellings, help=help, **keywords)
 
     def switches(self) -> list[SwitchDescription]:
         """The switches, in the order of the help."""
