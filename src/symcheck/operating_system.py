@@ -35,7 +35,6 @@ __all__ = [
     "processors",
     "set_alarm",
     "set_limit_of_data",
-    "size_of_page",
 ]
 
 NO_LIMIT = sys.maxsize
@@ -185,11 +184,6 @@ def processors() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def size_of_page() -> int:
-    """Bytes of a page of memory."""
-    return os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
 
 
 def physical_memory() -> int:

@@ -215,7 +215,7 @@ class Counterexample:
             case ".txt":
                 text = "\n".join([self.formula, *self._shown(len(self.paths))]) + "\n"
             case ".json":
-                text = json.dumps(self._plain(), indent=1, ensure_ascii=False) + "\n"
+                text = json.dumps(self._plain(), indent=1, ensure_ascii=False, default=str) + "\n"
             case _:
                 text = self._dot()
         write_whole(path, partial(_write, text))
@@ -228,20 +228,20 @@ class Counterexample:
             "paths satisfy the path formula": self.satisfies,
             "threshold": str(self.threshold),
             "strict": self.strict,
-            "probability": _plain(self.probability),
-            "reward": None if self.reward is None else _plain(self.reward),
+            "probability": self.probability,
+            "reward": self.reward,
             "complete": self.complete,
             "paths": [
                 {
-                    "probability": _plain(p.probability),
-                    **({} if p.reward is None else {"reward": _plain(p.reward)}),
+                    "probability": p.probability,
+                    **({} if p.reward is None else {"reward": p.reward}),
                     "states": [dict(state) for state in p.states],
-                    "actions": list(p.actions),
-                    "steps": [_plain(step) for step in p.steps],
+                    "actions": p.actions,
+                    "steps": p.steps,
                 }
                 for p in self.paths
             ],
-            "commands": None if commands is None else list(commands.commands),
+            "commands": None if commands is None else commands.commands,
             "smallest": None if commands is None else commands.smallest,
             "note": self.note,
         }
@@ -297,10 +297,6 @@ def _number(value: float | Fraction) -> str:
 def _changes(before: State, after: State) -> str:
     changed = (f"{n}={format_value(x)}" for n, x in after.items() if before[n] != x)
     return f"({', '.join(changed)})"
-
-
-def _plain(value: float | Fraction) -> float | str:
-    return str(value) if isinstance(value, Fraction) else value
 
 
 def _quoted(text: str) -> str:

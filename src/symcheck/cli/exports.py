@@ -12,7 +12,7 @@ import numpy as np
 
 from symcheck.api import Model
 from symcheck.cli.output import Output
-from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path
+from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path, of_switch
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.constant_values import combinations, parse_constants
 from symcheck.engines.base import Engine
@@ -71,10 +71,8 @@ def _targets(a: Arguments, varying: ConstantTexts = NO_CONSTANTS) -> list[Target
     for kind, argument in a.exports:
         if kind == "model":
             source = a.model or a.importmodel or a.importtrans or "model"
-            try:
+            with of_switch("-exportmodel"):
                 targets += parse_target(argument, source, options)
-            except UsageError as error:
-                raise UsageError(f"-exportmodel: {error}") from None
         elif argument:
             path, overrides = file_options(argument, options)
             if kind == "jani":

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-from fractions import Fraction
 from io import StringIO
 
 from symcheck.check.pareto_front import ParetoFront
@@ -33,16 +32,9 @@ def front_text(front: ParetoFront, extension: str) -> str:
         writer.writerow(front.objectives)
         writer.writerows([format_value(v) for v in point] for point in front.vertices)
         return out.getvalue()
-
-    def plain(value: float | Fraction) -> float | str:
-        return str(value) if isinstance(value, Fraction) else value
-
     whole = {
         "objectives": front.objectives,
-        "vertices": [[plain(v) for v in point] for point in front.vertices],
-        "halfspaces": [
-            {"weights": [plain(w) for w in h.weights], "bound": plain(h.bound)}
-            for h in front.halfspaces
-        ],
+        "vertices": front.vertices,
+        "halfspaces": [{"weights": h.weights, "bound": h.bound} for h in front.halfspaces],
     }
-    return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(whole, indent=1, ensure_ascii=False, default=str) + "\n"
