@@ -17,6 +17,7 @@ from symcheck.cli.switches.arguments import Arguments
 from symcheck.constant_values import combinations, parse_constants
 from symcheck.engines.base import Engine
 from symcheck.errors import Diagnostic, UnsupportedError, UsageError
+from symcheck.matrices.rows import Floats
 from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.expressions.literals import format_state
 from symcheck.syntax.declarations import Program, PropertiesFile
@@ -295,7 +296,7 @@ def _write_distribution(
     output.exported(path)
 
 
-def _read_distribution(path: Path) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def _read_distribution(path: Path) -> Floats:
     """The distribution of a file with one probability per line. Raises UsageError, SyntaxFault."""
     from symcheck.exchange.column_reader import read_columns
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from symcheck.errors import UsageError
 from symcheck.experiments.files import json_text
-from symcheck.experiments.rows import Row, constant_text
+from symcheck.experiments.rows import Row, constant_names, constant_text
 
 __all__ = ["FORMATS", "render"]
 
@@ -95,7 +95,7 @@ def _headed(heading: str, table: Sequence[Sequence[str]], separator: str) -> str
 
 def _dataframe(rows: Sequence[Row]) -> str:
     """One table in the form of a data frame: property, every constant, result, accuracy."""
-    names = list(dict.fromkeys(n for r in rows for n in r.constants))
+    names = constant_names(rows)
     body = [
         [
             r.name,

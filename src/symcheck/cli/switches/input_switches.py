@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+
 from symcheck.cli.switches.needs import ALWAYS, COMPARE, NEEDS_OF_OPTIONS, PROPERTY, Needs
 from symcheck.cli.switches.parser import (
     SetOption,
@@ -31,7 +33,8 @@ def add_options(parser: SwitchParser, group: str) -> None:
                 NEEDS_OF_OPTIONS.get(f"-{switch.names[0]}", ALWAYS),
                 dest=option.name,
                 action=SetOption,
-                value=switch.value,
+                default=argparse.SUPPRESS,
+                const=switch.value,
                 nargs=None if takes_value else 0,
                 type=typed(option.values.read) if takes_value else None,
             )

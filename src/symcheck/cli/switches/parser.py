@@ -181,19 +181,13 @@ def positive_number(text: str) -> float:
 
 
 class SetOption(argparse.Action):
-    """Notes the value of an option of `symcheck.options` in `settings`."""
-
-    def __init__(
-        self, option_strings: Sequence[str], dest: str, *, value: object, **keywords: Any
-    ) -> None:
-        super().__init__(option_strings, dest, default=argparse.SUPPRESS, **keywords)
-        self.value = value
+    """Notes the value of an option of `symcheck.options`: `const`, or what follows."""
 
     def __call__(
         self, _: object, arguments: argparse.Namespace, values: object, __: str | None = None
     ) -> None:
         """Note the value."""
-        arguments.settings[self.dest] = values if self.value is None else self.value
+        arguments.settings[self.dest] = values if self.const is None else self.const
 
 
 class ExportPart(argparse.Action):
