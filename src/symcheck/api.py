@@ -762,20 +762,23 @@ def properties_file(properties: str | Path | PropertiesFile) -> PropertiesFile:
         case str() | Path():
             return parse_properties_file(properties)
         case _:
-            hint = "a text has several properties, with ; between them"
-            raise UsageError(f"properties are a text or a file, not {properties!r}\n  hint: {hint}")
+            raise UsageError(
+                f"properties are a text or a file, not {properties!r}",
+                hint="a text has several properties, with ; between them",
+            )
 
 
 def _single_property(formula: str) -> PropertiesFile:
     """A text with one property, parsed. Raises UsageError, SyntaxFault."""
     if not isinstance(formula, str):
-        hint = "check_all takes a file, or a text with several properties"
         raise UsageError(
-            f"a property is a text such as 'P=? [ F x=1 ]', not {formula!r}\n  hint: {hint}"
+            f"a property is a text such as 'P=? [ F x=1 ]', not {formula!r}",
+            hint="check_all takes a file, or a text with several properties",
         )
     if _FILE_NAME.fullmatch(formula):
-        hint = f"check_all({formula!r})"
-        raise UsageError(f"one property is expected here, not a file\n  hint: {hint}")
+        raise UsageError(
+            "one property is expected here, not a file", hint=f"check_all({formula!r})"
+        )
     file = parse_properties(formula)
     if len(file.properties) != 1:
         raise UsageError(
@@ -790,9 +793,8 @@ def model_type(given: ModelType | str | None) -> ModelType | None:
         return given if given is None or isinstance(given, ModelType) else ModelType(given)
     except ValueError:
         names = [t.value for t in ModelType]
-        near = suggest(str(given), names)
         message = f"type={given!r}: expected one of {', '.join(names)}"
-        raise UsageError(message + (f"\n  hint: {near}" if near else "")) from None
+        raise UsageError(message, hint=suggest(str(given), names)) from None
 
 
 def _checked(model: Model) -> Model:
@@ -836,7 +838,7 @@ def load(
     """
     if not isinstance(cast(object, path), str | PathLike) or "endmodule" in str(path):
         raise UsageError(
-            f"load takes the name of a file, not {path!r}\n  hint: symcheck.loads takes a text"
+            f"load takes the name of a file, not {path!r}", hint="symcheck.loads takes a text"
         )
     given, chosen = constant_values(constants), make_options(options)
     return _checked(Model(parse_model_file(path), given, chosen, model_type(type)))
@@ -853,7 +855,7 @@ def loads(
     """A model from its text; everything else is as for `load`."""
     if not isinstance(cast(object, text), str) or re.fullmatch(r"\S+\.\S+", text):
         raise UsageError(
-            f"loads takes the text of a model, not {text!r:.80}\n  hint: symcheck.load reads a file"
+            f"loads takes the text of a model, not {text!r:.80}", hint="symcheck.load reads a file"
         )
     given, chosen = constant_values(constants), make_options(options)
     return _checked(Model(parse_model(text), given, chosen, model_type(type)))

@@ -63,7 +63,7 @@ def parse_constants(texts: Sequence[str], source: str = "-const") -> dict[str, t
         name, equals, text = (part.strip() for part in item.partition("="))
         if ";" in text or text.startswith("="):
             raise UsageError(
-                f"{source}: cannot read '{item}'\n  hint: constants are given as N=3,p=0.5"
+                f"{source}: cannot read '{item}'", hint="constants are given as N=3,p=0.5"
             )
         if not equals or not name or not text:
             raise UsageError(
@@ -164,8 +164,8 @@ def typed_value(value: ConstantValue) -> ConstantValue:
 
 def _not_one(name: str, given: str) -> UsageError:
     return UsageError(
-        f"constants: {name} is given {given}, and one value is expected"
-        "\n  hint: symcheck.experiment checks a model for many values"
+        f"constants: {name} is given {given}, and one value is expected",
+        hint="symcheck.experiment checks a model for many values",
     )
 
 

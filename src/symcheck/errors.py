@@ -145,7 +145,7 @@ class Diagnostic:
             text = f"{self.severity}[{self.code}]: {self.message}"
         else:
             text = f"{self.span}: {self.severity}[{self.code}]: {self.message}\n" + self._excerpt()
-        return text + (f"\n  hint: {self.hint}" if self.hint else "")
+        return text + _line("hint", self.hint)
 
     def _excerpt(self) -> str:
         source = self.span.source
@@ -162,8 +162,30 @@ class Diagnostic:
         return f"  {number} | {line}\n  {' ' * len(str(number))}   {lead}{'^' * width}"
 
 
+def _line(kind: str, text: str | None) -> str:
+    return f"\n  {kind}: {text}" if text else ""
+
+
 class SymcheckError(Exception):
-    """Root of all errors that symcheck raises intentionally."""
+    """Root of all errors that symcheck raises intentionally.
+
+    Attributes:
+        hint: what to do instead, if that is known.
+        note: what else is known, such as which variable grows without bounds.
+    """
+
+    def __init__(self, *content: object, hint: str | None = None, note: str | None = None) -> None:
+        super().__init__(*content)
+        self.hint = hint
+        self.note = note
+
+    @property
+    def message(self) -> str:
+        """What is wrong, without note and hint."""
+        return super().__str__()
+
+    def __str__(self) -> str:
+        return self.message + _line("note", self.note) + _line("hint", self.hint)
 
     def _render_traceback_(self) -> list[str]:
         """What a notebook shows: the line that called symcheck, and the message."""
@@ -183,7 +205,9 @@ class InputError(SymcheckError):
         super().__init__(*diagnostics)
         self.diagnostics = diagnostics
 
-    def __str__(self) -> str:
+    @property
+    def message(self) -> str:
+        """All diagnostics, with their hints."""
         return "\n".join(map(str, self.diagnostics))
 
 
@@ -235,13 +259,7 @@ class OutputError(SymcheckError):
 
 
 class ResourceError(SymcheckError):
-    """The computation was stopped before its end: by a limit or by the user.
-
-    Attributes:
-        note: what grows without bounds; None if that is not known.
-    """
-
-    note: str | None = None
+    """The computation was stopped before its end: by a limit or by the user."""
 
 
 class MemoryLimitError(ResourceError):
@@ -256,7 +274,7 @@ SMALLER_ENGINES = (
 
 def out_of_memory(hint: str = SMALLER_ENGINES) -> MemoryLimitError:
     """The error for Python's MemoryError, which arrays raise at the limit of the process."""
-    return MemoryLimitError(f"there is not enough memory\n  hint: {hint}")
+    return MemoryLimitError("there is not enough memory", hint=hint)
 
 
 def converts_memory_error(

@@ -13,7 +13,6 @@ from symcheck.operating_system import (
     limits_of_memory,
     physical_memory,
     set_limit_of_data,
-    size_of_page,
 )
 
 __all__ = [
@@ -172,9 +171,11 @@ def memory_ended(error: BaseException) -> bool:
 
 
 def _pages() -> tuple[int, int]:
-    """Bytes of addresses and of data that the process has."""
-    fields = _text(Path("/proc/self/statm")).split() or ["0"] * 7
-    size = size_of_page()
+    """Bytes of addresses and of data that the process has; 0 where Linux does not tell them."""
+    fields = _text(Path("/proc/self/statm")).split()
+    if not fields:
+        return 0, 0
+    size = os.sysconf("SC_PAGE_SIZE")
     return int(fields[0]) * size, int(fields[5]) * size
 
 

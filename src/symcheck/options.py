@@ -62,12 +62,14 @@ class ValueType(NamedTuple):
 
     expected: what a value has to be, for messages. accepts: whether a Python value is one.
     read: the value that a text of the command line denotes; raises ValueError with a message.
+    names: all values, where these are names.
     """
 
     expected: str
     accepts: Callable[[object], bool]
     read: Callable[[str], object] = str
     metavar: str = ""
+    names: tuple[str, ...] = ()
 
 
 def read_number(text: str) -> float:
@@ -125,7 +127,7 @@ def _is_order(value: object) -> bool:
     )
 
 
-def _choice(noun: str, names: Sequence[str], metavar: str = "NAME") -> ValueType:
+def _choice(noun: str, names: tuple[str, ...], metavar: str = "NAME") -> ValueType:
     """One of some names."""
     listed = ", ".join(names)
 
@@ -134,7 +136,7 @@ def _choice(noun: str, names: Sequence[str], metavar: str = "NAME") -> ValueType
             return text
         raise ValueError(f"there is no {noun} '{text}'; there are {listed}")
 
-    return ValueType(f"one of {listed}", lambda value: value in names, read, metavar)
+    return ValueType(f"one of {listed}", lambda value: value in names, read, metavar, names)
 
 
 _FLAG = ValueType("True or False", lambda value: isinstance(value, bool))
@@ -472,8 +474,8 @@ def make_options(values: Mapping[str, object], base: Options = _DEFAULT) -> Opti
     for name in values:
         if name not in known:
             raise UsageError(
-                f"there is no option '{name}'{_suggestion(name, known)}"
-                f"\n  hint: the options are {', '.join(known)}"
+                f"there is no option '{name}'{_suggestion(name, known)}",
+                hint=f"the options are {', '.join(known)}",
             )
     if "engine" in values and "exact" not in values:
         values = {**values, "exact": values["engine"] == "exact"}

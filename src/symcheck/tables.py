@@ -163,5 +163,5 @@ def optional_package(name: str, extra: str) -> ModuleType:
         return import_module(name)
     except ImportError:
         raise UnsupportedError(
-            f"this needs {name}, which is not installed\n  hint: pip install 'symcheck[{extra}]'"
+            f"this needs {name}, which is not installed", hint=f"pip install 'symcheck[{extra}]'"
         ) from None

@@ -94,10 +94,11 @@ def within(seconds: float | None, compute: Callable[[], T]) -> T:
         _end(timer)
         # What computes may have noticed the end of the time before the timer.
         if timer.expired or isinstance(error, TimeLimitError):
-            message = f"the time limit of {seconds:g} s was reached"
-            note = error.note if isinstance(error, ResourceError) else None
-            message += f"\n  note: {note}" if note else ""
-            raise TimeLimitError(f"{message}\n  hint: time_limit gives more") from None
+            raise TimeLimitError(
+                f"the time limit of {seconds:g} s was reached",
+                hint="time_limit gives more",
+                note=error.note if isinstance(error, ResourceError) else None,
+            ) from None
         raise
 
 

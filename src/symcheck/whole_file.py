@@ -8,7 +8,7 @@ from __future__ import annotations
 import errno
 import io
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TextIO
@@ -17,6 +17,7 @@ from symcheck.errors import OutputError, UsageError
 
 __all__ = [
     "COMPRESSED",
+    "extension_of",
     "is_output_fault",
     "open_for_text",
     "output_fault",
@@ -41,6 +42,19 @@ def uncompressed_name(path: str | Path) -> tuple[str, str]:
     name = str(path)
     suffix = name[-3:] if name.endswith(COMPRESSED) else ""
     return name.removesuffix(suffix), suffix
+
+
+def extension_of(path: str | Path, known: Collection[str], meaning: str) -> str:
+    """The extension of a file that is to be written. Raises UsageError if it is not a known one.
+
+    meaning: what it says, for the message.
+    """
+    extension = Path(path).suffix.lower()
+    if extension not in known:
+        raise UsageError(
+            f"'{path}': the extension says {meaning}, and it is none of {', '.join(known)}"
+        )
+    return extension
 
 
 def read_whole(path: str | Path) -> bytes:

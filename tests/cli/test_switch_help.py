@@ -23,6 +23,11 @@ def printed(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, 
     return status, found.out, found.err
 
 
+def script_of(shell: str) -> str:
+    parser = make_parser()
+    return completion(shell, parser, parser.switches())
+
+
 @pytest.mark.parametrize("option", [o for o in OPTIONS if o.switches], ids=lambda o: o.name)
 def test_each_option_is_explained(option, capsys):
     for switch in option.switches:
@@ -78,10 +83,10 @@ def test_information(words, expected, capsys):
 @pytest.mark.parametrize("shell", SHELLS)
 def test_a_script_of_a_shell_is_correct(shell, tmp_path):
     """Every switch is in it, and the shell reads it, if it is installed."""
-    script = completion(shell, make_parser().switches())
+    script = script_of(shell)
     for description in make_parser().switches():
         for name in description.names:
-            assert (f"'{name[1:]}'" if shell == "fish" else name) in script
+            assert name == "-?" or (f" -o {name[1:]} " if shell == "fish" else name) in script
     if shutil.which(shell) is None:
         pytest.skip(f"{shell} is not installed")
     path = tmp_path / "script"
@@ -111,9 +116,9 @@ def test_a_script_of_a_shell_is_correct(shell, tmp_path):
 def test_bash_completes(line, expected, tmp_path):
     for name in ("die.pm", "die.pctl"):
         (tmp_path / name).touch()
-    script = completion("bash", make_parser().switches())
+    script = script_of("bash")
     words = " ".join(f"'{word}'" for word in ["symcheck", *line])
-    asks = f"COMP_WORDS=({words}); COMP_CWORD={len(line)}; _symcheck; printf '%s\\n' \"${{COMPREPLY[@]}}\""
+    asks = f"COMP_WORDS=({words}); COMP_CWORD={len(line)}; _shtab_symcheck; printf '%s\\n' \"${{COMPREPLY[@]}}\""
     ran = subprocess.run(
         ["bash", "-c", f"{script}\n{asks}"],
         capture_output=True,

@@ -48,8 +48,8 @@ def _synchronous_product(a: Automaton, b: Automaton, *, conjunctive: bool) -> Au
     ):
         raise UnsupportedError(
             f"the automaton of this LTL formula would have {states:,} states, "
-            f"or more than {_MAX_PAIRS} Rabin pairs\n"
-            "  hint: simplify the formula or use an external translator (-ltl2datool)"
+            f"or more than {_MAX_PAIRS} Rabin pairs",
+            hint="simplify the formula or use an external translator (-ltl2datool)",
         )
     first, second = np.divmod(np.arange(states), b.states)
     table = (a.table[first].astype(np.int64) * b.states + b.table[second]).astype(np.int32)

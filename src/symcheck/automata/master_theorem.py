@@ -123,8 +123,8 @@ def guesses(derivatives: Derivatives, states: Sequence[int]) -> Iterator[Guess]:
         count += 1
         if count > _MAX_GUESSES:
             raise UnsupportedError(
-                "this LTL formula has too many nested temporal operators\n"
-                "  hint: try an external translator (-ltl2datool)"
+                "this LTL formula has too many nested temporal operators",
+                hint="try an external translator (-ltl2datool)",
             )
         accepted = frozenset(n for n, value in search.decided if value)
         gf_set = frozenset(n for n in accepted if kinds[n] is Kind.UNTIL)

@@ -164,8 +164,8 @@ def _explore(
         result.marks.append(marks)
         if len(number) * letters > _MAX_EDGES:
             raise UnsupportedError(
-                f"the automaton of this LTL formula has more than {len(number):,} states\n"
-                "  hint: simplify the formula or use an external translator (-ltl2datool)"
+                f"the automaton of this LTL formula has more than {len(number):,} states",
+                hint="simplify the formula or use an external translator (-ltl2datool)",
             )
     return result
 

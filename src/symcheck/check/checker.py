@@ -18,7 +18,6 @@ from symcheck.check.context import CheckLog, Context
 from symcheck.check.filters import AppliedFilter, Bounds, Condition, Numeric
 from symcheck.check.omega_regular import ctl
 from symcheck.check.result import (
-    NO_STRATEGY,
     Accuracy,
     Answer,
     Certified,
@@ -138,6 +137,7 @@ def check(
     return replace(
         result,
         strategies=strategies,
+        no_strategy=log.no_strategy,
         lines=tuple(log.lines),
         runs=tuple(log.runs),
         warnings=tuple(log.warnings),
@@ -242,7 +242,8 @@ def _strategies(context: Context, formula: Expression) -> tuple[Strategy, ...]:
 
         return (strategy_of(context, formula),)
     except UnsupportedError as error:
-        context.log.warn(f"{NO_STRATEGY}{error}")
+        context.log.no_strategy = str(error)
+        context.log.warn(f"no strategy: {error}")
         return ()
 
 

@@ -28,6 +28,7 @@ class CheckLog:
         warnings: the warnings, each once.
         wide: whether a warning tells that bounds are further apart than requested.
         witness: a path that explains the result, as the values of the variables in each state.
+        no_strategy: why there is no strategy, although one is asked for.
         exact_engine: the model explored in rational arithmetic, once a comparison needed it.
     """
 
@@ -36,6 +37,7 @@ class CheckLog:
     warnings: list[str] = field(default_factory=list)
     wide: bool = False
     witness: Sequence[Mapping[str, int | bool]] | None = None
+    no_strategy: str | None = None
     exact_engine: Engine | None = None
 
     def warn(self, text: str) -> None:

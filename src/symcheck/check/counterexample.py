@@ -13,15 +13,13 @@ from pathlib import Path
 from typing import overload
 
 from symcheck.engines.states import State
-from symcheck.errors import UsageError
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.syntax.printer import pretty_number
 from symcheck.tables import SHOWN_ROWS, Table
-from symcheck.whole_file import write_whole
+from symcheck.whole_file import extension_of, write_whole
 
-__all__ = ["CommandSet", "Counterexample", "LikelyPath", "check_counterexample_file"]
+__all__ = ["CommandSet", "Counterexample", "LikelyPath", "counterexample_extension"]
 
-_EXTENSIONS = (".txt", ".json", ".dot")
 _MANY_VARIABLES = 6
 """With more variables than this, a step of a path shows only those that it changes."""
 _SHOWN_STATES = 12
@@ -212,12 +210,12 @@ class Counterexample:
 
         Raises UsageError: the extension is another one, or the file cannot be written.
         """
-        extension = check_counterexample_file(path)
+        extension = counterexample_extension(path)
         match extension:
             case ".txt":
                 text = "\n".join([self.formula, *self._shown(len(self.paths))]) + "\n"
             case ".json":
-                text = json.dumps(self._plain(), indent=1, ensure_ascii=False) + "\n"
+                text = json.dumps(self._plain(), indent=1, ensure_ascii=False, default=str) + "\n"
             case _:
                 text = self._dot()
         write_whole(path, partial(_write, text))
@@ -230,20 +228,20 @@ class Counterexample:
             "paths satisfy the path formula": self.satisfies,
             "threshold": str(self.threshold),
             "strict": self.strict,
-            "probability": _plain(self.probability),
-            "reward": None if self.reward is None else _plain(self.reward),
+            "probability": self.probability,
+            "reward": self.reward,
             "complete": self.complete,
             "paths": [
                 {
-                    "probability": _plain(p.probability),
-                    **({} if p.reward is None else {"reward": _plain(p.reward)}),
+                    "probability": p.probability,
+                    **({} if p.reward is None else {"reward": p.reward}),
                     "states": [dict(state) for state in p.states],
-                    "actions": list(p.actions),
-                    "steps": [_plain(step) for step in p.steps],
+                    "actions": p.actions,
+                    "steps": p.steps,
                 }
                 for p in self.paths
             ],
-            "commands": None if commands is None else list(commands.commands),
+            "commands": None if commands is None else commands.commands,
             "smallest": None if commands is None else commands.smallest,
             "note": self.note,
         }
@@ -285,13 +283,9 @@ class Counterexample:
         return replace(self, commands=commands, note=both)
 
 
-def check_counterexample_file(path: str | Path) -> str:
-    """The extension of a file: .txt, .json or .dot. Raises UsageError."""
-    extension = Path(path).suffix.lower()
-    if extension not in _EXTENSIONS:
-        known = ", ".join(_EXTENSIONS)
-        raise UsageError(f"'{path}': the extension says what is written, and it is none of {known}")
-    return extension
+def counterexample_extension(path: str | Path) -> str:
+    """'.txt', '.json' or '.dot'. Raises UsageError."""
+    return extension_of(path, (".txt", ".json", ".dot"), "what is written")
 
 
 def _number(value: float | Fraction) -> str:
@@ -303,10 +297,6 @@ def _number(value: float | Fraction) -> str:
 def _changes(before: State, after: State) -> str:
     changed = (f"{n}={format_value(x)}" for n, x in after.items() if before[n] != x)
     return f"({', '.join(changed)})"
-
-
-def _plain(value: float | Fraction) -> float | str:
-    return str(value) if isinstance(value, Fraction) else value
 
 
 def _quoted(text: str) -> str:

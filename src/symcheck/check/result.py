@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from symcheck.engines.explicit.strategy import Strategy
 
 __all__ = [
-    "NO_STRATEGY",
     "Accuracy",
     "Answer",
     "Certified",
@@ -136,9 +135,6 @@ class SolverRun:
     certified: bool = True
 
 
-NO_STRATEGY = "no strategy: "
-"""How a warning begins that says why a strategy was not computed."""
-
 _PARTS = {
     "values": ("values per state", "a numeric property has them, such as P=? [ F x=1 ]"),
     "satisfying": ("satisfying states", "a property that is true or false has them"),
@@ -176,6 +172,7 @@ class Result:
         front_or_none: `front`; None if no Pareto front was asked for.
         strategies: with the option `strategy`, one that attains the value; of a Pareto query, one
             for each point of the value. Empty if there is none.
+        no_strategy: why there is none, although one was asked for.
         warnings: one sentence each.
         notes: one sentence for each place where tools that round to doubles, such as PRISM, may
             read the model or the property differently.
@@ -195,6 +192,7 @@ class Result:
     witness_or_none: Sequence[Mapping[str, int | bool]] | None = field(default=None, repr=False)
     front_or_none: ParetoFront | None = field(default=None, repr=False)
     strategies: tuple[Strategy, ...] = field(default=(), repr=False)
+    no_strategy: str | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     seconds: float = field(default=0.0, repr=False)
@@ -211,10 +209,7 @@ class Result:
                 raise self._no_strategy()
             if name in _PARTS:
                 raise self._has_no(name)
-            hint = _STORMPY.get(name)
-            raise AttributeError(
-                f"a result has no attribute '{name}'" + (f"\n  hint: {hint}" if hint else "")
-            )
+            raise NotInResultError(f"a result has no attribute '{name}'", hint=_STORMPY.get(name))
 
     def counterexample(self, paths: int | None = None) -> Counterexample:
         """Likeliest paths, and few commands, that show why a bound is false, or true.
@@ -291,7 +286,7 @@ class Result:
 
     def _has_no(self, name: str) -> NotInResultError:
         noun, which = _PARTS[name]
-        return NotInResultError(f"the result has no {noun}\n  hint: {which}")
+        return NotInResultError(f"the result has no {noun}", hint=which)
 
     @property
     def strategy(self) -> Strategy:
@@ -314,12 +309,11 @@ class Result:
         """The error that says why there is no strategy."""
         if self.strategies:
             return NoStrategyError(
-                "the result has a strategy for each point of a Pareto front\n"
-                "  hint: result.strategies[0] is that of the first point"
+                "the result has a strategy for each point of a Pareto front",
+                hint="result.strategies[0] is that of the first point",
             )
-        reasons = [w for w in self.warnings if w.startswith(NO_STRATEGY)]
-        if reasons:
-            return NoStrategyError(f"the result has {reasons[0]}")
+        if self.no_strategy is not None:
+            return NoStrategyError(f"the result has no strategy: {self.no_strategy}")
         if self.engine is not None and not self.engine.model.type.has_choices:
             kind = self.engine.model.type.value.upper()
             return NoStrategyError(
@@ -327,9 +321,9 @@ class Result:
                 f"and this model is a {kind}"
             )
         return NoStrategyError(
-            "the result has no strategy\n"
-            "  hint: the option strategy=True computes one for Pmin, Pmax, Rmin and Rmax of an MDP:"
-            " model.with_options(strategy=True).check(…)"
+            "the result has no strategy",
+            hint="the option strategy=True computes one for Pmin, Pmax, Rmin and Rmax of an MDP:"
+            " model.with_options(strategy=True).check(…)",
         )
 
     @property
@@ -360,7 +354,7 @@ class Result:
                 return self.accuracy.lower, self.accuracy.upper
             case Estimate():
                 raise UnsupportedError(
-                    "an estimate has no bounds\n  hint: certify=True, the default, proves bounds"
+                    "an estimate has no bounds", hint="certify=True, the default, proves bounds"
                 )
             case _:
                 assert_never(self.accuracy)

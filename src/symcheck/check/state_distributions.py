@@ -167,8 +167,8 @@ _OF_AN_MDP: Mapping[_Kind, str] = {
 def _prepared(engine: Engine, start: Numbers | None, kind: _Kind) -> Numbers:
     if engine.model.type.has_choices:
         raise UnsupportedError(
-            f"an MDP has no {kind} distribution over its states: it depends on the strategy"
-            f"\n  hint: {_OF_AN_MDP[kind]}; -importstrat gives the chain of one strategy"
+            f"an MDP has no {kind} distribution over its states: it depends on the strategy",
+            hint=f"{_OF_AN_MDP[kind]}; -importstrat gives the chain of one strategy",
         )
     if start is None:
         return initial_distribution(engine)

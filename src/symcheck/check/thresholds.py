@@ -93,6 +93,6 @@ def _undecided(
 ) -> NumericalError:
     return NumericalError(
         f"cannot decide whether the value is {operator} {float(threshold)!r}, for example in state "
-        f"{context.example(states)}: the two are too close for the accuracy reached ({reason})"
-        "\n  hint: -exact computes with rational numbers"
+        f"{context.example(states)}: the two are too close for the accuracy reached ({reason})",
+        hint="-exact computes with rational numbers",
     )

@@ -106,7 +106,7 @@ def _split(words: Sequence[str]) -> tuple[str, list[str]]:
     hint = "each line has the words of a run: die.pm die.pctl -sparse"
     if arguments.model is not None:
         raise UsageError(
-            f"'{arguments.model}' stands beside -batch, whose lines name models\n  hint: {hint}"
+            f"'{arguments.model}' stands beside -batch, whose lines name models", hint=hint
         )
     assert arguments.batch is not None
     common, rest = [], iter(words)
@@ -193,8 +193,8 @@ class _Child:
         self._process = 0
         if status < 0:
             name = signal.Signals(-status).name
-            hint = "\n  hint: memory may be exhausted" if status == -signal.SIGKILL else ""
-            return fail(SymcheckError(f"the run was ended by {name}{hint}"), 128 - status)
+            hint = "memory may be exhausted" if status == -signal.SIGKILL else None
+            return fail(SymcheckError(f"the run was ended by {name}", hint=hint), 128 - status)
         return status
 
     def _run_anew(self, words: Sequence[str], *, no_input: bool) -> int:

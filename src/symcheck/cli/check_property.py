@@ -184,8 +184,8 @@ def internal_error(error: Exception) -> InternalError:
         )
     return InternalError(
         f"internal error: {type(error).__name__}: {error} "
-        f"({Path(where.filename).name}:{where.lineno})"
-        f"\n  hint: {hint}"
+        f"({Path(where.filename).name}:{where.lineno})",
+        hint=hint,
     )
 
 
@@ -207,13 +207,13 @@ def _write_files(a: Arguments, output: Output, result: Result, varying: Constant
 
 
 def _write_front(path: str, output: Output, result: Result) -> None:
-    from symcheck.exchange.pareto_fronts import check_front_file, front_text
+    from symcheck.exchange.pareto_fronts import front_extension, front_text
     from symcheck.exchange.text import write_text
 
     if result.front_or_none is None:
         output.warn("-exportpareto: this property has no Pareto front")
         return
-    write_text(path, [front_text(result.front, check_front_file(path))], output.out)
+    write_text(path, [front_text(result.front, front_extension(path))], output.out)
     output.exported(path)
 
 
@@ -242,14 +242,14 @@ def _observers(log: IterationLog | None, progress: Progress | None) -> Observer 
 
 def _write_iterations(state: RunState, log: IterationLog, varying: ConstantTexts) -> None:
     """Write the iterations of a property, also of one that ended with an error."""
-    from symcheck.exchange.iterations import check_iterations_file, iterations_text
+    from symcheck.exchange.iterations import iterations_extension, iterations_text
     from symcheck.exchange.text import write_text
 
     if not log.rows:
         state.output.warn("-exportiterations: this property was checked without iterations")
         return
     path = instance_path(state.arguments.exportiterations or "", varying)
-    write_text(path, [iterations_text(log.rows, check_iterations_file(path))], state.output.out)
+    write_text(path, [iterations_text(log.rows, iterations_extension(path))], state.output.out)
     state.output.exported(path)
 
 

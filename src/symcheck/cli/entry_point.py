@@ -202,8 +202,8 @@ class _Session:
             self.signals.tell_time()
         if self.signals.signal is not None:  # whatever the interrupted code has made of it
             stopped = self.signals.error
-            if isinstance(error, ResourceError) and error.note is not None:
-                stopped = type(stopped)(f"{stopped}\n  note: {error.note}")
+            if isinstance(error, ResourceError):
+                stopped.note = error.note
             return self._stopped(stopped, self.signals.status)
         if memory_ended(error):
             error.__traceback__ = error.__context__ = None  # their frames hold the memory
@@ -240,10 +240,8 @@ class _Session:
             fail(fault, status)
         self._report_samples()
         count = len(self._state.rows) if self._state is not None else 0
-        if count:
-            verb = "results are" if count > 1 else "result is"
-            error = type(error)(f"{error}\n  note: {count} finished {verb} above")
-        return fail(error, status)
+        verb = "results are" if count > 1 else "result is"
+        return fail(error, status, f"{count} finished {verb} above" if count else None)
 
     def _report_samples(self) -> None:
         """Print what the samples of an unfinished property give."""

@@ -12,11 +12,12 @@ import numpy as np
 
 from symcheck.api import Model
 from symcheck.cli.output import Output
-from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path
+from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path, of_switch
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.constant_values import combinations, parse_constants
 from symcheck.engines.base import Engine
 from symcheck.errors import Diagnostic, UnsupportedError, UsageError
+from symcheck.matrices.rows import Floats
 from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.expressions.literals import format_state
 from symcheck.syntax.declarations import Program, PropertiesFile
@@ -71,10 +72,8 @@ def _targets(a: Arguments, varying: ConstantTexts = NO_CONSTANTS) -> list[Target
     for kind, argument in a.exports:
         if kind == "model":
             source = a.model or a.importmodel or a.importtrans or "model"
-            try:
+            with of_switch("-exportmodel"):
                 targets += parse_target(argument, source, options)
-            except UsageError as error:
-                raise UsageError(f"-exportmodel: {error}") from None
         elif argument:
             path, overrides = file_options(argument, options)
             if kind == "jani":
@@ -177,8 +176,8 @@ def _export_dot(path: str, output: Output, engine: Engine, varying: ConstantText
     symbolic = engine.capability(HasDiagrams)
     if symbolic is None:
         raise UnsupportedError(
-            f"-exportdot draws a diagram, and the engine {engine.name} has none"
-            "\n  hint: -m, -h or -s build diagrams"
+            f"-exportdot draws a diagram, and the engine {engine.name} has none",
+            hint="-m, -h or -s build diagrams",
         )
     matrices = symbolic.diagrams.roots
     for i, matrix in enumerate(matrices):
@@ -297,7 +296,7 @@ def _write_distribution(
     output.exported(path)
 
 
-def _read_distribution(path: Path) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def _read_distribution(path: Path) -> Floats:
     """The distribution of a file with one probability per line. Raises UsageError, SyntaxFault."""
     from symcheck.exchange.column_reader import read_columns
 

@@ -13,7 +13,7 @@ from symcheck.check.testing.property_tests import PropertyTests
 from symcheck.engines.base import Engine
 from symcheck.engines.capabilities import RepresentsOrbits
 from symcheck.engines.selection import Choice
-from symcheck.errors import OutputError, SymcheckError
+from symcheck.errors import InputError, OutputError, SymcheckError
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.semantics.state_faults import describe_state
@@ -227,7 +227,7 @@ class Output:
     def error(self, error: object) -> None:
         """An error that stops one property."""
         self.line()
-        self.line(f"Error: {str(error).removeprefix('error: ')}")
+        self.line(f"Error: {error}")
         self.out.flush()
 
     def verdict(self, verdict: object) -> None:
@@ -253,17 +253,16 @@ class Output:
         self.out.flush()
 
 
-def fail(error: SymcheckError, status: int) -> int:
-    """Print an error, after what the output still holds."""
+def fail(error: SymcheckError, status: int, note: str | None = None) -> int:
+    """Print an error and a note, after what the output still holds."""
     # Nobody may read the pipe: that must not keep the message back.
     with suppress(RuntimeError):  # no memory for a thread
         flushing = Thread(target=_flush_output, daemon=True)
         flushing.start()
         flushing.join(LAST_WORDS)
-    text = str(error)
+    shown = str(error) if isinstance(error, InputError) else f"error: {error}"
     with suppress(OSError):
-        shown = text if "error[" in text.splitlines()[0] else f"error: {text}"
-        print(shown, file=sys.stderr, flush=True)
+        print(f"{shown}\n  note: {note}" if note else shown, file=sys.stderr, flush=True)
     return status
 
 

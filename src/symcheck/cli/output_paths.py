@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
@@ -55,12 +55,12 @@ def _target(argument: str) -> tuple[Path, list[str]]:
 
 
 @contextmanager
-def of_switch(name: str) -> Iterator[None]:
-    """A context whose UsageErrors name a switch."""
+def of_switch(name: str, hint: str | None = None) -> Iterator[None]:
+    """A context whose UsageErrors name a switch. hint: replaces theirs."""
     try:
         yield
     except UsageError as error:
-        raise UsageError(f"{name}: {error}") from None
+        raise UsageError(f"{name}: {error.message}", hint=hint or error.hint) from None
 
 
 def check_files(a: Arguments) -> None:
@@ -71,45 +71,43 @@ def check_files(a: Arguments) -> None:
         with of_switch("-exportstrat"):
             strategy_target(a.exportstrat)
     if a.exportpareto is not None:
-        from symcheck.exchange.pareto_fronts import check_front_file
+        from symcheck.exchange.pareto_fronts import front_extension
 
         with of_switch("-exportpareto"):
-            check_front_file(a.exportpareto)
+            _check(a.exportpareto, front_extension)
     if a.exportiterations is not None:
-        from symcheck.exchange.iterations import check_iterations_file
+        from symcheck.exchange.iterations import iterations_extension
 
-        try:
-            check_iterations_file(a.exportiterations)
-        except UsageError as error:
-            raise UsageError(
-                f"-exportiterations: {error}\n  hint: -exportiterations iterations.csv; "
-                "-exportpage iterations.html plays them"
-            ) from None
+        advice = "-exportiterations iterations.csv; -exportpage iterations.html plays them"
+        with of_switch("-exportiterations", advice):
+            _check(a.exportiterations, iterations_extension)
     if a.exporttests is not None:
         from symcheck.check.testing.property_tests import check_report_file
 
         with of_switch("-exporttests"):
-            check_report_file(a.exporttests)
-        _check_folder("-exporttests", Path(a.exporttests))
+            _check(a.exporttests, check_report_file)
     if a.exportcounterexample is not None:
-        from symcheck.check.counterexample import check_counterexample_file
+        from symcheck.check.counterexample import counterexample_extension
 
         with of_switch("-exportcounterexample"):
-            check_counterexample_file(a.exportcounterexample)
-        _check_folder("-exportcounterexample", Path(a.exportcounterexample))
+            _check(a.exportcounterexample, counterexample_extension)
     if a.exportpage is not None:
-        page = Path(a.exportpage)
-        if page.suffix.lower() not in (".html", ".htm"):
-            name = page.name.partition(".")[0]
-            raise UsageError(
-                f"-exportpage: '{page}' is no HTML file\n  hint: -exportpage {name}.html"
-            )
-        _check_folder("-exportpage", page)
+        with of_switch("-exportpage"):
+            _check(a.exportpage, _page_extension)
 
 
-def _check_folder(switch: str, path: Path) -> None:
-    if not path.parent.is_dir():
-        raise UsageError(f"{switch}: there is no folder '{path.parent}'")
+def _check(path: str, check_extension: Callable[[str], object]) -> None:
+    check_extension(path)
+    if not Path(path).parent.is_dir():
+        raise UsageError(f"there is no folder '{Path(path).parent}'")
+
+
+def _page_extension(path: str) -> str:
+    page = Path(path)
+    if page.suffix.lower() not in (".html", ".htm"):
+        name = page.name.partition(".")[0]
+        raise UsageError(f"'{page}' is no HTML file", hint=f"-exportpage {name}.html")
+    return page.suffix
 
 
 def check_results_file(argument: str) -> None:
@@ -120,20 +118,16 @@ def check_results_file(argument: str) -> None:
     path, kinds = _target(argument)
     with of_switch("-exportresults"):
         render([], (), kinds)
-    if not path.name:
-        raise UsageError(f"-exportresults: '{argument}' names no file")
-    if path.is_dir():
-        raise UsageError(f"-exportresults: '{path}' is a folder")
-    _check_folder("-exportresults", path)
-    if not os.access(path if path.exists() else path.parent, os.W_OK):
-        raise UsageError(f"-exportresults: '{path}' may not be written")
+        if not path.name:
+            raise UsageError(f"'{argument}' names no file")
+        if path.is_dir():
+            raise UsageError(f"'{path}' is a folder")
+        _check(str(path), str)
+        if not os.access(path if path.exists() else path.parent, os.W_OK):
+            raise UsageError(f"'{path}' may not be written")
     if not kinds:
-        try:
+        with of_switch("-exportresults", f"'{path}:text' writes a text under any name"):
             check_extension(path)
-        except UsageError as error:
-            raise UsageError(
-                f"-exportresults: {error}\n  hint: '{path}:text' writes a text under any name"
-            ) from None
 
 
 def write_results(argument: str, rows: Sequence[Row], varying: Sequence[str]) -> None:

@@ -46,8 +46,8 @@ def check_partitioned(
     assert a.scheduler is not None
     if engine not in ("auto", "explicit"):
         raise UsageError(
-            f"-distributed: the states of the {engine} engine are not partitioned"
-            "\n  hint: leave out its switch, or -distributed"
+            f"-distributed: the states of the {engine} engine are not partitioned",
+            hint="leave out its switch, or -distributed",
         )
     with connect(a.scheduler) as client:
         for constants in choices:

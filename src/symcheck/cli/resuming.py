@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from symcheck.check.result import Estimate, Result
 from symcheck.cli.instance import InstancesTask
 from symcheck.cli.run_state import RunState
-from symcheck.errors import SymcheckError, UsageError
+from symcheck.errors import SymcheckError
 from symcheck.experiments.journal import Journal, opened
 from symcheck.experiments.rows import Row, constant_text, row_of
 from symcheck.experiments.run import experiment_description, row_key
@@ -26,14 +26,8 @@ def finished_results(state: RunState, task: InstancesTask) -> Iterator[FinishedR
     """
     path = state.arguments.resume
     assert path is not None
-    try:
-        with opened(path, experiment_description(task.model, task.file)) as journal:
-            yield FinishedResults(journal, state, task)
-    except UsageError as error:
-        text = str(error)
-        if text.startswith("resume: "):
-            raise UsageError(f"-{text}") from None
-        raise
+    with opened(path, experiment_description(task.model, task.file), "-resume") as journal:
+        yield FinishedResults(journal, state, task)
 
 
 class FinishedResults:

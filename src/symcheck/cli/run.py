@@ -10,7 +10,7 @@ from symcheck.cli import exports
 from symcheck.cli.check_property import report_unparsed
 from symcheck.cli.input.model import STANDARD_INPUT, choose_model_file, read_model
 from symcheck.cli.instance import GivenTexts, InstancesTask
-from symcheck.cli.output_paths import NO_CONSTANTS
+from symcheck.cli.output_paths import NO_CONSTANTS, of_switch
 from symcheck.cli.run_state import RunState, TestFailed
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.cli.switches.needs import BUILT, MDP, PROPERTY, VALUES, unmet_needs
@@ -92,10 +92,8 @@ def _import_results(state: RunState, file: str) -> int:
     from symcheck.experiments.table import Experiment
 
     state.output.header([f'Reading results file "{file}"'])
-    try:
+    with of_switch("-importresults"):
         experiment = Experiment.load(file)
-    except UsageError as error:
-        raise UsageError(f"-importresults: {error}") from None
     state.rows, state.varying = list(experiment), experiment.varying
     if not state.rows:
         state.output.warn(f"{file} has no results")
@@ -197,7 +195,7 @@ def _note_unused_switches(state: RunState, facts: Mapping[str, bool]) -> None:
         reasons.setdefault(f": {reason}", []).append(switch)
     for unmet in unmet_needs(a.given, facts):
         if not unmet.note:
-            raise UsageError(str(unmet))
+            raise unmet.error
         reasons.setdefault(unmet.reason, []).append(unmet.switch)
     for reason, switches in reasons.items():
         verb = "have" if len(switches) > 1 else "has"

@@ -139,12 +139,13 @@ class StopSignals:
             return out_of_memory()
         if self.signal is ALARM:
             return TimeLimitError(
-                "the time limit was reached\n  hint: -timeout gives more; finished results are kept"
+                "the time limit was reached", hint="-timeout gives more; finished results are kept"
             )
         if self.signal is signal.SIGTERM:
             return Interrupted(
-                "interrupted by SIGTERM\n  hint: another process sent it, such as a scheduler; "
-                "-timeout and -cuddmaxmem end a run earlier, with a message"
+                "interrupted by SIGTERM",
+                hint="another process sent it, such as a scheduler; "
+                "-timeout and -cuddmaxmem end a run earlier, with a message",
             )
         return Interrupted("interrupted by Ctrl-C")
 

@@ -73,7 +73,7 @@ def library() -> str:
     name = os.environ.get("SYMCHECK_CUDD") or _system_library()
     if name is None:
         raise UnsupportedError(
-            f"decision diagrams need CUDD, which is not installed here\n  hint: {INSTALL_HINT}"
+            "decision diagrams need CUDD, which is not installed here", hint=INSTALL_HINT
         )
     return name
 

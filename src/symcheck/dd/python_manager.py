@@ -38,7 +38,8 @@ Cube = tuple[str, ...]
 def _needs_mtbdds(*_: object, **__: object) -> NoReturn:
     raise UnsupportedError(
         "diagrams with numbers (MTBDDs) need CUDD, which is not installed here: the BDDs of "
-        f"dd.autoref are sets only\n  hint: {INSTALL_HINT}"
+        "dd.autoref are sets only",
+        hint=INSTALL_HINT,
     )
 
 
@@ -198,7 +199,8 @@ class PythonManager:
             if len(self.bdd) > tuning.MOST_PYTHON_NODES:
                 raise MemoryLimitError(
                     f"more than {tuning.MOST_PYTHON_NODES:,} nodes are too many for BDDs in pure "
-                    f"Python, which replace CUDD here\n  hint: {INSTALL_HINT}"
+                    "Python, which replace CUDD here",
+                    hint=INSTALL_HINT,
                 )
         return result
 

@@ -144,13 +144,14 @@ class Folder:
             raise OutputError(f"no checkpoints in {path}: {error.strerror or error}") from None
         if known["model"] != _hash(model):
             raise UsageError(
-                f"{path} has checkpoints of another model, or of other constants"
-                "\n  hint: remove the folder, or name another one"
+                f"{path} has checkpoints of another model, or of other constants",
+                hint="remove the folder, or name another one",
             )
         if known["parts"] != partition.parts:
             raise UsageError(
                 f"{path} has checkpoints of {known['parts']} parts, and the cluster has "
-                f"{partition.parts} workers\n  hint: start as many workers, or name another folder"
+                f"{partition.parts} workers",
+                hint="start as many workers, or name another folder",
             )
         return folder, Partition(known["parts"], tuple(known["mask"]), known["seed"])
 

@@ -288,8 +288,8 @@ class Measures:
         if sum(members) > tuning.COMPONENT_STATES:
             raise ResourceError(
                 f"a strategy may stay away from the target for ever in {sum(members)} states, and "
-                f"end components are found among {tuning.COMPONENT_STATES} states at most"
-                "\n  hint: check it on one machine"
+                f"end components are found among {tuning.COMPONENT_STATES} states at most",
+                hint="check it on one machine",
             )
         if not sum(members):
             return
@@ -369,8 +369,8 @@ class Measures:
                     guess = self.epsilon
             threshold /= 10
         raise NumericalError(
-            f"no bounds are proved in {rounds} rounds: the iteration converges slowly"
-            "\n  hint: check it on one machine"
+            f"no bounds are proved in {rounds} rounds: the iteration converges slowly",
+            hint="check it on one machine",
         )
 
     def _raise_lower(self, threshold: float, rounds: int) -> int:

@@ -93,7 +93,7 @@ def explore_on_cluster(
     started = perf_counter()
     workers = sorted(cluster.nthreads())
     if not workers:
-        raise UsageError("the cluster has no workers\n  hint: dask worker tcp://HOST:8786")
+        raise UsageError("the cluster has no workers", hint="dask worker tcp://HOST:8786")
     partition, folder = choose_partition(bound, len(workers)), None
     if checkpoints is not None:
         # Workers may have another working directory.

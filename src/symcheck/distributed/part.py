@@ -387,8 +387,8 @@ class Part:
         found = transitions + (states if groups is None else np.repeat(states, np.diff(groups)))
         if not bool(((found >= 0) & np.isfinite(found)).all()):
             raise UnsupportedError(
-                "rewards that are negative or infinite are not computed on distributed models"
-                "\n  hint: check it on one machine"
+                "rewards that are negative or infinite are not computed on distributed models",
+                hint="check it on one machine",
             )
         return found
 

@@ -43,8 +43,8 @@ class PartLost(ResourceError):
 
     def __init__(self, numbers: Sequence[int], why: BaseException) -> None:
         super().__init__(
-            f"a worker of the cluster is lost, with its states ({why})"
-            "\n  hint: run again, with a folder of checkpoints; the other workers go on"
+            f"a worker of the cluster is lost, with its states ({why})",
+            hint="run again, with a folder of checkpoints; the other workers go on",
         )
         self.numbers = tuple(numbers)
 

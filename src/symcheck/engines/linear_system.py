@@ -66,7 +66,7 @@ def _finite(results: Numbers, *operands: Numbers) -> Numbers:
     infinite = is_infinite(results)
     if infinite.any() and not any(is_infinite(o)[infinite].any() for o in operands):
         raise UnsupportedError(
-            "the reward of a step is beyond the range of floating-point numbers\n  hint: use -exact"
+            "the reward of a step is beyond the range of floating-point numbers", hint="use -exact"
         )
     return results
 
@@ -88,7 +88,8 @@ def require_normal_numbers(smallest: float, largest: float, successors: int, rat
     numbers = f"rates from {smallest:g} to {largest:g}" if rates else f"probability {smallest:g}"
     raise UnsupportedError(
         f"{numbers}: the model has one-step probabilities that are too small for floating-point "
-        "numbers\n  hint: use -exact"
+        "numbers",
+        hint="use -exact",
     )
 
 
@@ -105,7 +106,8 @@ def require_normal_rewards(*rewards: Numbers) -> None:
         if subnormal.any():
             raise UnsupportedError(
                 f"reward {values[subnormal][0]:g} of a step: the model has rewards that are too "
-                "small for floating-point numbers\n  hint: use -exact"
+                "small for floating-point numbers",
+                hint="use -exact",
             )
 
 

@@ -264,8 +264,8 @@ class RewardSums:
         if count > tuning.RATIONAL_REWARD_STATES:
             raise UnsupportedError(
                 f"rewards of opposite signs may cancel in {count:,} states; they are added in "
-                f"rational arithmetic in up to {tuning.RATIONAL_REWARD_STATES:,}\n"
-                "  hint: write what is earned at once as one item without a difference"
+                f"rational arithmetic in up to {tuning.RATIONAL_REWARD_STATES:,}",
+                hint="write what is earned at once as one item without a difference",
             )
         exact = exactly_bound(engine.model)
         exact = replace(exact, rewards=(exact.rewards[index],))

@@ -99,8 +99,8 @@ def refuse_many(count: int, noun: str = "states") -> None:
     """Raise UnsupportedError if there are too many to enumerate."""
     if count > tuning.LISTED_STATES:
         raise UnsupportedError(
-            f"{count:,} {noun} are too many to list: at most {tuning.LISTED_STATES:,} are"
-            "\n  hint: model.where(…) selects states, and `states[:10]` lists the first of them"
+            f"{count:,} {noun} are too many to list: at most {tuning.LISTED_STATES:,} are",
+            hint="model.where(…) selects states, and `states[:10]` lists the first of them",
         )
 
 

@@ -133,7 +133,7 @@ def export(
     file = PropertiesFile() if properties is None else properties_file(properties)
     if properties is not None and all(part.kind != "jani" for part in parts):
         raise UsageError(
-            f"{target} holds no properties\n  hint: only JANI files do: export(model, 'm.jani', …)"
+            f"{target} holds no properties", hint="only JANI files do: export(model, 'm.jani', …)"
         )
     return list(
         export_targets(

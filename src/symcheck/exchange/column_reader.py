@@ -15,11 +15,19 @@ from typing import NoReturn
 import numpy as np
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault, UsageError
-from symcheck.matrices.rows import Floats, Int64s
+from symcheck.matrices.rows import Bools, Floats, Int64s
 from symcheck.semantics.expressions.evaluate import is_int64
 from symcheck.whole_file import read_whole
 
-__all__ = ["Columns", "columns_of", "number_table", "read_columns", "read_file", "read_source"]
+__all__ = [
+    "Columns",
+    "columns_of",
+    "first_true",
+    "number_table",
+    "read_columns",
+    "read_file",
+    "read_source",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +129,7 @@ class Columns:
     def integers(self, word: int, limit: int, what: str) -> Int64s:
         """A column of the lines after the first: integers from 0 to limit - 1, int64[lines]."""
         numbers = self._integers(word)
-        for i in np.flatnonzero((numbers < 0) | (numbers >= limit))[:1].tolist():
+        for i in first_true((numbers < 0) | (numbers >= limit)):
             self.fault(
                 i + 1,
                 f"{what} {numbers[i]} does not exist: there are {limit}, numbered from 0",
@@ -173,6 +181,12 @@ class Columns:
                 "count",
                 len(self.first) - 1,
             )
+
+
+def first_true(faulty: Bools) -> list[int]:
+    """The first index at which something is faulty, or none: for the error that names it."""
+    found: list[int] = np.flatnonzero(faulty)[:1].tolist()
+    return found
 
 
 def _is_integer(text: str) -> bool:

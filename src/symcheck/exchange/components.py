@@ -45,8 +45,8 @@ def _components(model: ExplicitExport, kind: str) -> list[Int64s]:
         case "mecs":
             if model.matrix.groups is None:
                 raise UnsupportedError(
-                    "end components exist only in MDPs\n"
-                    "  hint: -exportbsccs lists the bottom components of a chain"
+                    "end components exist only in MDPs",
+                    hint="-exportbsccs lists the bottom components of a chain",
                 )
             return _grouped(
                 graph.maximal_end_components(model.matrix, np.ones(model.n, np.bool_)).of

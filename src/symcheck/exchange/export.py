@@ -97,13 +97,13 @@ def parse_target(argument: str, model: str, options: ExportOptions | None = None
         not dotted or (listed not in (*EXTENSIONS, "all", "rew") and "," not in listed)
     ):
         return [Target("tra", names, options)]
-    known = f"\n  hint: known are .{', .'.join((*EXTENSIONS, 'rew', 'all'))}"
+    known = f"known are .{', .'.join((*EXTENSIONS, 'rew', 'all'))}"
     if not dotted:
-        raise UsageError(f"'{argument}' has no extension that names a format{known}")
+        raise UsageError(f"'{argument}' has no extension that names a format", hint=known)
     kinds: list[str] = []
     for kind in listed.split(","):
         if kind not in (*EXTENSIONS, "all", "rew"):
-            raise UsageError(f"unknown extension '.{kind}'{known}")
+            raise UsageError(f"unknown extension '.{kind}'", hint=known)
         kinds += {"all": _ALL, "rew": ("srew", "trew")}.get(kind, (kind,))
     base = base or str(Path(model).with_suffix(""))
     dropped = {"srew", "trew"} if not options.rewards else set()
@@ -151,7 +151,7 @@ def _options(argument: str, options: ExportOptions) -> tuple[str, ExportOptions,
                     "text",
                 )
             )
-            raise UsageError(f"unknown option '{option}'\n  hint: known are {known}")
+            raise UsageError(f"unknown option '{option}'", hint=f"known are {known}")
     return names, options, layout
 
 

@@ -7,16 +7,13 @@ import json
 from collections.abc import Sequence
 from io import StringIO
 from math import isfinite
-from pathlib import Path
 from typing import NamedTuple
 
-from symcheck.errors import UsageError
+from symcheck.exchange.text import table_extension
 from symcheck.numerics.linear.problem import Progress
 from symcheck.semantics.expressions.literals import format_value
 
-__all__ = ["EXTENSIONS", "IterationLog", "IterationRow", "check_iterations_file", "iterations_text"]
-
-EXTENSIONS = (".csv", ".json")
+__all__ = ["IterationLog", "IterationRow", "iterations_extension", "iterations_text"]
 
 
 class IterationRow(NamedTuple):
@@ -58,21 +55,9 @@ class IterationLog:
         )
 
 
-def check_iterations_file(path: str) -> str:
-    """The extension of a file of iterations; that of 'stdout' is '.csv'.
-
-    Raises:
-        UsageError: it is unknown, or the folder does not exist.
-    """
-    extension = ".csv" if path == "stdout" else Path(path).suffix.lower()
-    if extension not in EXTENSIONS:
-        raise UsageError(
-            f"'{path}': the extension says how iterations are written, "
-            f"and it is none of {', '.join(EXTENSIONS)}"
-        )
-    if not Path(path).parent.is_dir():
-        raise UsageError(f"there is no folder '{Path(path).parent}'")
-    return extension
+def iterations_extension(path: str) -> str:
+    """'.csv', also for 'stdout', or '.json'. Raises UsageError."""
+    return table_extension(path, "how iterations are written")
 
 
 def iterations_text(rows: Sequence[IterationRow], extension: str) -> str:

@@ -4,34 +4,18 @@ from __future__ import annotations
 
 import csv
 import json
-from fractions import Fraction
 from io import StringIO
-from pathlib import Path
 
 from symcheck.check.pareto_front import ParetoFront
-from symcheck.errors import UsageError
+from symcheck.exchange.text import table_extension
 from symcheck.semantics.expressions.literals import format_value
 
-__all__ = ["EXTENSIONS", "check_front_file", "front_text"]
-
-EXTENSIONS = (".csv", ".json")
+__all__ = ["front_extension", "front_text"]
 
 
-def check_front_file(path: str) -> str:
-    """The extension of a file for a front; that of 'stdout' is '.csv'.
-
-    Raises:
-        UsageError: it is unknown, or the folder does not exist.
-    """
-    extension = ".csv" if path == "stdout" else Path(path).suffix.lower()
-    if extension not in EXTENSIONS:
-        raise UsageError(
-            f"'{path}': the extension says how a Pareto front is written, "
-            f"and it is none of {', '.join(EXTENSIONS)}"
-        )
-    if not Path(path).parent.is_dir():
-        raise UsageError(f"there is no folder '{Path(path).parent}'")
-    return extension
+def front_extension(path: str) -> str:
+    """'.csv', also for 'stdout', or '.json'. Raises UsageError."""
+    return table_extension(path, "how a Pareto front is written")
 
 
 def front_text(front: ParetoFront, extension: str) -> str:
@@ -48,16 +32,9 @@ def front_text(front: ParetoFront, extension: str) -> str:
         writer.writerow(front.objectives)
         writer.writerows([format_value(v) for v in point] for point in front.vertices)
         return out.getvalue()
-
-    def plain(value: float | Fraction) -> float | str:
-        return str(value) if isinstance(value, Fraction) else value
-
     whole = {
         "objectives": front.objectives,
-        "vertices": [[plain(v) for v in point] for point in front.vertices],
-        "halfspaces": [
-            {"weights": [plain(w) for w in h.weights], "bound": plain(h.bound)}
-            for h in front.halfspaces
-        ],
+        "vertices": front.vertices,
+        "halfspaces": [{"weights": h.weights, "bound": h.bound} for h in front.halfspaces],
     }
-    return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(whole, indent=1, ensure_ascii=False, default=str) + "\n"

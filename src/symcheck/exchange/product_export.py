@@ -71,8 +71,8 @@ def product_export(
 
 def _no_automaton() -> UnsupportedError:
     return UnsupportedError(
-        "this property is checked without an automaton, so there is no product"
-        "\n  hint: P=? [ G F a ], for example, has one"
+        "this property is checked without an automaton, so there is no product",
+        hint="P=? [ G F a ], for example, has one",
     )
 
 

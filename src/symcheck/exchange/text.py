@@ -10,7 +10,7 @@ from typing import TextIO
 import numpy as np
 
 from symcheck.matrices.numbers import Numbers
-from symcheck.whole_file import open_for_text, write_whole
+from symcheck.whole_file import extension_of, open_for_text, write_whole
 
 __all__ = [
     "CHUNK",
@@ -18,6 +18,7 @@ __all__ = [
     "lines",
     "number_text",
     "number_texts",
+    "table_extension",
     "write_text",
 ]
 
@@ -77,6 +78,11 @@ def _part(column: Column, start: int, stop: int, precision: int) -> Sequence[obj
     if isinstance(piece, np.ndarray):
         return number_texts(piece, precision) if piece.dtype.kind in "fO" else piece.tolist()
     return piece
+
+
+def table_extension(path: str, meaning: str) -> str:
+    """'.csv', also for 'stdout', or '.json'. Raises UsageError as `extension_of`."""
+    return ".csv" if path == "stdout" else extension_of(path, (".csv", ".json"), meaning)
 
 
 def write_text(target: str, chunks: Iterable[str], out: TextIO) -> None:

@@ -9,11 +9,10 @@ from fractions import Fraction
 from math import isfinite
 from pathlib import Path
 
-from symcheck.errors import UsageError
 from symcheck.experiments.rows import Row, records
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.tables import optional_package
-from symcheck.whole_file import write_whole
+from symcheck.whole_file import extension_of, write_whole
 
 __all__ = ["EXTENSIONS", "check_extension", "json_text", "save"]
 
@@ -38,12 +37,7 @@ def check_extension(path: str | Path) -> str:
         UsageError: it is unknown.
         UnsupportedError: it needs a package that is not installed.
     """
-    extension = Path(path).suffix.lower()
-    if extension not in EXTENSIONS:
-        raise UsageError(
-            f"'{path}': the extension says how results are written, "
-            f"and it is none of {', '.join(EXTENSIONS)}"
-        )
+    extension = extension_of(path, EXTENSIONS, "how results are written")
     needed = EXTENSIONS[extension]
     if needed is not None:
         optional_package(*needed)

@@ -40,12 +40,15 @@ class Journal:
 
 
 @contextmanager
-def opened(path: str | Path, experiment: Mapping[str, str]) -> Iterator[Journal]:
+def opened(
+    path: str | Path, experiment: Mapping[str, str], option: str = "resume"
+) -> Iterator[Journal]:
     """The journal of an experiment; an incomplete last line is removed.
 
     Args:
         path: the file; it is made if there is none.
         experiment: hashes of what its rows depend on, besides the constants.
+        option: what named the file, for messages.
 
     Raises:
         UsageError: the file belongs to another experiment, is no journal, is in use, or cannot be
@@ -54,22 +57,24 @@ def opened(path: str | Path, experiment: Mapping[str, str]) -> Iterator[Journal]
     try:
         file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
     except OSError as error:
-        raise UsageError(f"resume: cannot write '{path}': {error.strerror}") from None
+        raise UsageError(f"{option}: cannot write '{path}': {error.strerror}") from None
     try:
         try:
             lock_file(file)
         except OSError:
-            raise UsageError(f"resume: '{path}' is in use by another run") from None
-        yield Journal(file, _read(file, path, experiment))
+            raise UsageError(f"{option}: '{path}' is in use by another run") from None
+        yield Journal(file, _read(file, path, experiment, option))
     finally:
         os.close(file)
 
 
-def _read(file: int, path: str | Path, experiment: Mapping[str, str]) -> dict[str, Row]:
+def _read(
+    file: int, path: str | Path, experiment: Mapping[str, str], option: str
+) -> dict[str, Row]:
     with open(file, "rb", closefd=False) as reader:
         *lines, torn = reader.read().split(b"\n")
     foreign = UsageError(
-        f"resume: '{path}' is not a file of finished rows\n  hint: name a new file"
+        f"{option}: '{path}' is not a file of finished rows", hint="name a new file"
     )
     if not lines and not _HEAD.startswith(torn[: len(_HEAD)]):
         raise foreign
@@ -86,8 +91,9 @@ def _read(file: int, path: str | Path, experiment: Mapping[str, str]) -> dict[st
             raise foreign from None
     if differing:
         raise UsageError(
-            f"resume: '{path}' has the rows of another experiment: another "
-            f"{', another '.join(differing)}\n  hint: name a new file, or delete this one"
+            f"{option}: '{path}' has the rows of another experiment: another "
+            f"{', another '.join(differing)}",
+            hint="name a new file, or delete this one",
         )
     if torn:
         os.ftruncate(file, sum(len(line) + 1 for line in lines))

@@ -124,8 +124,9 @@ def _task(given: Task) -> Check:
     """The task of a tuple. Raises UsageError."""
     if not isinstance(cast(object, given), tuple) or not 2 <= len(given) <= 4:
         raise UsageError(
-            f"a task of check_many is a tuple (model, properties, constants, options), not "
-            f"{given!r:.80}\n  hint: constants and options may be missing"
+            "a task of check_many is a tuple (model, properties, constants, options), not "
+            f"{given!r:.80}",
+            hint="constants and options may be missing",
         )
     return given if isinstance(given, Check) else Check(*given)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symcheck.errors import UsageError
-from symcheck.experiments.rows import Row, constant_text
+from symcheck.experiments.rows import Row, constant_names, constant_text
 from symcheck.tables import optional_package
 
 if TYPE_CHECKING:
@@ -50,14 +50,14 @@ def plot(
         x = several[0]
     for name in (x, *(by or ())):
         if name is not None and not any(name in r.constants for r in rows):
-            known = ", ".join(dict.fromkeys(n for r in rows for n in r.constants)) or "none"
+            known = ", ".join(constant_names(rows)) or "none"
             raise UsageError(f"plot: there is no constant '{name}'; the constants are {known}")
     others = [n for n in several if n != x] if by is None else list(by)
     unnamed = [n for n in several if n != x and n not in others]
     if unnamed:
         raise UsageError(
-            f"plot: {unnamed[0]} has several values too\n  hint: name it in by=, "
-            f"or choose one value with select({unnamed[0]}=...)"
+            f"plot: {unnamed[0]} has several values too",
+            hint=f"name it in by=, or choose one value with select({unnamed[0]}=...)",
         )
     new_axes = axes is None
     if axes is None:

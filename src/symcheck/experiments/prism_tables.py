@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from symcheck.errors import UsageError
 from symcheck.experiments.files import json_text
-from symcheck.experiments.rows import Row, constant_text
+from symcheck.experiments.rows import Row, constant_names, constant_text
 
 __all__ = ["FORMATS", "render"]
 
@@ -95,7 +95,7 @@ def _headed(heading: str, table: Sequence[Sequence[str]], separator: str) -> str
 
 def _dataframe(rows: Sequence[Row]) -> str:
     """One table in the form of a data frame: property, every constant, result, accuracy."""
-    names = list(dict.fromkeys(n for r in rows for n in r.constants))
+    names = constant_names(rows)
     body = [
         [
             r.name,
@@ -139,7 +139,7 @@ def render(rows: Sequence[Row], varying: Sequence[str], kinds: Sequence[str]) ->
     unknown = [k for k in kinds if k not in FORMATS]
     if unknown:
         raise UsageError(
-            f"unknown format '{unknown[0]}'\n  hint: the formats are {', '.join(FORMATS)}"
+            f"unknown format '{unknown[0]}'", hint=f"the formats are {', '.join(FORMATS)}"
         )
     order = list(dict.fromkeys(r.name for r in rows))
     rows = sorted(rows, key=lambda r: order.index(r.name))

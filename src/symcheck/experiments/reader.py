@@ -22,10 +22,15 @@ __all__ = ["read_rows"]
 Record = Mapping[str, object]
 """The cells of a row by column: JSON values, or texts."""
 
-_HINT = (
-    "\n  hint: -exportresults FILE.csv, FILE.json and FILE.csv:dataframe write results that can "
-    "be read"
-)
+
+def _other_form(message: str) -> UsageError:
+    return UsageError(
+        message,
+        hint="-exportresults FILE.csv, FILE.json and FILE.csv:dataframe write results that can "
+        "be read",
+    )
+
+
 _COLUMNS = tuple(records([Row("", {})])[0])
 """The columns of a table besides its constants."""
 
@@ -50,7 +55,7 @@ def read_rows(path: str | Path) -> list[Row]:
     """
     extension = Path(uncompressed_name(path)[0]).suffix.lower()
     if extension not in (".csv", ".json", ".txt", ""):
-        raise UsageError(f"{path}: results are read from .csv and .json{_HINT}")
+        raise _other_form(f"{path}: results are read from .csv and .json")
     try:
         text = read_whole(path).decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -70,9 +75,9 @@ def _json_records(text: str, path: str | Path) -> Iterator[tuple[int, Record]]:
     try:
         whole = json.loads(text)
     except json.JSONDecodeError as error:
-        raise UsageError(f"{path}:{error.lineno}:{error.colno}: {error.msg}{_HINT}") from None
+        raise _other_form(f"{path}:{error.lineno}:{error.colno}: {error.msg}") from None
     if not isinstance(whole, list) or not all(isinstance(item, dict) for item in whole):
-        raise UsageError(f"{path}:1: expected a list of objects{_HINT}")
+        raise _other_form(f"{path}:1: expected a list of objects")
     line, start, end = 1, 0, 0
     decode = json.JSONDecoder().raw_decode
     for _ in whole:
@@ -81,7 +86,7 @@ def _json_records(text: str, path: str | Path) -> Iterator[tuple[int, Record]]:
         record, end = decode(text, start)
         missing = [name for name in ("property", "value") if name not in record]
         if missing:
-            raise UsageError(f"{path}:{line}: an object without '{missing[0]}'{_HINT}")
+            raise _other_form(f"{path}:{line}: an object without '{missing[0]}'")
         yield line, record
 
 
@@ -91,7 +96,7 @@ def _csv_records(text: str, path: str | Path) -> Iterator[tuple[int, Record]]:
     try:
         header = _header(next(reader, []))
     except ValueError as error:
-        raise UsageError(f"{path}:1: {error}{_HINT}") from None
+        raise _other_form(f"{path}:1: {error}") from None
     for cells in reader:
         if not cells:
             continue

@@ -12,7 +12,7 @@ from symcheck.constant_values import ConstantValue, GivenConstants, typed_value
 from symcheck.errors import SymcheckError, UnsupportedError
 from symcheck.semantics.expressions.literals import format_value, to_float
 
-__all__ = ["Row", "constant_text", "error_text", "records", "row_of"]
+__all__ = ["Row", "constant_names", "constant_text", "error_text", "records", "row_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,13 +74,18 @@ def constant_text(value: ConstantValue) -> str:
     return value if isinstance(value, str) else format_value(value)
 
 
+def constant_names(rows: Iterable[Row]) -> list[str]:
+    """The constants that have a value in some row."""
+    return list(dict.fromkeys(n for r in rows for n in r.constants))
+
+
 def records(rows: Iterable[Row]) -> list[dict[str, object]]:
     """The rows as dicts with the same keys: property, each constant, value, and the others.
 
     A constant with the name of another column is called 'constant NAME'.
     """
     rows = list(rows)
-    names = list(dict.fromkeys(n for r in rows for n in r.constants))
+    names = constant_names(rows)
     return [_record(r, names) for r in rows]
 
 

@@ -185,8 +185,8 @@ def _properties(properties: PropertiesFile | str | Path) -> PropertiesFile:
         return properties
     if not isinstance(cast(object, properties), str | Path):
         raise UsageError(
-            f"properties are a text or a file, not {properties!r}\n"
-            '  hint: a text names several properties: "six": P=? [ F d=6 ]; "two": P=? [ F d=2 ]'
+            f"properties are a text or a file, not {properties!r}",
+            hint='a text names several properties: "six": P=? [ F d=6 ]; "two": P=? [ F d=2 ]',
         )
     if is_file(properties):
         return parse_properties_file(properties)
@@ -208,8 +208,8 @@ def _require_values(model: Model, file: PropertiesFile, values: Iterable[str]) -
     missing = [n for n in needed if n not in given]
     if missing:
         raise UsageError(
-            f"constants: no value is given for {', '.join(missing)}"
-            f"\n  hint: constants={{'{missing[0]}': ...}}"
+            f"constants: no value is given for {', '.join(missing)}",
+            hint=f"constants={{'{missing[0]}': ...}}",
         )
 
 
@@ -245,6 +245,6 @@ def _pickled(value: object, argument: str) -> bytes:
         return pickle.dumps(value)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise UsageError(
-            f"{argument}: the model cannot be written down for other processes: {error}"
-            f"\n  hint: leave {argument}= out"
+            f"{argument}: the model cannot be written down for other processes: {error}",
+            hint=f"leave {argument}= out",
         ) from None

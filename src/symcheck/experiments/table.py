@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 from symcheck.constant_values import ConstantValue
-from symcheck.experiments.rows import Row, constant_text, records
+from symcheck.experiments.rows import Row, constant_names, constant_text, records
 from symcheck.tables import Table, optional_package
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class Experiment(Sequence[Row]):
         from symcheck.experiments.reader import read_rows
 
         rows = tuple(read_rows(path))
-        names = dict.fromkeys(n for r in rows for n in r.constants)
+        names = constant_names(rows)
         values = {n: {r.constants[n] for r in rows if n in r.constants} for n in names}
         return cls(rows, tuple(n for n in names if len(values[n]) > 1))
 
@@ -67,7 +67,7 @@ class Experiment(Sequence[Row]):
         return f"<Experiment: {counts}{stopped}>"
 
     def _repr_html_(self) -> str:
-        names = list(dict.fromkeys(n for r in self.rows for n in r.constants))
+        names = constant_names(self.rows)
         cells = []
         for r in self.rows:
             constants = [constant_text(r.constants[n]) if n in r.constants else "" for n in names]

@@ -273,14 +273,11 @@ class Exploration:
 
     def _stop(self, error: type[ResourceError], why: str, hint: str | None = None) -> NoReturn:
         grows = growth(self.model, self._reached.values)
-        hint = grows.hint if grows else hint
-        stopped = error(
-            f"explicit exploration: {why}, after {self.progress}"
-            + (f"\n  note: {grows.note}" if grows else "")
-            + (f"\n  hint: {hint}" if hint else "")
+        raise error(
+            f"explicit exploration: {why}, after {self.progress}",
+            hint=grows.hint if grows else hint,
+            note=grows.note if grows else None,
         )
-        stopped.note = grows.note if grows else None
-        raise stopped
 
     def _fault(self) -> NoReturn:
         """Raise the fault of the state in which the search stopped."""

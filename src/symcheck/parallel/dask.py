@@ -55,7 +55,7 @@ def connect(address: str) -> Client:
     try:
         from distributed import Client as DaskClient
     except ModuleNotFoundError:
-        raise UsageError("-scheduler needs Dask\n  hint: pip install 'symcheck[dask]'") from None
+        raise UsageError("-scheduler needs Dask", hint="pip install 'symcheck[dask]'") from None
     open_client: Callable[..., Any] = DaskClient
     # Dask logs that workers restart or connections end; what matters is an outcome or an error.
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
@@ -64,8 +64,8 @@ def connect(address: str) -> Client:
     except (OSError, ValueError) as error:
         reason = str(error).partition("\n")[0]
         raise UsageError(
-            f"there is no Dask scheduler at '{address}': {reason}"
-            "\n  hint: 'dask scheduler' prints its address, such as tcp://192.168.1.2:8786"
+            f"there is no Dask scheduler at '{address}': {reason}",
+            hint="'dask scheduler' prints its address, such as tcp://192.168.1.2:8786",
         ) from None
     return client
 

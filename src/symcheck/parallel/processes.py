@@ -48,8 +48,9 @@ class ProcessPool(ProcessPoolExecutor):
             super().__init__(processes, get_context("spawn"), _start_worker, (processes,))
         except OSError as error:
             raise ResourceError(
-                f"no processes can be started: the system has no semaphore for them "
-                f"({error.strerror})\n  hint: -jobs 1 needs none"
+                "no processes can be started: the system has no semaphore for them "
+                f"({error.strerror})",
+                hint="-jobs 1 needs none",
             ) from None
         finally:
             sys.warnoptions.remove("ignore:resource_tracker")

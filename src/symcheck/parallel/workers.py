@@ -210,8 +210,8 @@ def _outcome(future: Future[R]) -> R | Lost:
         raise ResourceError("the connection to the scheduler is lost") from None
     except ModuleNotFoundError as error:
         raise UsageError(
-            f"a worker cannot do its task: {error}"
-            "\n  hint: install the same version of symcheck on all workers"
+            f"a worker cannot do its task: {error}",
+            hint="install the same version of symcheck on all workers",
         ) from None
 
 

@@ -87,7 +87,7 @@ def _format_option(path_format: PathFormat, item: str, name: str, value: str) ->
             return replace(path_format, snapshot=step)
         case _:
             raise UsageError(
-                f"unknown option '{item}'\n  hint: N, time=T or deadlock, and then {_OPTIONS}"
+                f"unknown option '{item}'", hint=f"N, time=T or deadlock, and then {_OPTIONS}"
             )
 
 

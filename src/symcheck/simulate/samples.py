@@ -149,7 +149,7 @@ class Samples:
             return pickle.dumps(self._sampled)
         except (pickle.PicklingError, AttributeError, TypeError) as error:
             raise UsageError(
-                f"the model cannot be sent to workers: {error}\n  hint: sample in one process"
+                f"the model cannot be sent to workers: {error}", hint="sample in one process"
             ) from None
 
 

@@ -165,9 +165,9 @@ class Simulator:
         """
         if strategy.memory is not None:
             raise UsageError(
-                "a strategy with memory cannot be followed state by state\n"
-                "  hint: symcheck.induced_chain(model, strategy).simulator() has the memory as a "
-                "variable"
+                "a strategy with memory cannot be followed state by state",
+                hint="symcheck.induced_chain(model, strategy).simulator() has the memory as a "
+                "variable",
             )
         matrix, states = strategy.engine.matrix, list(strategy.states())
         numbers = {state: n for n, state in enumerate(states)}

@@ -138,7 +138,7 @@ def parse_model_file(path: str | Path) -> Program:
     """
     if uncompressed_name(path)[0].endswith(_EXPLICIT_FILES):
         hint = "-importmodel reads such files, in Python symcheck.load_explicit"
-        raise UsageError(f"{path} lists states or transitions\n  hint: {hint}")
+        raise UsageError(f"{path} lists states or transitions", hint=hint)
     if is_jani(path):
         return parse_jani_file(path).program
     return parse_model(_read(path), str(path))
@@ -182,7 +182,7 @@ def _read(path: str | Path) -> str:
     data = read_whole(path)
     if b"\0" in data[:1000]:
         hint = "-import… reads models of other tools; see symcheck --help"
-        raise UsageError(f"cannot read {path}: not a UTF-8 text file\n  hint: {hint}")
+        raise UsageError(f"cannot read {path}: not a UTF-8 text file", hint=hint)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -44,6 +44,11 @@ class SearchFrame:
     manager: DiagramManager = field(repr=False)
 
     def __str__(self) -> str:
+        return f"{self.iteration.number}: {self.summary}"
+
+    @property
+    def summary(self) -> str:
+        """Counts of the states and nodes, and the first new states."""
         i = self.iteration
         shown = " ".join("(" + ",".join(map(_text, s)) + ")" for s in self.new_states)
         more = (
@@ -52,7 +57,7 @@ class SearchFrame:
             else ""
         )
         states = counted(i.states or 0, "state")
-        return f"{i.number}: {states} in {i.nodes} nodes; new: {shown or 'nothing'}{more}"
+        return f"{states} in {i.nodes} nodes; new: {shown or 'nothing'}{more}"
 
 
 def frontiers(
@@ -107,7 +112,7 @@ def search_show(frames: Sequence[SearchFrame], board: Board) -> Show:
         entries.append(
             {
                 "title": f"Iteration {frame.iteration.number}",
-                "note": str(frame).split(": ", 1)[1],
+                "note": frame.summary,
                 "marks": [
                     *board.marks("in", reached),
                     *board.marks("new", nodes),

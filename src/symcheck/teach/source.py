@@ -27,7 +27,7 @@ __all__ = [
 def _model(source: GivenModel) -> GivenModel:
     """The model itself. Raises UsageError for what is none."""
     if not isinstance(source, GivenModel):
-        raise UsageError(f"a model is expected, not {source!r}\n  hint: symcheck.load reads a file")
+        raise UsageError(f"a model is expected, not {source!r}", hint="symcheck.load reads a file")
     return source
 
 

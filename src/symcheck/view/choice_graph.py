@@ -93,7 +93,7 @@ def set_of(engine: EngineOf[S, V], states: str | NamedStates | S) -> S:
     if isinstance(states, NamedStates):
         if states.engine is not erased(engine):
             raise UsageError(
-                "the set of states belongs to another engine\n  hint: give its formula as a text"
+                "the set of states belongs to another engine", hint="give its formula as a text"
             )
         return cast(S, states.members)
     if not isinstance(states, str):
@@ -277,8 +277,8 @@ class ChoiceGraph:
             return result
         if on.states != self.engine.states:
             raise UsageError(
-                "the values belong to the states of another model\n"
-                "  hint: check without the options bisim and reduce"
+                "the values belong to the states of another model",
+                hint="check without the options bisim and reduce",
             )
         known = dict(zip(on.valuations(on.all), result, strict=True))
         return [known[state] for state in self.valuations]
@@ -343,6 +343,6 @@ def strategy_of(chosen: Strategy | Result) -> Strategy:
 def refuse(count: int, limit: int, what: str = "states") -> UnsupportedError:
     """The error for a graph that is too large to be drawn."""
     return UnsupportedError(
-        f"the picture would have {count:,} {what}, and at most {limit:,} are drawn\n"
-        "  hint: draw a part with around='FORMULA', radius=2, a smaller model, or raise max_states"
+        f"the picture would have {count:,} {what}, and at most {limit:,} are drawn",
+        hint="draw a part with around='FORMULA', radius=2, a smaller model, or raise max_states",
     )

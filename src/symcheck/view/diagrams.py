@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symcheck.errors import UnsupportedError, UsageError
+from symcheck.matrices.rows import Floats, Int32s, Int64s
 from symcheck.view.choice_graph import GivenModel
 from symcheck.view.picture import Edge, Kind, Node, Picture
 from symcheck.view.values import moves_text, values_text
@@ -38,7 +38,6 @@ _KEYS: dict[Kind, tuple[str, str]] = {
     "column": ("#fde3c8", "value after it"),
     "pair": ("#ece2f3", "both"),
 }
-_Ints = NDArray[np.int64]
 
 
 def dot(
@@ -123,14 +122,14 @@ def shared_picture(
     """
     graph = _Graph.of(diagrams)
     if len(graph.level) > 64 * max_nodes:
-        raise UnsupportedError(_too_many(len(graph.level), max_nodes))
+        raise _too_many(len(graph.level), max_nodes)
     blocks = _blocks(graph, encoding)
     by_bit = bits or blocks is None
     nodes, edges, layers = (
         _binary(graph, encoding) if bits or blocks is None else _grouped(graph, blocks)
     )
     if len(nodes) > max_nodes:
-        raise UnsupportedError(_too_many(len(nodes), max_nodes))
+        raise _too_many(len(nodes), max_nodes)
     legend = "" if not edges else _BITS if by_bit else _VALUES
     if legend and by_bit and len(diagrams) == 1:
         # A diagram in memory has the leaf 0; a set has complement edges, which save nodes.
@@ -141,10 +140,10 @@ def shared_picture(
     return picture, tuple(f"n{root}" for root in graph.roots)
 
 
-def _too_many(count: int, limit: int) -> str:
-    return (
-        f"the diagram has {count:,} nodes, and at most {limit} are drawn\n"
-        "  hint: draw a smaller diagram, or raise max_nodes"
+def _too_many(count: int, limit: int) -> UnsupportedError:
+    return UnsupportedError(
+        f"the diagram has {count:,} nodes, and at most {limit} are drawn",
+        hint="draw a smaller diagram, or raise max_nodes",
     )
 
 
@@ -152,10 +151,10 @@ def _too_many(count: int, limit: int) -> str:
 class _Graph:
     """A diagram as arrays (see `symcheck.dd.export.NodeTable`), and the bit at each level."""
 
-    level: NDArray[np.int32]
-    low: NDArray[np.int32]
-    high: NDArray[np.int32]
-    values: NDArray[np.float64]
+    level: Int32s
+    low: Int32s
+    high: Int32s
+    values: Floats
     roots: tuple[int, ...]
     names: tuple[str, ...]
     is_set: bool
@@ -273,7 +272,7 @@ def _grouped(graph: _Graph, blocks: list[_Block]) -> tuple[list[Node], list[Edge
     return list(nodes.values()), edges, [*(b.label for b in blocks), "value"]
 
 
-def _walk(graph: _Graph, block: _Block, number: int) -> tuple[_Ints, _Ints, _Ints]:
+def _walk(graph: _Graph, block: _Block, number: int) -> tuple[Int64s, Int64s, Int64s]:
     """The pairs (value, next value) that do not lead to 0, as codes, and the node each leads to."""
     codes = np.arange(block.variable.high - block.variable.low + 1, dtype=np.int64)
     alone = np.zeros(1, dtype=np.int64)
@@ -293,14 +292,14 @@ def _walk(graph: _Graph, block: _Block, number: int) -> tuple[_Ints, _Ints, _Int
     return now[keep], after[keep], at[keep]
 
 
-def _text(block: _Block, now: _Ints, after: _Ints) -> str:
+def _text(block: _Block, now: Int64s, after: Int64s) -> str:
     v = block.variable
     if block.kind == "pair":
         return moves_text(v, now, after)
     return values_text(v, now if block.rows else after)
 
 
-def _all_values(block: _Block, now: _Ints, after: _Ints) -> str:
+def _all_values(block: _Block, now: Int64s, after: Int64s) -> str:
     """The values that do not lead to 0."""
     return values_text(block.variable, np.unique(now if block.rows else after), parts=4)
 

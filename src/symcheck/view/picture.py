@@ -168,8 +168,8 @@ class Picture:
         """
         if format not in get_args(Format):
             raise UsageError(
-                f"format={format!r}: expected one of {', '.join(get_args(Format))}"
-                "\n  hint: save(path) writes a file, and its extension names the format"
+                f"format={format!r}: expected one of {', '.join(get_args(Format))}",
+                hint="save(path) writes a file, and its extension names the format",
             )
         graph = optional_package("pygraphviz", "view").AGraph(string=self.dot)
         drawn: bytes = graph.draw(format=format, prog="dot")
@@ -199,7 +199,7 @@ class Picture:
                 content = self.dot.encode()
             case other:
                 raise UsageError(
-                    f"a picture cannot be saved as '{other}'\n  hint: use .svg, .png, .pdf or .dot"
+                    f"a picture cannot be saved as '{other}'", hint="use .svg, .png, .pdf or .dot"
                 )
         write_whole(path, lambda temporary: temporary.write_bytes(content))
 

@@ -177,7 +177,8 @@ def plot_blocks(matrix: Blocked, axes: Axes | None = None, title: str = "") -> A
     if len(occurrences) > _MOST_OCCURRENCES:
         raise UnsupportedError(
             f"the matrix has {len(occurrences):,} block occurrences, and at most "
-            f"{_MOST_OCCURRENCES:,} are drawn\n  hint: draw a smaller model"
+            f"{_MOST_OCCURRENCES:,} are drawn",
+            hint="draw a smaller model",
         )
     axes = axes_of(axes, (5.2, 5.0))
     from matplotlib.patches import Rectangle

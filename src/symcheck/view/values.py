@@ -5,17 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from symcheck.matrices.rows import Int64s
 
 if TYPE_CHECKING:
     from symcheck.symbolic.encoding.variables import EncodedVariable
 
 __all__ = ["moves_text", "values_text"]
 
-_Ints = NDArray[np.int64]
 
-
-def values_text(variable: EncodedVariable, codes: _Ints, parts: int = 5) -> str:
+def values_text(variable: EncodedVariable, codes: Int64s, parts: int = 5) -> str:
     """Ranges of values, such as '0..3, 5'; at most `parts` of them, then '…'.
 
     codes: the values as codes, int64[k], ascending and distinct.
@@ -34,7 +33,7 @@ def values_text(variable: EncodedVariable, codes: _Ints, parts: int = 5) -> str:
     return ", ".join(texts) + (f", … ({len(codes)} values)" if len(ranges) > parts else "")
 
 
-def moves_text(variable: EncodedVariable, now: _Ints, after: _Ints, parts: int = 6) -> str:
+def moves_text(variable: EncodedVariable, now: Int64s, after: Int64s, parts: int = 6) -> str:
     """Updates, such as '0 → 1, 2'; 'unchanged' for the identity, '0..5: +1' for a common increment.
 
     now, after: codes before and after a step, int64[k]. Three or more updates take a line each.
@@ -49,7 +48,7 @@ def moves_text(variable: EncodedVariable, now: _Ints, after: _Ints, parts: int =
     if len(now) > 2 and not variable.is_bool and (step == step[0]).all():
         return f"{values_text(variable, now)}: {'+' if step[0] > 0 else '−'}{abs(int(step[0]))}"
     groups: dict[bytes, list[int]] = {}
-    targets: dict[bytes, _Ints] = {}
+    targets: dict[bytes, Int64s] = {}
     for code in np.unique(now).tolist():
         to = np.sort(after[now == code])
         groups.setdefault(to.tobytes(), []).append(code)

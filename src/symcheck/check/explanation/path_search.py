@@ -129,8 +129,8 @@ def path_search(context: Context, formula: Expression) -> PathSearch:
     if query.direction is not None and (query.direction is Direction.MAX) is not satisfies:
         raise UnsupportedError(
             f"the property is {str(not refutes).lower()} because of every strategy, and paths "
-            "belong to one\n  hint: a counterexample exists if the property is "
-            f"{str(refutes).lower()}"
+            "belong to one",
+            hint=f"a counterexample exists if the property is {str(refutes).lower()}",
         )
     first = int(np.argmax(context.engine.to_bools(broken if refutes else initial)))
     strict = (query.threshold.operator.value in ("<=", ">=")) == refutes
@@ -353,8 +353,8 @@ def _reward(
         )
     if not satisfies:
         raise UnsupportedError(
-            "no finite set of paths shows that an expected reward is small\n"
-            "  hint: R<=r [ F states ] that is false, and R>=r [ F states ] that is true have one"
+            "no finite set of paths shows that an expected reward is small",
+            hint="R<=r [ F states ] that is false, and R>=r [ F states ] that is true have one",
         )
     earned = context.engine.system(context.engine.all).step_rewards(quantity.reward)
     rows, matrix = None, _probabilities(engine)

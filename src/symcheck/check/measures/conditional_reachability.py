@@ -64,7 +64,8 @@ def conditional_reachability(
     if relevant.count > tuning.CONDITIONAL_STATES:
         raise UnsupportedError(
             "conditional probabilities of an MDP are computed for one state at a time, and "
-            f"{relevant.count:,} are asked for\n  hint: filter(state, …) asks for one"
+            f"{relevant.count:,} are asked for",
+            hint="filter(state, …) asks for one",
         )
     system = engine.system(unknown, Direction.MAX)
     reset = _Reset.of(context, system, after, target, condition, undefined, direction)

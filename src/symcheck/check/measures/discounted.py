@@ -90,8 +90,8 @@ def discounted_reward(
     if not (system.has_rows or engine.exact):
         if float(discount) == 1.0:
             raise UnsupportedError(
-                "the discount rounds to 1 in floating point, so that iteration does not converge\n"
-                "  hint: use -exact, or an engine with rows (-ex, -s)"
+                "the discount rounds to 1 in floating point, so that iteration does not converge",
+                hint="use -exact, or an engine with rows (-ex, -s)",
             )
         return _iterated(context, system, rewards, discount, None, direction)
     from symcheck.numerics.linear.methods import solve_linear

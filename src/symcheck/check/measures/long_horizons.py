@@ -231,6 +231,6 @@ class RestOfSteps:
         if grown > 0 and bits > tuning.EXACT_BITS and digits > tuning.EXACT_DIGITS:
             raise UnsupportedError(
                 f"the exact value after {self.steps:,} steps is a fraction of about "
-                f"{digits:.0e} digits\n"
-                "  hint: without -exact, bounds on the value are computed"
+                f"{digits:.0e} digits",
+                hint="without -exact, bounds on the value are computed",
             )

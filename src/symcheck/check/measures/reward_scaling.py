@@ -108,8 +108,8 @@ def scale_bound(
     if largest > tuning.REWARD_LEVELS:
         raise UnsupportedError(
             f"a bound of {largest:,} steps of {step}, the greatest common divisor of all "
-            "rewards, is too large\n"
-            "  hint: round the rewards to fewer digits"
+            "rewards, is too large",
+            hint="round the rewards to fewer digits",
         )
     steps = np.array([min(int(v / step), tuning.REWARD_LEVELS + 1) for v in values], dtype=np.int64)
     return ScaledBound(steps[inverse], lower, upper)

@@ -40,14 +40,14 @@ def check_rows_fit(
     if size > free:
         raise UnsupportedError(
             f"{what} the rows of all {engine.states:,} states, which take about "
-            f"{size / 1e9:,.1f} GB, and {free / 1e9:,.1f} GB are free"
-            + (f"\n  hint: {hint}" if hint else "")
+            f"{size / 1e9:,.1f} GB, and {free / 1e9:,.1f} GB are free",
+            hint=hint,
         )
     if most is not None and engine.states + engine.choices + engine.transitions > most:
         raise UnsupportedError(
             f"{what} the rows of all {engine.states:,} states; with {engine.transitions:,} "
-            "transitions they take minutes\n"
-            f"  hint: {hint}{'; ' * bool(hint)}-ex (engine='explicit') lists them nevertheless"
+            "transitions they take minutes",
+            hint=f"{hint}{'; ' * bool(hint)}-ex (engine='explicit') lists them nevertheless",
         )
 
 

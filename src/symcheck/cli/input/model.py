@@ -50,26 +50,27 @@ def choose_model_file(a: Arguments) -> str:
     for file in (a.model, a.properties):
         if file is not None and "[" in file and not Path(file).exists():
             raise UsageError(
-                f"cannot read {file}: there is no such file\n  hint: -pf '{file}' checks a property"
+                f"cannot read {file}: there is no such file", hint=f"-pf '{file}' checks a property"
             )
     if a.model is not None and not _ends(a.model, _MODEL_ENDINGS):
         if a.properties is not None and _ends(a.properties, _MODEL_ENDINGS):
             raise UsageError(
                 f"'{a.model}' stands in the place of the model, and '{a.properties}' in that of "
-                "the properties\n  hint: symcheck MODEL PROPERTIES"
+                "the properties",
+                hint="symcheck MODEL PROPERTIES",
             )
     if a.properties is not None and "=" in a.properties and not Path(a.properties).exists():
         raise UsageError(
-            f"cannot read {a.properties}: there is no such file"
-            "\n  hint: commas separate constants: -const N=3,p=0.5"
+            f"cannot read {a.properties}: there is no such file",
+            hint="commas separate constants: -const N=3,p=0.5",
         )
     if a.model is not None and is_jani(a.model) and a.properties is None and not a.pf:
         a.properties = a.model
     source = a.model or a.importmodel or a.importtrans
     if source is None:
         raise UsageError(
-            "no model file is given"
-            "\n  hint: symcheck MODEL [PROPERTIES] [switches]; --help lists the switches"
+            "no model file is given",
+            hint="symcheck MODEL [PROPERTIES] [switches]; --help lists the switches",
         )
     return source
 

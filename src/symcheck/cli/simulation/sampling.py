@@ -40,7 +40,7 @@ def in_switches(error: SymcheckError) -> SymcheckError:
     """An error of sampling with the names of switches for those of parameters."""
     if not isinstance(error, UsageError | NumericalError):
         return error
-    return type(error)(with_switches(str(error)))
+    return type(error)(with_switches(error.message), hint=error.hint)
 
 
 def with_switches(message: str) -> str:

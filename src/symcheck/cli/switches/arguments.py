@@ -203,7 +203,7 @@ def information(arguments: Arguments) -> str | None:
     if arguments.help is not None:
         switch = arguments.help
         return explain(switch, parser.switches()) if switch else parser.format_help().rstrip()
-    return completion(arguments.completion or "", parser.switches()).rstrip()
+    return completion(arguments.completion or "", parser, parser.switches()).rstrip()
 
 
 def parse_arguments(words: Sequence[str]) -> Arguments:
@@ -219,12 +219,13 @@ def parse_arguments(words: Sequence[str]) -> Arguments:
         arguments.help = arguments.help or "compare"
         return arguments
     if compares != (arguments.peer is not None):
-        hint = "symcheck compare MODEL PROPERTIES -with storm (or -with prism)"
-        missing = "compare needs a peer" if compares else "-with is a switch of compare"
-        raise UsageError(f"{missing}\n  hint: {hint}")
+        raise UsageError(
+            "compare needs a peer" if compares else "-with is a switch of compare",
+            hint="symcheck compare MODEL PROPERTIES -with storm (or -with prism)",
+        )
     if compares:
         arguments.given[COMPARE] = Given("compare", arguments.given[COMPARE].needs)
     for unmet in unmet_needs(arguments.given, {}):
         if not unmet.note and not arguments.asks_information:
-            raise UsageError(str(unmet))
+            raise unmet.error
     return arguments

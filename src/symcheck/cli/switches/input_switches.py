@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+
 from symcheck.cli.switches.needs import ALWAYS, COMPARE, NEEDS_OF_OPTIONS, PROPERTY, Needs
 from symcheck.cli.switches.parser import (
     SetOption,
@@ -25,15 +27,16 @@ def add_options(parser: SwitchParser, group: str) -> None:
         for switch in option.switches if option.group == group else ():
             takes_value = switch.value is None
             parser.add(
-                *switch.names,
+                " ".join(switch.names),
+                option.values.metavar if takes_value else "",
+                switch.help,
+                NEEDS_OF_OPTIONS.get(f"-{switch.names[0]}", ALWAYS),
                 dest=option.name,
                 action=SetOption,
-                value=switch.value,
+                default=argparse.SUPPRESS,
+                const=switch.value,
                 nargs=None if takes_value else 0,
                 type=typed(option.values.read) if takes_value else None,
-                metavar=option.values.metavar if takes_value else None,
-                help=switch.help,
-                needs=NEEDS_OF_OPTIONS.get(f"-{switch.names[0]}", ALWAYS),
             )
 
 
@@ -48,36 +51,28 @@ def add_input(parser: SwitchParser) -> None:
     parser.add_argument(
         "properties", nargs="?", metavar="PROPERTIES", help="properties file (.pctl .csl .props …)"
     )
+    parser.add("pf pctl csl", "TEXT", "properties given as text", action="append", default=[])
     parser.add(
-        "pf",
-        "pctl",
-        "csl",
-        metavar="TEXT",
-        action="append",
-        default=[],
-        help="properties given as text",
-    )
-    parser.add(
-        "prop",
-        "property",
-        needs=Needs((PROPERTY,)),
-        metavar="N,N-N,NAME",
-        help="only these properties, by number (from 1), range of numbers or name",
+        "prop property",
+        "N,N-N,NAME",
+        "only these properties, by number (from 1), range of numbers or name",
+        Needs((PROPERTY,)),
     )
     parser.add(
         "const",
-        metavar="X=V,…",
+        "X=V,…",
+        "constants: values, lists {a,b}, ranges low:high or low:step:high",
         action="append",
         default=[],
-        help="constants: values, lists {a,b}, ranges low:high or low:step:high",
     )
     for kind in ModelType:
         parser.add(
             kind.value,
+            "",
+            f"read the model as {'an' if kind.has_choices else 'a'} {kind.name}",
             dest="model_type",
             action="store_const",
             const=kind,
-            help=f"read the model as {'an' if kind.has_choices else 'a'} {kind.name}",
         )
 
 
@@ -85,89 +80,88 @@ def add_simulation(parser: SwitchParser) -> None:
     """The switches of random paths."""
     parser.add(
         "simpath",
-        needs=_HERE,
-        metavar=("PATH", "FILE"),
-        nargs=2,
-        help="write a random path ('stdout' prints it). PATH: steps, time=T or deadlock, and "
+        "PATH FILE",
+        "write a random path ('stdout' prints it). PATH: steps, time=T or deadlock, and "
         ",vars=(x,…) sep=comma|space|tab rewards= probs= changes= loopcheck= snapshot=T repeat=N",
+        _HERE,
+        nargs=2,
     )
     parser.add(
         "step",
-        needs=_HERE,
-        action="store_true",
-        help="step through the model: shows the state and its choices, reads which one to take",
+        "",
+        "step through the model: shows the state and its choices, reads which one to take",
+        _HERE,
     )
     parser.add(
         "sim",
-        needs=Needs((PROPERTY,), not_with=("-nobuild", COMPARE)),
-        action="store_true",
-        help="estimate P and R properties from random paths; the model is not built",
+        "",
+        "estimate P and R properties from random paths; the model is not built",
+        Needs((PROPERTY,), not_with=("-nobuild", COMPARE)),
     )
     parser.add(
         "simmethod",
-        needs=_SAMPLING,
-        metavar="NAME",
+        "NAME",
+        "ci (default), aci, apmc: intervals; sprt: a test, for thresholds",
+        _SAMPLING,
         default="ci",
-        help="ci (default), aci, apmc: intervals; sprt: a test, for thresholds",
     )
     parser.add(
         "simsamples",
-        needs=_SAMPLING,
-        metavar="N",
+        "N",
+        "number of paths (default: 1000, or what -simwidth needs)",
+        _SAMPLING,
         type=positive_count,
-        help="number of paths (default: 1000, or what -simwidth needs)",
     )
     parser.add(
         "simconf",
-        needs=_SAMPLING,
-        metavar="X",
+        "X",
+        "probability that interval or verdict are wrong (default: 0.01)",
+        _SAMPLING,
         type=typed(read_fraction),
-        help="probability that interval or verdict are wrong (default: 0.01)",
     )
     parser.add(
         "simwidth",
-        needs=_SAMPLING,
-        metavar="W",
+        "W",
+        "half the width of the interval; what sprt tells apart (default: 0.05)",
+        _SAMPLING,
         type=positive_number,
-        help="half the width of the interval; what sprt tells apart (default: 0.05)",
     )
     parser.add(
         "simapprox",
-        needs=_SAMPLING,
-        metavar="W",
+        "W",
+        "the same, by the name that it has for apmc",
+        _SAMPLING,
         type=positive_number,
-        help="the same, by the name that it has for apmc",
     )
     parser.add(
         "simvar",
-        needs=Needs(("-sim", "-simwidth|-simapprox")),
-        metavar="N",
+        "N",
+        "paths from which -simwidth judges the variance (default: 1000)",
+        Needs(("-sim", "-simwidth|-simapprox")),
         type=typed(read_count),
         default=1000,
-        help="paths from which -simwidth judges the variance (default: 1000)",
     )
     parser.add(
         "simmaxrwd",
-        needs=_SAMPLING,
-        metavar="X",
+        "X",
+        "the largest reward that a path can earn, if none is negative; apmc needs it",
+        _SAMPLING,
         type=positive_number,
-        help="the largest reward that a path can earn, if none is negative; apmc needs it",
     )
     parser.add(
         "simpathlen",
-        needs=Needs(("-sim|-simpath",)),
-        metavar="N",
+        "N",
+        "the longest path (default: 10000)",
+        Needs(("-sim|-simpath",)),
         type=typed(read_count),
         default=10_000,
-        help="the longest path (default: 10000)",
     )
     parser.add(
-        "seed",
-        "simseed",
-        needs=Needs(("-sim|-simpath|-step",)),
-        metavar="N",
+        "seed simseed",
+        "N",
+        "seed of the random numbers (default: a new one, which is reported)",
+        Needs(("-sim|-simpath|-step",)),
         type=typed(read_count),
-        help="seed of the random numbers (default: a new one, which is reported)",
     )
 
 
@@ -175,8 +169,8 @@ def add_imports(parser: SwitchParser) -> None:
     """The switches of models and distributions in explicit files."""
     parser.add(
         "importmodel",
-        metavar="BASE.all",
-        help="read the model from BASE.tra, .sta, .lab, .srew, .trew (or BASE.tra,sta,…), from a "
+        "BASE.all",
+        "read the model from BASE.tra, .sta, .lab, .srew, .trew (or BASE.tra,sta,…), from a "
         "file .pexp, .drn or .umb; files .gz and .xz are compressed",
     )
     for name, what in (
@@ -188,19 +182,19 @@ def add_imports(parser: SwitchParser) -> None:
     ):
         parser.add(
             f"import{name}",
-            metavar="FILE",
-            help=f"read the {what} of a model",
-            needs=ALWAYS if name == "trans" else Needs(("-importtrans",)),
+            "FILE",
+            f"read the {what} of a model",
+            ALWAYS if name == "trans" else Needs(("-importtrans",)),
         )
     parser.add(
         "importstrat",
-        metavar="FILE",
-        help="follow the strategy in FILE (as -exportstrat writes it): check, simulate and export "
+        "FILE",
+        "follow the strategy in FILE (as -exportstrat writes it): check, simulate and export "
         "the chain that it induces on an mdp",
     )
     parser.add(
         "importinitdist",
-        needs=Needs(("-transient|-steadystate",)),
-        metavar="FILE",
-        help="initial distribution for -transient and -steadystate: a probability per line",
+        "FILE",
+        "initial distribution for -transient and -steadystate: a probability per line",
+        Needs(("-transient|-steadystate",)),
     )

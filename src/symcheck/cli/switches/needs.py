@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
+from symcheck.errors import UsageError
+
 __all__ = [
     "ALWAYS",
     "BATCH",
@@ -92,9 +94,10 @@ class Unmet(NamedTuple):
     hint: str
     note: bool
 
-    def __str__(self) -> str:
-        hint = f"\n  hint: {self.hint}" if self.hint else ""
-        return f"{self.switch} has no effect{self.reason}{hint}"
+    @property
+    def error(self) -> UsageError:
+        """The error for it."""
+        return UsageError(f"{self.switch} has no effect{self.reason}", hint=self.hint)
 
 
 def unmet_needs(given: Mapping[str, Given], facts: Mapping[str, bool]) -> Iterator[Unmet]:

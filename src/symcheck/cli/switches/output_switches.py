@@ -21,14 +21,14 @@ def add_exports(parser: SwitchParser) -> None:
     """The switches that write the model."""
     parser.add(
         "exportmodel",
-        needs=_MODEL,
-        metavar="FILES[:OPTIONS]",
-        action=ExportPart,
-        kinds="model",
-        help="write the model: out.tra,sta,lab,srew,trew; out.all; out.pexp; out.dot; "
+        "FILES[:OPTIONS]",
+        "write the model: out.tra,sta,lab,srew,trew; out.all; out.pexp; out.dot; "
         "out.drn; out.umb; out.umbt; out.jani; "
         "'stdout' for out prints. "
         "OPTIONS: actions, headers, rows, states, proplabels (=false), precision=N",
+        _MODEL,
+        action=ExportPart,
+        kinds="model",
     )
     for name, kind, what in (
         ("trans", "tra", "transitions"),
@@ -44,282 +44,239 @@ def add_exports(parser: SwitchParser) -> None:
         ("jani", "jani", "model with the values of its constants, and the properties, as JANI"),
     ):
         parser.add(
-            f"export{name}",
-            metavar="FILE",
-            action=ExportPart,
-            kinds=kind,
-            help=f"write the {what}",
-            needs=_MODEL,
+            f"export{name}", "FILE", f"write the {what}", _MODEL, action=ExportPart, kinds=kind
         )
     parser.add(
         "exportrewards",
-        needs=_MODEL,
-        metavar="FILE",
+        "FILE",
+        "write state and transition rewards",
+        _MODEL,
         nargs=2,
         action=ExportPart,
         kinds="srew trew",
-        help="write state and transition rewards",
     )
     parser.add(
         "exportproplabels",
-        needs=_MODEL,
-        metavar="FILE",
+        "FILE",
+        "write the labels of the properties (without FILE: with the labels of the model)",
+        _MODEL,
         nargs="?",
         const="",
         action=ExportPart,
         kinds="proplab",
-        help="write the labels of the properties (without FILE: with the labels of the model)",
     )
     parser.add(
         "exportdot",
-        needs=_MODEL,
-        metavar="FILE",
-        help="write the matrix as a decision diagram, in DOT (default engine: -h)",
+        "FILE",
+        "write the matrix as a decision diagram, in DOT (default engine: -h)",
+        _MODEL,
     )
     parser.add(
         "exportpage",
-        needs=_MODEL,
-        metavar="FILE",
-        help="write an HTML page: state graph, values, simulator, and a player for each stage",
+        "FILE",
+        "write an HTML page: state graph, values, simulator, and a player for each stage",
+        _MODEL,
     )
     parser.add(
-        "exportprism",
-        needs=Needs(not_with=(COMPARE, BATCH)),
-        metavar="FILE",
-        help="write the text of the model",
+        "exportprism", "FILE", "write the text of the model", Needs(not_with=(COMPARE, BATCH))
     )
     parser.add(
         "exportprismconst",
-        needs=_MODEL,
-        metavar="FILE",
-        help="write the text of the model with the values of its constants",
+        "FILE",
+        "write the text of the model with the values of its constants",
+        _MODEL,
     )
     parser.add(
-        "exportprecision",
-        "exportmodelprecision",
-        needs=Needs((f"{_PARTS}|{_VECTORS}|-transient|-steadystate",)),
-        metavar="N",
+        "exportprecision exportmodelprecision",
+        "N",
+        "digits of written numbers (17: all)",
+        Needs((f"{_PARTS}|{_VECTORS}|-transient|-steadystate",)),
         type=digits,
         default=17,
-        help="digits of written numbers (17: all)",
     )
     parser.add(
         "exportrows",
-        needs=Needs(("-exportmodel|-exporttrans|-exporttransrewards|-exportrewards",)),
-        action="store_true",
-        help="write transitions with a line per row",
+        "",
+        "write transitions with a line per row",
+        Needs(("-exportmodel|-exporttrans|-exporttransrewards|-exportrewards",)),
     )
-    parser.add(
-        "noexportheaders",
-        needs=Needs((_PARTS,)),
-        action="store_true",
-        help="no comments at the top of exported files",
-    )
+    parser.add("noexportheaders", "", "no comments at the top of exported files", Needs((_PARTS,)))
     parser.add(
         "exportmatlab",
-        needs=Needs((_PARTS,)),
-        action="store_true",
-        help="write matrices, rewards, states and labels for Matlab",
+        "",
+        "write matrices, rewards, states and labels for Matlab",
+        Needs((_PARTS,)),
     )
 
 
 def add_distributions(parser: SwitchParser) -> None:
     """The switches of transient and steady-state probabilities."""
     parser.add(
-        "transient",
-        "tr",
-        needs=Needs(model=True),
-        metavar="T",
-        help="distribution over the states at a time (DTMC: a step), or at times low:step:high",
+        "transient tr",
+        "T",
+        "distribution over the states at a time (DTMC: a step), or at times low:step:high",
+        Needs(model=True),
     )
     parser.add(
-        "steadystate",
-        "ss",
-        needs=Needs(model=True),
-        action="store_true",
-        help="distribution over the states in the long run",
+        "steadystate ss", "", "distribution over the states in the long run", Needs(model=True)
     )
     parser.add(
-        "exporttransient",
-        "exporttr",
-        needs=Needs(("-transient",), not_with=(BATCH,), model=True),
-        metavar="FILE",
-        help="write the probabilities of -transient, a line per state",
+        "exporttransient exporttr",
+        "FILE",
+        "write the probabilities of -transient, a line per state",
+        Needs(("-transient",), not_with=(BATCH,), model=True),
     )
     parser.add(
-        "exportsteadystate",
-        "exportss",
-        needs=Needs(("-steadystate",), not_with=(BATCH,), model=True),
-        metavar="FILE",
-        help="write the probabilities of -steadystate, a line per state",
+        "exportsteadystate exportss",
+        "FILE",
+        "write the probabilities of -steadystate, a line per state",
+        Needs(("-steadystate",), not_with=(BATCH,), model=True),
     )
 
 
 def add_output(parser: SwitchParser) -> None:
     """The switches of results, tests and information."""
-    parser.add(
-        "v",
-        "verbose",
-        dest="verbose",
-        action="store_true",
-        help="tell more: iterations, methods, diagrams",
-    )
+    parser.add("v verbose", "", "tell more: iterations, methods, diagrams", dest="verbose")
     parser.add(
         "exportresults",
-        needs=Needs((PROPERTY,), not_with=("-nobuild", COMPARE, BATCH)),
-        metavar="FILE[:KIND]",
-        help="write the results: .csv .json .parquet, plots .png .svg .pdf; or by KIND text "
+        "FILE[:KIND]",
+        "write the results: .csv .json .parquet, plots .png .svg .pdf; or by KIND text "
         "(default), csv, matrix, dataframe, comment, json ('stdout' for FILE prints)",
+        Needs((PROPERTY,), not_with=("-nobuild", COMPARE, BATCH)),
     )
     parser.add(
         "importresults",
-        needs=Needs(not_with=(BATCH, COMPARE)),
-        metavar="FILE",
-        help="read results that -exportresults has written (.csv, .json, PRISM's data frame), and "
+        "FILE",
+        "read results that -exportresults has written (.csv, .json, PRISM's data frame), and "
         "print them or write them with -exportresults; there is no model",
+        Needs(not_with=(BATCH, COMPARE)),
     )
     parser.add(
         "jobs",
-        needs=Needs((f"{VALUES}|-sim",), not_with=("-step", "-scheduler", COMPARE), note=True),
-        metavar="N",
+        "N",
+        "check models with different constants in N processes at the same time, or sample the "
+        "paths of -sim (default: 1)",
+        Needs((f"{VALUES}|-sim",), not_with=("-step", "-scheduler", COMPARE), note=True),
         type=positive_count,
         default=1,
-        help="check models with different constants in N processes at the same time, or sample the "
-        "paths of -sim (default: 1)",
     )
     parser.add(
         "resume",
-        needs=Needs(
-            (PROPERTY,), not_with=("-sim", "-simpath", "-step", "-nobuild", COMPARE, BATCH)
-        ),
-        metavar="FILE",
-        help="write finished results to FILE, and do not compute again those that it has",
+        "FILE",
+        "write finished results to FILE, and do not compute again those that it has",
+        Needs((PROPERTY,), not_with=("-sim", "-simpath", "-step", "-nobuild", COMPARE, BATCH)),
     )
     parser.add(
         "scheduler",
-        metavar="ADDRESS",
-        help="do this on the workers of a Dask cluster; ADDRESS is that of its scheduler, such "
+        "ADDRESS",
+        "do this on the workers of a Dask cluster; ADDRESS is that of its scheduler, such "
         "as tcp://host:8786",
     )
     parser.add(
         "distributed",
-        needs=Needs(
+        "",
+        "partition the states of each model over the workers of -scheduler",
+        Needs(
             ("-scheduler", PROPERTY),
             not_with=("-sim", "-simpath", "-step", "-nobuild", "-exact", "-resume", COMPARE),
         ),
-        action="store_true",
-        help="partition the states of each model over the workers of -scheduler",
     )
     parser.add(
         "checkpoints",
-        needs=Needs(("-distributed",), not_with=(BATCH,)),
-        metavar="DIR",
-        help="keep the parts of -distributed in a folder that all machines share, to go on from "
+        "DIR",
+        "keep the parts of -distributed in a folder that all machines share, to go on from "
         "when a worker is lost or the run is started again",
+        Needs(("-distributed",), not_with=(BATCH,)),
     )
     parser.add(
         "exportstrat",
-        needs=_RESULT,
-        metavar="FILE[:type=KIND]",
-        help="write a strategy of each mdp property: actions (default), indices, induced, dot; "
+        "FILE[:type=KIND]",
+        "write a strategy of each mdp property: actions (default), indices, induced, dot; "
         "the induced chain also as FILE.tra,sta,lab or FILE.all",
+        _RESULT,
     )
     parser.add(
         "exportvector",
-        needs=_RESULT,
-        metavar="FILE",
+        "FILE",
+        "write the value of each property in every state, a line per state; several switches "
+        "write several files",
+        _RESULT,
         action="append",
         default=[],
-        help="write the value of each property in every state, a line per state; several switches "
-        "write several files",
     )
     parser.add(
         "counterexample",
-        needs=Needs((PROPERTY,), not_with=("-resume",), model=True),
-        action="store_true",
-        help="show why a bound P<=p [...], R<=r [F ...] or R<=r [C<=k] is false or true: likeliest "
+        "",
+        "show why a bound P<=p [...], R<=r [F ...] or R<=r [C<=k] is false or true: likeliest "
         "paths, and few commands",
+        Needs((PROPERTY,), not_with=("-resume",), model=True),
     )
-    parser.add(
-        "exportcounterexample",
-        needs=_RESULT,
-        metavar="FILE",
-        help="write them: .txt, .json or .dot",
-    )
+    parser.add("exportcounterexample", "FILE", "write them: .txt, .json or .dot", _RESULT)
     parser.add(
         "counterexamplepaths",
-        needs=Needs(("-counterexample|-exportcounterexample",)),
-        metavar="N",
+        "N",
+        "the most paths of a counterexample (default: 1000)",
+        Needs(("-counterexample|-exportcounterexample",)),
         type=typed(read_count),
-        help="the most paths of a counterexample (default: 1000)",
     )
     for part, what in (("trans", "transitions"), ("states", "states")):
         parser.add(
             f"exportprod{part}",
-            needs=_RESULT,
-            metavar="FILE",
-            help=f"write the {what} of the product with the automaton of each LTL property",
+            "FILE",
+            f"write the {what} of the product with the automaton of each LTL property",
+            _RESULT,
         )
     parser.add(
         "exportpareto",
-        needs=_RESULT,
-        metavar="FILE",
-        help="write the Pareto front of a multi(...) query: .csv (vertices) or .json (also its "
+        "FILE",
+        "write the Pareto front of a multi(...) query: .csv (vertices) or .json (also its "
         "half-spaces); 'stdout' prints",
+        _RESULT,
     )
     parser.add(
         "exportiterations",
-        needs=Needs((PROPERTY,), ("-nobuild", "-sim", "-scheduler", "-resume", COMPARE, BATCH)),
-        metavar="FILE",
-        help="write each iteration of the numerical methods of a property: .csv or .json "
+        "FILE",
+        "write each iteration of the numerical methods of a property: .csv or .json "
         "(-exportpage plays them)",
+        Needs((PROPERTY,), ("-nobuild", "-sim", "-scheduler", "-resume", COMPARE, BATCH)),
     )
-    parser.add("nobuild", action="store_true", help="only read the model")
+    parser.add("nobuild", "", "only read the model")
     parser.add(
         "test",
-        needs=Needs((PROPERTY,), not_with=("-nobuild", "-resume", COMPARE)),
-        action="store_true",
-        help="compare with the RESULT lines; stop at the first that fails",
+        "",
+        "compare with the RESULT lines; stop at the first that fails",
+        Needs((PROPERTY,), not_with=("-nobuild", "-resume", COMPARE)),
     )
     parser.add(
         "testall",
-        needs=Needs((PROPERTY,), not_with=("-nobuild", "-resume", COMPARE)),
-        action="store_true",
-        help="compare with the RESULT lines; go on after a failure",
+        "",
+        "compare with the RESULT lines; go on after a failure",
+        Needs((PROPERTY,), not_with=("-nobuild", "-resume", COMPARE)),
     )
     parser.add(
         "exporttests",
-        needs=Needs(("-test|-testall",), not_with=(BATCH,)),
-        metavar="FILE",
-        help="write the outcome of -test or -testall: .xml (JUnit) or .json",
+        "FILE",
+        "write the outcome of -test or -testall: .xml (JUnit) or .json",
+        Needs(("-test|-testall",), not_with=(BATCH,)),
     )
     parser.add(
         "with",
-        needs=Needs((PROPERTY,), not_with=("-nobuild",)),
-        dest="peer",
-        metavar="PEER",
-        help="symcheck compare MODEL PROPERTIES -with PEER: compare the answers with those of "
+        "PEER",
+        "symcheck compare MODEL PROPERTIES -with PEER: compare the answers with those of "
         "storm or prism, if it is installed ('prism -s' gives it switches)",
+        Needs((PROPERTY,), not_with=("-nobuild",)),
+        dest="peer",
     )
     parser.add(
         "batch",
-        metavar="FILE",
-        help="run each line of FILE (MODEL PROPERTIES switches) as if alone, in a process that has "
+        "FILE",
+        "run each line of FILE (MODEL PROPERTIES switches) as if alone, in a process that has "
         "started already; - reads the lines from the standard input",
     )
+    parser.add("mainlog", "FILE", "write the output to a file", Needs(not_with=(BATCH,)))
+    parser.add("help ?", "SWITCH", "this text, or what a switch does", nargs="?", const="")
     parser.add(
-        "mainlog",
-        needs=Needs(not_with=(BATCH,)),
-        metavar="FILE",
-        help="write the output to a file",
+        "completion", "SHELL", "print a script that completes switches in a shell: bash, zsh, fish"
     )
-    parser.add(
-        "help", "?", metavar="SWITCH", nargs="?", const="", help="this text, or what a switch does"
-    )
-    parser.add(
-        "completion",
-        metavar="SHELL",
-        help="print a script that completes switches in a shell: bash, zsh, fish",
-    )
-    parser.add("version", action="store_true", help="the version")
-    parser.add("javaversion", action="store_true", help="the version of Python: there is no Java")
+    parser.add("version", "", "the version")
+    parser.add("javaversion", "", "the version of Python: there is no Java")

@@ -74,14 +74,28 @@ class SwitchParser(argparse.ArgumentParser):
         # argparse names each spelling: "argument -e/--e: expected one argument".
         message = re.sub(r"^argument (-\w+)[^:]*:", r"\1:", message)
         message = message.replace("expected one argument", "expected a value")
-        raise UsageError(f"{message}\n  hint: symcheck --help lists the switches")
+        raise UsageError(message, hint="symcheck --help lists the switches")
 
-    def add(self, name: str, *aliases: str, needs: Needs = ALWAYS, **keywords: Any) -> None:
-        """A switch that is written with one dash, and with two as well."""
-        names = [f"-{n}" for n in (name, *aliases)]
-        self.needs[names[0]] = needs
-        names += [f"--{n}" for n in (name, *aliases) if len(n) > 1]
-        self.add_argument(*names, **keywords)
+    def add(
+        self, names: str, values: str, help: str, needs: Needs = ALWAYS, **keywords: Any
+    ) -> None:
+        """A switch that is written with one dash, and with two as well.
+
+        Args:
+            names: the usual one first.
+            values: the names of what follows it; empty: nothing follows.
+            help: one line of the help.
+            needs: what it must have to have an effect.
+            keywords: for `add_argument`.
+        """
+        spellings = [f"-{n}" for n in names.split()]
+        self.needs[spellings[0]] = needs
+        spellings += [f"-{n}" for n in spellings if len(n) > 2]
+        if values:
+            keywords["metavar"] = tuple(values.split()) if " " in values else values
+        else:
+            keywords.setdefault("action", "store_true")
+        self.add_argument(*spellings, help=help, **keywords)
 
     def switches(self) -> list[SwitchDescription]:
         """The switches, in the order of the help."""
@@ -123,7 +137,7 @@ class SwitchParser(argparse.ArgumentParser):
                 continue  # a file, or the value of a switch
             name = action.option_strings[0]
             if name in result and type(action) is _STORE and action.nargs != 0:
-                raise UsageError(f"{written} is given twice\n  hint: leave out one of them")
+                raise UsageError(f"{written} is given twice", hint="leave out one of them")
             result[name] = Given(written, self.needs[name])
         return result
 
@@ -167,19 +181,13 @@ def positive_number(text: str) -> float:
 
 
 class SetOption(argparse.Action):
-    """Notes the value of an option of `symcheck.options` in `settings`."""
-
-    def __init__(
-        self, option_strings: Sequence[str], dest: str, *, value: object, **keywords: Any
-    ) -> None:
-        super().__init__(option_strings, dest, default=argparse.SUPPRESS, **keywords)
-        self.value = value
+    """Notes the value of an option of `symcheck.options`: `const`, or what follows."""
 
     def __call__(
         self, _: object, arguments: argparse.Namespace, values: object, __: str | None = None
     ) -> None:
         """Note the value."""
-        arguments.settings[self.dest] = values if self.value is None else self.value
+        arguments.settings[self.dest] = values if self.const is None else self.const
 
 
 class ExportPart(argparse.Action):

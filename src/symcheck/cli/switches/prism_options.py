@@ -146,27 +146,28 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
             raise UsageError(f"-{name}: {_REFUSED[name]}")
         else:
             raise UsageError(
-                f"there is no switch {word}"
-                f"\n  hint: {_hint(word, values)}symcheck --help lists the switches"
+                f"there is no switch {word}",
+                hint=f"{_hint(word, values)}symcheck --help lists the switches",
             )
     if len(files) > 2:
         raise UsageError(
             f"'{files[2]}' is one file too many: a run has a model file and a properties file; "
-            f"-pf gives more properties{_unquoted(words)}"
+            "-pf gives more properties",
+            hint=_unquoted(words),
         )
     # Files come first: argparse does not accept optional positional words between switches.
     # Saved settings come before the switches, which win.
     return Adapted([*files, *settings, *kept], [*files, *kept], without, folder)
 
 
-def _unquoted(words: Sequence[str]) -> str:
+def _unquoted(words: Sequence[str]) -> str | None:
     """A hint at a property that the shell has split into words."""
     if "[" not in words:
-        return ""
+        return None
     opening = words.index("[")
     end = words.index("]", opening) + 1 if "]" in words[opening:] else len(words)
     text = " ".join(words[max(opening - 1, 0) : end])
-    return f"\n  hint: quote a property: -pf '{text}'"
+    return f"quote a property: -pf '{text}'"
 
 
 class _Words:

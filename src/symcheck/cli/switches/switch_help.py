@@ -6,7 +6,8 @@ All of it comes from the parser of the command line, and so from the table in `s
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from argparse import ArgumentParser
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from symcheck.cli.switches.prism_options import ignored_switches, refused_switches
@@ -18,9 +19,11 @@ __all__ = ["SHELLS", "SwitchDescription", "completion", "explain", "manual_page"
 _FILES = ("FILE", "BASE", "PROGRAM")
 """Values that name files."""
 
+SHELLS = ("bash", "zsh", "fish")
+"""The shells with completion."""
 
-_WORDS: dict[str, tuple[str, ...]] = {
-    "-completion": ("bash", "zsh", "fish"),
+_WORDS = {
+    "-completion": SHELLS,
     "-with": ("storm", "prism"),
     "-simmethod": ("ci", "aci", "apmc", "sprt"),
 }
@@ -32,28 +35,12 @@ class SwitchDescription(NamedTuple):
 
     names: with one dash, the usual one first. values: what follows it, for help. help: its line of
     `symcheck --help`. option: the name of the option that it sets, or "".
-    words: those that may follow; empty: those of the option, or any.
     """
 
     names: tuple[str, ...]
     values: tuple[str, ...]
     help: str
     option: str = ""
-    words: tuple[str, ...] = ()
-
-    @property
-    def takes_file(self) -> bool:
-        """Whether a file follows."""
-        return any(part in value for value in self.values for part in _FILES)
-
-    @property
-    def choices(self) -> tuple[str, ...]:
-        """The names that may follow."""
-        if self.words:
-            return self.words
-        options = [o for o in OPTIONS if o.name == self.option and self.values]
-        expected = options[0].values.expected if options else ""
-        return tuple(expected[7:].split(", ")) if expected.startswith("one of ") else ()
 
     @property
     def usage(self) -> str:
@@ -100,7 +87,7 @@ def explain(word: str, switches: Sequence[SwitchDescription]) -> str:
     known = [n for switch in switches for n in switch.names]
     near = get_close_matches(name, [*known, *ignored, *refused], 1, 0.7)
     hint = f"did you mean {near[0]}? " if near else ""
-    raise UsageError(f"-help: there is no switch {name}\n  hint: {hint}-help lists the switches")
+    raise UsageError(f"-help: there is no switch {name}", hint=f"{hint}-help lists the switches")
 
 
 def _described(option: Option) -> list[str]:
@@ -117,82 +104,34 @@ def _described(option: Option) -> list[str]:
 # -------------------------------------------------------------------------------- completion
 
 
-def _bash(switches: Sequence[SwitchDescription]) -> str:
-    named = [s for s in switches if s.choices]
-    files = [name for s in switches if s.takes_file for name in s.names]
-    other = [
-        n for s in switches if s.values and not s.choices and not s.takes_file for n in s.names
-    ]
-    cases = "".join(
-        f"        {'|'.join(s.names)})\n"
-        f'            COMPREPLY=($(compgen -W "{" ".join(s.choices)}" -- "$word")); return ;;\n'
-        for s in named
-    )
-    return f"""\
-# Completion of symcheck in bash: source <(symcheck -completion bash)
-_symcheck() {{
-    local word=${{COMP_WORDS[COMP_CWORD]}} before=${{COMP_WORDS[COMP_CWORD-1]}}
-    COMPREPLY=()
-    case ${{before/#--/-}} in
-{cases}        {"|".join(files)})
-            COMPREPLY=($(compgen -f -- "$word")); return ;;
-        {"|".join(other)}) return ;;
-    esac
-    local switches="{" ".join(n for s in switches for n in s.names)}"
-    if [[ $word == --* ]]; then
-        COMPREPLY=($(compgen -P - -W "$switches" -- "${{word#-}}"))
-    elif [[ $word == -* ]]; then
-        COMPREPLY=($(compgen -W "$switches" -- "$word"))
-    else
-        COMPREPLY=($(compgen -f -- "$word"))
-    fi
-}}
-complete -o filenames -F _symcheck symcheck
-"""
+def completion(shell: str, parser: ArgumentParser, switches: Sequence[SwitchDescription]) -> str:
+    """A script that completes switches, names and files in a shell.
 
+    Args:
+        shell: its name.
+        parser: it serves no other purpose afterwards.
+        switches: those of the parser.
 
-def _zsh(switches: Sequence[SwitchDescription]) -> str:
-    specs = []
-    for s in switches:
-        text = re.sub(r"([\[\]:])", r"\\\1", s.help).replace("'", "’")
-        action = f"({' '.join(s.choices)})" if s.choices else "_files" if s.takes_file else " "
-        values = "".join(f":{value.lower().replace(':', ' ')}:{action}" for value in s.values)
-        specs += [f"    '*{name}[{text}]{values}' \\\n" for name in s.names]
-    return f"""\
-#compdef symcheck
-# Completion of symcheck in zsh: symcheck -completion zsh > a folder of $fpath, as _symcheck
-_arguments \\
-{"".join(specs)}    '*:file:_files'
-"""
-
-
-def _fish(switches: Sequence[SwitchDescription]) -> str:
-    lines = []
-    for s in switches:
-        values = f" -x -a '{' '.join(s.choices)}'" if s.choices else ""
-        values = values or (" -r -F" if s.takes_file else " -x" if s.values else "")
-        text = s.help.replace("\\", "\\\\").replace("'", "\\'")
-        lines += [f"complete -c symcheck -o '{n[1:]}'{values} -d '{text}'\n" for n in s.names]
-    head = "# Completion of symcheck in fish: symcheck -completion fish | source\n"
-    return head + "".join(lines)
-
-
-_COMPLETIONS: dict[str, Callable[[Sequence[SwitchDescription]], str]] = {
-    "bash": _bash,
-    "zsh": _zsh,
-    "fish": _fish,
-}
-SHELLS = tuple(_COMPLETIONS)
-"""The shells with completion."""
-
-
-def completion(shell: str, switches: Sequence[SwitchDescription]) -> str:
-    """A script that completes switches, names and files in a shell. Raises UsageError."""
-    if shell not in _COMPLETIONS:
+    Raises UsageError: the shell is another one.
+    """
+    if shell not in SHELLS:
         raise UsageError(f"-completion: '{shell}' is none of {', '.join(SHELLS)}")
-    names = tuple(n[1:] for s in switches for n in s.names if n != "-?")
+    import shtab
+
+    described = {s.names[0]: s for s in switches}
+    names = [name[1:] for s in switches for name in s.names if name != "-?"]
     words = {**_WORDS, "-help": ("compare", *names)}
-    return _COMPLETIONS[shell]([s._replace(words=words.get(s.names[0], ())) for s in switches])
+    of_options = {o.name: o.values.names for o in OPTIONS}
+    for action in parser._actions:
+        switch = described.get(action.option_strings[0]) if action.option_strings else None
+        if switch is None or any(part in v for v in switch.values for part in _FILES):
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
+        elif switch.values:
+            action.choices = words.get(switch.names[0]) or of_options.get(switch.option)
+        action.option_strings = [n for n in action.option_strings if n.strip("-") != "?"]
+    script = shtab.complete(parser, shell)
+    # In fish -s has one letter; shtab writes it before long names with one dash, too.
+    return script.replace(" -s ", " -o ") if shell == "fish" else script
 
 
 # ------------------------------------------------------------------------------- manual page

@@ -182,14 +182,12 @@ class _Growing:
     def stopped(self, kind: type[ResourceError], why: str, explored: int) -> ResourceError:
         """The error of a search that was stopped."""
         grows = growth(self._model, self._reached)
-        hint = grows.hint if grows else "-cuddmaxmem gives more; the other engines need less"
-        error = kind(
-            f"exploration in rational arithmetic: {why}, after {explored} states"
-            + (f"\n  note: {grows.note}" if grows else "")
-            + (f"\n  hint: {hint}" if grows or kind is MemoryLimitError else "")
-        )
-        error.note = grows.note if grows else None
-        return error
+        message = f"exploration in rational arithmetic: {why}, after {explored} states"
+        if grows:
+            return kind(message, hint=grows.hint, note=grows.note)
+        if kind is MemoryLimitError:
+            return kind(message, hint="-cuddmaxmem gives more; the other engines need less")
+        return kind(message)
 
 
 def _up_to_symmetry(row: Row, orbits: StateOrbits) -> Row:

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault
-from symcheck.exchange.column_reader import read_file
+from symcheck.exchange.column_reader import first_true, read_file
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards
 from symcheck.matrices.contributions import Contributions
-from symcheck.matrices.rows import Bools, Floats, SparseMatrix, starts_of
+from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.state_faults import SUM_TOLERANCE
 from symcheck.syntax.ast import ModelType, Type
 
@@ -96,7 +96,7 @@ class _Reader:
         values = np.array(parts.values, np.float64)
         targets = np.array(parts.targets, np.int32)
         if not model_type.has_choices:
-            for i in np.flatnonzero(counts > 1)[:1].tolist():
+            for i in first_true(counts > 1):
                 row = int(groups[i]) + 1
                 raise self.fault(parts.lines[row], f"a state of a {model_type.name} has one action")
             row_lengths = np.zeros(n, np.int64)
@@ -107,7 +107,7 @@ class _Reader:
         row_of = np.repeat(np.arange(rows), lengths)
         if not model_type.continuous_time and check_sums:
             sums = np.bincount(row_of, values, rows)
-            for i in np.flatnonzero(np.abs(sums - 1) > SUM_TOLERANCE)[:1].tolist():
+            for i in first_true(np.abs(sums - 1) > SUM_TOLERANCE):
                 message = f"the probabilities of this action sum to {sums[i]:.12g}, not to 1"
                 raise self.fault(parts.lines[i], message)
         matrix = self._matrix(indptr, targets, values, n, groups, model_type, parts)
@@ -273,11 +273,11 @@ class _Reader:
 
     def _matrix(
         self,
-        indptr: np.ndarray[tuple[int], np.dtype[np.int64]],
-        targets: np.ndarray[tuple[int], np.dtype[np.int32]],
+        indptr: Int64s,
+        targets: Int32s,
         values: Floats,
         n: int,
-        groups: np.ndarray[tuple[int], np.dtype[np.int64]],
+        groups: Int64s,
         type: ModelType,
         parts: _Parts,
     ) -> SparseMatrix:
@@ -293,14 +293,12 @@ class _Reader:
         if type.continuous_time:
             rates, sums = np.array(parts.rates), np.bincount(row, values, n)
             differ = np.abs(rates - sums) > 1e-6 * np.maximum(rates, sums)
-            for i in np.flatnonzero(differ)[:1].tolist():
+            for i in first_true(differ):
                 message = f"the rates of state {i} sum to {sums[i]:g}, not to {rates[i]:g}"
                 raise self.fault(parts.state_lines[i], message)
         return matrix
 
-    def _actions(
-        self, parts: _Parts, groups: np.ndarray[tuple[int], np.dtype[np.int64]]
-    ) -> tuple[tuple[str, ...], np.ndarray[tuple[int], np.dtype[np.int32]]]:
+    def _actions(self, parts: _Parts, groups: Int64s) -> tuple[tuple[str, ...], Int32s]:
         """The names of the actions, and the index of that of each row. A number is no name."""
         index_in_state = np.arange(len(parts.actions)) - np.repeat(groups[:-1], np.diff(groups))
         actions = [
@@ -317,7 +315,7 @@ class _Reader:
         parts: _Parts,
         type: ModelType,
         matrix: SparseMatrix,
-        counts: np.ndarray[tuple[int], np.dtype[np.int64]],
+        counts: Int64s,
     ) -> list[ExplicitRewards]:
         """The reward structures. In a CTMC those of actions are earned by each transition."""
         count = max((len(r) for r in (*parts.state_rewards, *parts.row_rewards)), default=0)

@@ -77,8 +77,8 @@ def _matrix(
     """The chosen entries of a matrix."""
     if model.matrix.groups is not None:
         raise UnsupportedError(
-            "the Matlab format has one matrix, and an MDP has several choices per state\n"
-            "  hint: the formats .tra, .drn and .umb hold MDPs"
+            "the Matlab format has one matrix, and an MDP has several choices per state",
+            hint="the formats .tra, .drn and .umb hold MDPs",
         )
     yield f"{name} = sparse({model.n},{model.n});\n"
     row, column = model.row_of_entry[chosen] + 1, model.matrix.indices[chosen] + 1

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from symcheck.errors import MemoryLimitError, Source, UsageError
-from symcheck.exchange.column_reader import Columns, columns_of, read_source
+from symcheck.exchange.column_reader import Columns, columns_of, first_true, read_source
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, row_rewards
 from symcheck.exchange.formats.combined_file import ModelParts, parts_of
 from symcheck.machine import available_memory
@@ -221,7 +221,7 @@ def _read_transitions(part: Source, kind: ModelType | None, check_sums: bool) ->
         are_rates = not np.all(is_one | (sums == 0))
         model_type = ModelType.with_properties(continuous_time=are_rates)
     if not model_type.continuous_time and check_sums:
-        for i in np.flatnonzero(~is_one & (has_choices | (sums != 0)))[:1].tolist():
+        for i in first_true(~is_one & (has_choices | (sums != 0))):
             at = int(np.searchsorted(row, i))
             what = f"probabilities {'of a choice' if has_choices else 'out'} of state {source[at]}"
             message = f"the {what} sum to {sums[i]:.12g}, not to 1"
@@ -246,7 +246,7 @@ def _choices(
         file.fault(0, message, "count", 1)
     groups = starts_of(np.bincount(source[starts], minlength=n))
     expected = np.arange(rows) - groups[source[starts]]
-    for i in np.flatnonzero(choice[starts] != expected)[:1].tolist():
+    for i in first_true(choice[starts] != expected):
         missing = f"choice {expected[i]} of state {source[starts[i]]}"
         message = f"{missing} is missing before this one"
         file.fault(int(order[starts[i]]) + 1, message, "choice", 1)
@@ -255,7 +255,7 @@ def _choices(
 
 def _weights(file: Columns, word: int) -> Floats:
     values = file.reals(word)
-    for i in np.flatnonzero(~(values >= 0) | np.isinf(values))[:1].tolist():
+    for i in first_true(~(values >= 0) | np.isinf(values)):
         file.fault(i + 1, "a probability or rate must be finite and not negative", "negative", word)
     return values
 
@@ -264,7 +264,7 @@ def _unique(file: Columns, order: Int64s, *keys: Int64s) -> None:
     same = np.ones(max(len(order) - 1, 0), bool)
     for key in keys:
         same &= np.diff(key[order]) == 0
-    for i in np.flatnonzero(same)[:1].tolist():
+    for i in first_true(same):
         file.fault(
             max(int(order[i]), int(order[i + 1])) + 1,
             "this transition is in the file already",
@@ -283,7 +283,7 @@ def _read_actions(
     codes = codes[order]
     first = np.searchsorted(row, np.arange(rows))
     result: Int32s = codes[first]
-    for i in np.flatnonzero(codes != result[row])[:1].tolist():
+    for i in first_true(codes != result[row]):
         file.fault(
             int(order[i]) + 1, "the transitions of one choice have different actions", "action"
         )
@@ -454,11 +454,11 @@ def _transition_rewards(file: Columns, model: _Transitions) -> Floats:
     row = source
     if m.groups is not None:
         choice = file.integers(1, _INT_LIMIT, "choice")
-        for i in np.flatnonzero(choice >= np.diff(m.groups)[source])[:1].tolist():
+        for i in first_true(choice >= np.diff(m.groups)[source]):
             file.fault(i + 1, f"state {source[i]} has no choice {choice[i]}", "index", 1)
         row = m.groups[source] + choice
     entry, known = m.find(row, target)
-    for i in np.flatnonzero(~known)[:1].tolist():
+    for i in first_true(~known):
         file.fault(i + 1, "there is no such transition", "index")
     result = np.zeros(m.entries)
     result[entry] = rewards

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from symcheck.errors import SymcheckError, UnsupportedError, UsageError
+from symcheck.exchange.column_reader import first_true
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, row_rewards
 from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
@@ -145,7 +146,7 @@ def _matrix(
     rows = len(branches) - 1
     if not kind.has_choices:
         row, rows = np.flatnonzero(counts)[row], n
-    for i in np.flatnonzero(~(values >= 0) | np.isinf(values))[:1].tolist():
+    for i in first_true(~(values >= 0) | np.isinf(values)):
         raise UsageError(f"'{path}': {values[i]:g} is not a probability or rate (branch {i})")
     by = np.lexsort((targets, row))
     by = by[values[by] > 0]  # a matrix holds no zeros
@@ -169,7 +170,7 @@ def _are_starts(numbers: Int64s, groups: int, entries: int) -> bool:
 def _check_sums(matrix: SparseMatrix, path: Path) -> None:
     filled = np.flatnonzero(np.diff(matrix.indptr))
     sums = np.add.reduceat(matrix.data, matrix.indptr[:-1][filled]) if len(filled) else np.ones(0)
-    for i in np.flatnonzero(np.abs(sums - 1) > SUM_TOLERANCE)[:1].tolist():
+    for i in first_true(np.abs(sums - 1) > SUM_TOLERANCE):
         raise UsageError(
             f"'{path}': the probabilities of choice {filled[i]} sum to {sums[i]:.12g}, not to 1"
         )

@@ -174,8 +174,8 @@ def _explore(
     for number, state in enumerate(states):  # which grows meanwhile
         if number >= max_states:
             raise ResourceError(
-                f"there are more than {max_states:,} states"
-                "\n  hint: is the number of states finite? max_states allows more"
+                f"there are more than {max_states:,} states",
+                hint="is the number of states finite? max_states allows more",
             )
         who = f"step({state!r})"
         given = _call("step", step, state)

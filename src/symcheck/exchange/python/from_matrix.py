@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from symcheck.api import Model, model_type, takes_options
 from symcheck.errors import Diagnostic, ModelFault, NameFault, UsageError
 from symcheck.exchange.api_io import explicit_model
+from symcheck.exchange.column_reader import first_true
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, reward_structure
 from symcheck.matrices.numbers import Numbers, sum_segments
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, starts_of
@@ -141,7 +142,7 @@ def number_array(values: object, what: str) -> Numbers:
 def _check_rows(kind: ModelType, matrix: SparseMatrix, rows: Int64s, check_sums: bool) -> None:
     """Check the signs of entries and the sums of rows. Raises ModelFault."""
     message, hint = "", None
-    for entry in np.flatnonzero(matrix.data < 0)[:1].tolist():
+    for entry in first_true(matrix.data < 0):
         message = f"row {rows[entry]} holds {matrix.data[entry]} in column {matrix.indices[entry]}"
         message += ": expected no negative number"
         hint = "leave the diagonal of a generator matrix out" if kind.continuous_time else None

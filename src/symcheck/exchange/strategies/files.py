@@ -100,7 +100,7 @@ def strategy_target(argument: str) -> StrategyTarget:
         known = (
             f"FILE:type={'|'.join(KINDS)},mode=restrict|reduce,reach=true|false,states=true|false"
         )
-        raise UsageError(f"cannot read '{text}'\n  hint: {known}")
+        raise UsageError(f"cannot read '{text}'", hint=known)
     return StrategyTarget(path, kind, reach == "true", mode == "restrict", states == "true")
 
 
@@ -114,9 +114,9 @@ def _kind(name: str) -> str:
     if extension not in _TEXT:
         known = ", ".join(("FILE", *(f"FILE{e}" for e in _TEXT if e)))
         raise UsageError(
-            f"'{name}': the extension '{extension}' names no kind of strategy file"
-            f"\n  hint: {known} write the actions, FILE.dot the graph, FILE.tra and FILE.all the "
-            f"induced chain, '{name}:type=actions' the actions under any name"
+            f"'{name}': the extension '{extension}' names no kind of strategy file",
+            hint=f"{known} write the actions, FILE.dot the graph, FILE.tra and FILE.all the "
+            f"induced chain, '{name}:type=actions' the actions under any name",
         )
     return "actions"
 

@@ -51,8 +51,8 @@ def induced_chain(model: Model, strategy: Strategy | Result, *, reach: bool = Tr
     chosen = strategy.strategy if isinstance(strategy, Result) else strategy
     if not isinstance(cast(object, chosen), Strategy):
         raise UsageError(
-            f"a strategy is expected, or a result that has one, not {chosen!r}\n"
-            "  hint: model.check(…, with the option strategy=True).strategy"
+            f"a strategy is expected, or a result that has one, not {chosen!r}",
+            hint="model.check(…, with the option strategy=True).strategy",
         )
     data = replace(induced_data(chosen, reach=reach), names=model.instantiated())
     chain = explicit_model(data, replace(model.options, strategy=False, fairness=False))

@@ -113,8 +113,9 @@ class _File:
         if remembers and first is None:
             raise UnsupportedError(
                 f"'{self.file.source.name}' is a strategy with memory, and its file does not "
-                "say how the memory changes\n  hint: symcheck writes it in "
-                "comments, such as '# memory: 0' and '# (0,true),0 -> 1'"
+                "say how the memory changes",
+                hint="symcheck writes it in "
+                "comments, such as '# memory: 0' and '# (0,true),0 -> 1'",
             )
         counts = [len(d.rows) for d in decisions.values()]
         pairs = np.array(list(decisions), np.int64).reshape(-1, 2).repeat(counts, axis=0)

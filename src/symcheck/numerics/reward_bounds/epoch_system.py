@@ -302,6 +302,6 @@ def _expected_steps(system: EpochSystem) -> Floats:
     least = float(rest.min()) * (1.0 - 1e-9)
     if not least > 1e-3:
         raise NumericalError(
-            "cycles without reward are left too slowly for proved bounds\n  hint: use -exact"
+            "cycles without reward are left too slowly for proved bounds", hint="use -exact"
         )
     return np.asarray(h / least)

@@ -200,8 +200,8 @@ def unfold_reward_dimension(
     m = problem.matrix
     if max(m.entries, m.states) * counts > tuning.UNFOLDED_ENTRIES:
         raise MemoryLimitError(
-            f"a second bound unfolds {m.states:,} states into {counts:,} copies each\n"
-            "  hint: round the rewards"
+            f"a second bound unfolds {m.states:,} states into {counts:,} copies each",
+            hint="round the rewards",
         )
     c = np.arange(counts)
     groups = problem.groups

@@ -134,8 +134,8 @@ def poisson(rate: float, epsilon: float = 1e-300) -> PoissonWeights:
     if rate > tuning.LARGEST_POISSON_RATE:
         raise NumericalError(
             f"uniformisation would take {rate:.1e} steps, the greatest rate times the time; more "
-            f"than {tuning.LARGEST_POISSON_RATE:.0e} are not supported\n"
-            "  hint: check the property without the time bound"
+            f"than {tuning.LARGEST_POISSON_RATE:.0e} are not supported",
+            hint="check the property without the time bound",
         )
     if rate == 0.0:
         return PoissonWeights(0.0, 0, np.ones(1), 0.0)

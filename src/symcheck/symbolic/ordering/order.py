@@ -61,8 +61,8 @@ def check_order(model: BoundModel, requested: Sequence[str]) -> None:
     )
     if unknown:
         raise UsageError(
-            f"the order names {unknown[0]}, and the model has no such variable\n"
-            f"  hint: it has {', '.join(names[:20])}"
+            f"the order names {unknown[0]}, and the model has no such variable",
+            hint=f"it has {', '.join(names[:20])}",
         )
 
 

@@ -72,7 +72,7 @@ def _select(problem: LinearProblem, name: str) -> Method:
     if method is None:
         raise UnsupportedError(f"there is no method '{name}'; there are {', '.join(METHODS)}")
     if method.exact and not problem.exact:
-        raise UnsupportedError(f"method '{name}' solves over the rationals\n  hint: use -exact")
+        raise UnsupportedError(f"method '{name}' solves over the rationals", hint="use -exact")
     if method.requires == "rows" and problem.matrix is None:
         others = ", ".join(m.name for m in METHODS.values() if m.requires == "products")
         raise UnsupportedError(
