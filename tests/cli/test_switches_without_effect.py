@@ -45,6 +45,7 @@ VALUE_OF = {
     "-exportpage": "p.html",
     "-exportcounterexample": "c.txt",
     "-exportpareto": "p.csv",
+    "-exportcertificate": "p.json",
     "-exportiterations": "i.csv",
     "-exportstrat": "s.txt",
     "-exportmodel": "m.tra",

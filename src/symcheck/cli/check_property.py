@@ -23,6 +23,7 @@ from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import (
     InputError,
     InternalError,
+    NumericalError,
     OutputError,
     ResourceError,
     SymcheckError,
@@ -204,6 +205,20 @@ def _write_files(a: Arguments, output: Output, result: Result, varying: Constant
         _write_vector(path, output, result, a.exportprecision)
     if a.exportpareto is not None:
         _write_front(instance_path(a.exportpareto, varying), output, result)
+    if a.exportcertificate is not None:
+        _write_certificate(instance_path(a.exportcertificate, varying), output, result)
+
+
+def _write_certificate(path: str, output: Output, result: Result) -> None:
+    from symcheck.exchange.certificates import save_certificate
+
+    try:
+        proof = result.certificate()
+    except (UnsupportedError, NumericalError) as error:
+        output.warn(f"no certificate: {error}")
+        return
+    for file in save_certificate(proof, path):
+        output.exported(file)
 
 
 def _write_front(path: str, output: Output, result: Result) -> None:

@@ -91,6 +91,11 @@ def check_files(a: Arguments) -> None:
 
         with of_switch("-exportcounterexample"):
             _check(a.exportcounterexample, counterexample_extension)
+    if a.exportcertificate is not None:
+        from symcheck.exchange.certificates import certificate_extension
+
+        with of_switch("-exportcertificate"):
+            _check(a.exportcertificate, certificate_extension)
     if a.exportpage is not None:
         with of_switch("-exportpage"):
             _check(a.exportpage, _page_extension)

@@ -15,16 +15,16 @@ from symcheck.exchange import export
 from symcheck.exchange.explicit_export import explicit_export
 from symcheck.whole_file import write_whole
 
-__all__ = ["check_certificate_file", "save_certificate"]
+__all__ = ["certificate_extension", "save_certificate"]
 
 _HEADING = re.compile(r'^# Reward structure "([^"]*)"', re.MULTILINE)
 
 
-def check_certificate_file(path: str | Path) -> Path:
-    """The path of a certificate, which ends in .json. Raises UsageError."""
+def certificate_extension(path: str | Path) -> str:
+    """The extension of a certificate: .json. Raises UsageError."""
     if Path(path).suffix != ".json":
         raise UsageError(f"'{path}': a certificate is a .json file")
-    return Path(path)
+    return ".json"
 
 
 def save_certificate(certificate: Certificate, path: str | Path) -> list[str]:
@@ -36,7 +36,8 @@ def save_certificate(certificate: Certificate, path: str | Path) -> list[str]:
     Raises:
         UsageError: the name does not end in .json, or a file cannot be written.
     """
-    file = check_certificate_file(path)
+    certificate_extension(path)
+    file = Path(path)
     engine = certificate.model
     names = tuple(engine.model.labels)
     of_label = engine.model.labels.__getitem__

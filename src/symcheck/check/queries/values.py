@@ -123,5 +123,6 @@ def _require_finite(
         return
     if not is_infinite(engine.system(engine.all).step_rewards(quantity.reward)).any():
         raise UnsupportedError(
-            "the expected reward is beyond the range of floating-point numbers\n  hint: use -exact"
+            "the expected reward is beyond the range of floating-point numbers",
+            hint="use -exact",
         )

@@ -113,6 +113,7 @@ class Arguments(argparse.Namespace):
     exportprodtrans: str | None
     exportprodstates: str | None
     exportpareto: str | None
+    exportcertificate: str | None
     exportiterations: str | None
     nobuild: bool
     test: bool

@@ -234,6 +234,12 @@ def add_output(parser: SwitchParser) -> None:
         _RESULT,
     )
     parser.add(
+        "exportcertificate",
+        "FILE.json",
+        "write a certificate of the value, for symcheck-verify, and the model that it is about",
+        _RESULT,
+    )
+    parser.add(
         "exportiterations",
         "FILE",
         "write each iteration of the numerical methods of a property: .csv or .json "
