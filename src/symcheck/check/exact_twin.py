@@ -54,12 +54,18 @@ def _explored(context: Context) -> Engine:
 
         layout = StateLayout.of(model.variables)
         orbits = StateOrbits.of(layout, represents.represented.symmetries)
-    explored = explore_exactly(
-        model,
-        check_sums=context.options.check_sums,
-        limit=context.engine.states,
-        orbits=orbits,
-    )
+    explored = None
+    if orbits is None:
+        from symcheck.engines.rational.whole_numbers import explore_in_whole_numbers
+
+        explored = explore_in_whole_numbers(model, context.options)
+    if explored is None:
+        explored = explore_exactly(
+            model,
+            check_sums=context.options.check_sums,
+            limit=context.engine.states,
+            orbits=orbits,
+        )
     if len(explored.states) != context.engine.states:
         raise UnsupportedError(
             "the model has different states in rational arithmetic than in floating point"

@@ -39,6 +39,7 @@ from symcheck.syntax.ast import Expression
 
 if TYPE_CHECKING:
     from symcheck.explicit.orbits import StateOrbits
+    from symcheck.explicit.states import StateTable
 
 _STATES_BETWEEN_CHECKS = 1024
 """States that are explored between two checks of the memory."""
@@ -76,7 +77,7 @@ class RationalModel:
     """A model explored in rational arithmetic; fields as in `symcheck.explicit.model`."""
 
     model: BoundModel = field(repr=False)
-    states: StateList
+    states: StateList | StateTable
     matrix: SparseMatrix = field(repr=False)
     choice_actions: Int32s = field(repr=False)
     initial: Int64s

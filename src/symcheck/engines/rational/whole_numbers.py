@@ -1,0 +1,191 @@
+"""Exploration in rational arithmetic by the compiled search, where weights are whole numbers.
+
+If all probabilities (rates) are constants, they are multiplied by a common denominator. Doubles add
+and multiply whole numbers below 2**53 without error, so the compiled search finds each row exactly,
+and dividing by the sum of the row, or by the factor, gives the rationals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cache
+from math import lcm
+
+import numpy as np
+
+from symcheck.engines.rational.explore import RationalModel
+from symcheck.errors import UnsupportedError
+from symcheck.explicit.build import explore
+from symcheck.explicit.model import ExplicitModel, evaluate_states
+from symcheck.explicit.states import StateTable
+from symcheck.matrices.numbers import Numbers, Rationals, full, rationals
+from symcheck.options import Options
+from symcheck.semantics.expressions.types import type_of
+from symcheck.semantics.interpreter import value
+from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, Event
+from symcheck.syntax.ast import Expression, Literal, ModelType, Type
+
+__all__ = ["explore_in_whole_numbers"]
+
+_WHOLE = 2.0**53
+
+
+@dataclass(frozen=True, eq=False)
+class _CompiledModel(RationalModel):
+    """A model whose states are packed, as the compiled search finds them."""
+
+    def evaluate(self, expression: Expression) -> Numbers:
+        """The value of an expression in each state; conditions are exact in compiled code."""
+        kinds = {v.name: v.type for v in self.model.variables}
+        if type_of(expression, kinds) is not Type.BOOL:
+            return super().evaluate(expression)
+        assert isinstance(self.states, StateTable)
+        return evaluate_states(self.model, self.states, expression).astype(object)
+
+
+def explore_in_whole_numbers(model: BoundModel, options: Options) -> RationalModel | None:
+    """The reachable states, and their rows as rationals.
+
+    Args:
+        model: a model that was bound with `exact`.
+        options: limits of the search.
+
+    Returns:
+        None if a probability is no constant, a number exceeds 2**53, or transition rewards depend
+        on which commands a row of a chain comes from.
+
+    Raises:
+        ModelFault, ResourceError: see `symcheck.explicit.build.explore`.
+    """
+    if not model.type.has_choices and _earns_by_transitions(model):
+        return None
+    scaled = _with_whole_weights(model)
+    if scaled is None:
+        return None
+    whole, factor = scaled
+    found = explore(whole, replace(options, check_sums=False))
+    matrix, starts = found.matrix, found.matrix.indptr[:-1]
+    sums = np.add.reduceat(matrix.data, starts) if matrix.rows else matrix.data
+    if not (sums < _WHOLE).all():
+        return None
+    divisors = np.full(matrix.rows, factor, object)
+    if not model.type.continuous_time:
+        divisors = sums.astype(object)
+    elif len(found.deadlocks):  # their loop has the rate 1
+        divisors[found.deadlocks] = 1
+    quotient = cache(Fraction)
+    each = np.repeat(divisors, matrix.lengths).tolist()
+    pairs = zip(matrix.data.astype(np.int64).tolist(), each, strict=True)
+    data = np.empty(matrix.entries, object)
+    data[:] = [quotient(w, int(d)) for w, d in pairs]
+    return _CompiledModel(
+        model,
+        found.states,
+        replace(matrix, data=data),
+        found.choice_actions,
+        found.initial,
+        found.deadlocks,
+        [_rewards(model, found, [i for i in r.items if i.on_states]) for r in model.rewards],
+        [_choice_rewards(model, found, r.items) for r in model.rewards],
+    )
+
+
+def _earns_by_transitions(model: BoundModel) -> bool:
+    return any(not item.on_states for r in model.rewards for item in r.items)
+
+
+def _with_whole_weights(model: BoundModel) -> tuple[BoundModel, int] | None:
+    """The model with all weights multiplied by one factor, and the factor; None if it has none.
+
+    A chain becomes one of rates, whose rows are sums of the weights of commands.
+    """
+    weights = [
+        update.probability
+        for event in model.events
+        for commands in event.participants
+        for command in commands
+        for update in command.updates
+    ]
+    if not all(isinstance(w, Literal) and isinstance(w.value, int | Fraction) for w in weights):
+        return None
+    values = [Fraction(w.value) for w in weights if isinstance(w, Literal)]
+    unit = lcm(*(v.denominator for v in values))
+    most = max((len(e.participants) for e in model.events), default=1)
+    factor = unit**most
+    if factor >= _WHOLE or any(v < 0 for v in values):
+        return None
+    continuous = model.type.continuous_time
+    if not continuous and not all(map(_sums_to_one, model.events)):
+        return None
+    events = tuple(_whole(event, unit, most) for event in model.events)
+    rates = ModelType.with_properties(continuous_time=True)
+    kind = model.type if model.type.has_choices else rates
+    return replace(model, type=kind, events=events, exact=False, rewards=()), factor
+
+
+def _sums_to_one(event: Event) -> bool:
+    return all(
+        sum(Fraction(u.probability.value) for u in c.updates if isinstance(u.probability, Literal))
+        == 1
+        for commands in event.participants
+        for c in commands
+    )
+
+
+def _whole(event: Event, unit: int, most: int) -> Event:
+    """The event with weights times unit**most: each participant has one factor, the first more."""
+    more = unit ** (most - len(event.participants) + 1)
+    first, *others = event.participants
+    scaled = [tuple(_times(c, more) for c in first)]
+    scaled += [tuple(_times(c, unit) for c in commands) for commands in others]
+    return replace(event, participants=tuple(scaled))
+
+
+def _times(command: BoundCommand, factor: int) -> BoundCommand:
+    updates = []
+    for update in command.updates:
+        assert isinstance(update.probability, Literal)
+        weight = Fraction(update.probability.value) * factor
+        probability = replace(update.probability, value=weight, type=Type.DOUBLE)
+        updates.append(replace(update, probability=probability))
+    return replace(command, updates=tuple(updates))
+
+
+def _rewards(model: BoundModel, found: ExplicitModel, items: Sequence[BoundReward]) -> Rationals:
+    """The sum of the items whose guards hold, in each state."""
+    total = full(len(found.states), 0, exact=True)
+    for item in items:
+        there = np.flatnonzero(evaluate_states(model, found.states, item.guard))
+        if isinstance(item.value, Literal):
+            total[there] += Fraction(item.value.value)
+        else:
+            states = found.states.valuations(there)
+            total[there] += rationals(_number(value(model, s, item.value)) for s in states)
+    return total
+
+
+def _number(found: bool | int | float | Fraction) -> Fraction:
+    if isinstance(found, float) and not np.isfinite(found):
+        raise UnsupportedError("a reward is infinite")
+    return Fraction(found)
+
+
+def _choice_rewards(
+    model: BoundModel, found: ExplicitModel, items: Sequence[BoundReward]
+) -> Rationals:
+    """The transition reward of each row of an MDP; 0 in a chain, which has none here."""
+    rows = full(found.matrix.rows, 0, exact=True)
+    owner = found.matrix.state_of_row
+    loops = np.zeros(len(found.states), np.bool_)
+    loops[found.deadlocks] = True
+    actions = (None, *model.actions)
+    for item in items:
+        if item.on_states:
+            continue
+        mine = found.choice_actions == actions.index(item.action) - 1
+        mine &= ~loops[owner]
+        earned = _rewards(model, found, [item])
+        rows[mine] += earned[owner[mine]]
+    return rows

@@ -1,0 +1,73 @@
+"""The compiled search in whole numbers finds what the interpreter finds in rationals."""
+
+from __future__ import annotations
+
+from random import Random
+
+import pytest
+
+import symcheck
+from generate import random_model
+from symcheck.engines.rational.explore import explore_exactly
+from symcheck.engines.rational.whole_numbers import explore_in_whole_numbers
+from symcheck.errors import SymcheckError
+
+SMALL = """dtmc
+module a x:[0..2]; [t] x<2 -> 1/3:(x'=x+1) + 2/3:true; [] x=0 -> 0.1:(x'=2) + 0.9:(x'=1); endmodule
+module b y:[0..3]; [t] y<3 -> 1/7:(y'=y+1) + 6/7:(y'=3); [] y=3 -> true; endmodule
+rewards "r" x=1 : 1/3; y>1 : y*2; endrewards"""
+
+
+@pytest.mark.parametrize("kind", ["dtmc", "ctmc", "mdp"])
+@pytest.mark.parametrize("seed", range(20))
+def test_random_models_are_the_same(kind: str, seed: int) -> None:
+    assert_same(random_model(Random(seed), kind).text)
+
+
+@pytest.mark.parametrize("kind", ["dtmc", "ctmc", "mdp"])
+def test_commands_that_synchronise_have_one_factor(kind: str) -> None:
+    assert_same(SMALL.replace("dtmc", kind), expected=True)
+
+
+def test_rewards_of_choices_are_those_of_their_actions() -> None:
+    items = 'rewards "s" [t] y>0 : 1/3; [] true : 2; endrewards'
+    assert_same(SMALL.replace("dtmc", "mdp") + items, expected=True)
+
+
+def test_probabilities_that_depend_on_the_state_are_left_to_the_interpreter() -> None:
+    text = (
+        "dtmc module m x:[1..3]; [] x<3 -> 1/x:(x'=x+1) + 1-1/x:(x'=1); [] x=3 -> true; endmodule"
+    )
+    assert explore_in_whole_numbers(exact(text), symcheck.Options()) is None
+
+
+def test_weights_beyond_the_whole_doubles_are_left_to_the_interpreter() -> None:
+    text = (
+        "dtmc module m x:[0..1]; [] x=0 -> 1e-17:(x'=1) + 1-1e-17:true; [] x=1 -> true; endmodule"
+    )
+    assert explore_in_whole_numbers(exact(text), symcheck.Options()) is None
+
+
+def exact(text: str) -> symcheck.BoundModel:
+    return symcheck.bind(symcheck.parse_model(text), exact=True)
+
+
+def assert_same(text: str, *, expected: bool = False) -> None:
+    try:
+        interpreted = explore_exactly(exact(text))
+    except SymcheckError:
+        return
+    found = explore_in_whole_numbers(exact(text), symcheck.Options())
+    assert found is not None or not expected
+    if found is None:
+        return
+    assert list(found.states) == list(interpreted.states)
+    for name in ("indptr", "indices", "data"):
+        whole, rational = getattr(found.matrix, name), getattr(interpreted.matrix, name)
+        assert whole.tolist() == rational.tolist()
+    assert found.choice_actions.tolist() == interpreted.choice_actions.tolist()
+    assert found.initial.tolist() == interpreted.initial.tolist()
+    assert found.deadlocks.tolist() == interpreted.deadlocks.tolist()
+    for name in ("state_rewards", "choice_rewards"):
+        pairs = zip(getattr(found, name), getattr(interpreted, name), strict=True)
+        assert all(a.tolist() == b.tolist() for a, b in pairs)
