@@ -19,7 +19,7 @@ from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.numerics.long_run.stationary import long_run_average
 from symcheck.numerics.settings import Accuracy
-from symcheck.numerics.transient.uniformization import transient_values
+from symcheck.numerics.transient.values import transient_values
 
 
 def measure(name: str, run: Callable[[], str]) -> None:

@@ -14,9 +14,9 @@ TYPE_CHECKING = False  # for type checkers; the module `typing` takes ten millis
 if TYPE_CHECKING:
     from symcheck import teach as teach
     from symcheck import view as view
-    from symcheck.api import Model as Model
-    from symcheck.api import load as load
-    from symcheck.api import loads as loads
+    from symcheck.api.loading import load as load
+    from symcheck.api.loading import loads as loads
+    from symcheck.api.model import Model as Model
     from symcheck.check.result import Result as Result
     from symcheck.check.state_distributions import Distribution as Distribution
     from symcheck.engines.base import Engine as Engine
@@ -49,7 +49,8 @@ if TYPE_CHECKING:
     from symcheck.syntax.printer import pretty as pretty
 
 _MODULES = {
-    "api": "Model load loads",
+    "api.loading": "load loads",
+    "api.model": "Model",
     "check.result": "Result",
     "check.state_distributions": "Distribution",
     "engines.explicit.strategy": "Strategy",

@@ -15,8 +15,8 @@ import symcheck
 
 ROOT = Path(__file__).parents[2]
 REVEALED = {
-    'symcheck.load("x.pm")': "symcheck.api.Model",
-    'symcheck.loads("", {"N": 1}, type="mdp", engine="sparse", epsilon=1e-3)': "symcheck.api.Model",
+    'symcheck.load("x.pm")': "symcheck.api.model.Model",
+    'symcheck.loads("", {"N": 1}, type="mdp", engine="sparse", epsilon=1e-3)': "symcheck.api.model.Model",
     'model.check("true")': "symcheck.check.result.Result",
     "model.states": "symcheck.engines.states.States",
     "model.states[0]": "symcheck.engines.states.State",
@@ -27,7 +27,7 @@ REVEALED = {
     'model.labels["end"]': "symcheck.engines.states.States",
     "model.constants": "Mapping[str, bool | int | float | Fraction]",
     "next(iter(model.transitions)).target": "symcheck.engines.states.State",
-    'model.rewards["r"]': "symcheck.api.StructureRewards",
+    'model.rewards["r"]': "symcheck.api.model.StructureRewards",
     "result.bounds": "tuple[int | float | Fraction, int | float | Fraction]",
     "result.values": "symcheck.engines.states.StateValues",
     "result.satisfying": "symcheck.engines.states.States",

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from checking import check_text, engine_of
 from generate import random_model, random_property
-from symcheck.api import load, loads
+from symcheck.api.loading import load, loads
 from symcheck.check import tuning
 from symcheck.check.bisimulation import on_quotient
 from symcheck.check.checker import check

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from checking import judge_file, lines_without_run
-from symcheck.api import load
+from symcheck.api.loading import load
 from symcheck.check.checker import check
 from symcheck.check.testing.expected_results import VerdictKind
 from symcheck.engines.explicit.engine import ExplicitEngine

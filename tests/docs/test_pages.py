@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from symcheck.api import load
+from symcheck.api.loading import load
 from symcheck.cli import main
 from symcheck.cli.switches import prism_options
 from symcheck.cli.switches.arguments import make_parser

@@ -17,13 +17,9 @@ from symcheck.direction import Direction
 from symcheck.engines import tuning
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
-from symcheck.engines.symbolic.deterministic_elimination import (
-    ReducedSet,
-    ReducedSystem,
-    deterministic_states,
-    eliminate,
-)
+from symcheck.engines.symbolic.eliminate_states import deterministic_states, eliminate
 from symcheck.engines.symbolic.forms import SparseEngine
+from symcheck.engines.symbolic.reduced_system import ReducedSet, ReducedSystem
 from symcheck.explicit.build import explore
 from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.settings import Accuracy

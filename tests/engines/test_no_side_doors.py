@@ -42,7 +42,7 @@ ROOMS = sorted(
 
 
 def test_rooms_are_found() -> None:
-    assert {"api.py", "check", "cli", "distributed", "exchange", "experiments", "peers"} <= {*ROOMS}
+    assert {"api", "check", "cli", "distributed", "exchange", "experiments", "peers"} <= {*ROOMS}
     assert all((SOURCE / name).is_dir() for name in ENGINES)
 
 

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from symcheck.api import loads
+from symcheck.api.loading import loads
 
 TENTHS = """
 dtmc

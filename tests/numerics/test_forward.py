@@ -12,7 +12,7 @@ from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.settings import Accuracy
 from symcheck.numerics.transient.forward import forward_value
-from symcheck.numerics.transient.uniformization import transient_values
+from symcheck.numerics.transient.values import transient_values
 
 
 def line(n: int, right: float, left: float = 0.0) -> tuple[SparseMatrix, Floats]:

@@ -16,7 +16,7 @@ from symcheck.numerics.linear.preconditioned_bicgstab import scaled
 from symcheck.numerics.settings import Accuracy
 from symcheck.numerics.transient import rational_krylov
 from symcheck.numerics.transient.rational_krylov import krylov_values
-from symcheck.numerics.transient.uniformization import transient_values
+from symcheck.numerics.transient.values import transient_values
 
 EVERYWHERE = Accuracy(epsilon=1e-6)
 

@@ -16,7 +16,7 @@ from symcheck.matrices.rows import Floats
 from symcheck.numerics import tuning
 from symcheck.numerics.settings import Accuracy
 from symcheck.numerics.transient.squaring import IntervalChain, Powers
-from symcheck.numerics.transient.uniformization import transient_distribution, transient_values
+from symcheck.numerics.transient.values import transient_distribution, transient_values
 
 
 def exponential(

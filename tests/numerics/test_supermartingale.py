@@ -17,7 +17,7 @@ from symcheck.numerics import tuning
 from symcheck.numerics.linear.rational import solve_chain
 from symcheck.numerics.settings import Accuracy
 from symcheck.numerics.transient.supermartingale import bound_negligible_values
-from symcheck.numerics.transient.uniformization import transient_values
+from symcheck.numerics.transient.values import transient_values
 
 TIME = 10.0
 

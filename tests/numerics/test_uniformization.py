@@ -18,7 +18,7 @@ from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.settings import Accuracy
 from symcheck.numerics.transient.poisson import poisson
-from symcheck.numerics.transient.uniformization import transient_distribution, transient_values
+from symcheck.numerics.transient.values import transient_distribution, transient_values
 
 
 def integrate(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+from dataclasses import replace
 from random import Random
 
 import numpy as np
@@ -11,7 +12,9 @@ import pytest
 
 import symcheck
 from generate import Generated, random_question, wild_model
-from symcheck.api import Model, ReducedModel, properties_file
+from symcheck.api.arguments import properties_file
+from symcheck.api.model import Model
+from symcheck.api.stages import Smaller
 from symcheck.check.property_instance import PropertyInstance, observations_up_to_symmetry
 from symcheck.engines import selection, tuning
 from symcheck.errors import InputError, ModelFault, SymcheckError
@@ -54,7 +57,7 @@ def restricted(model: Model, instance: PropertyInstance) -> Model | None:
     if not names:
         return None
     smaller = restricted_to_cone(model.bound, names)
-    return ReducedModel(model.program, {}, model.options, None, None, smaller)
+    return replace(model, smaller=Smaller(smaller))
 
 
 def test_a_timer_that_only_counts_is_outside() -> None:

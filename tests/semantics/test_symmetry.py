@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 import symcheck
 from generate import random_copies
-from symcheck.api import Model, properties_file
+from symcheck.api.arguments import properties_file
+from symcheck.api.model import Model
 from symcheck.check.property_instance import observations_up_to_symmetry
 from symcheck.errors import ModelFault
 from symcheck.explicit.build import explore

@@ -11,7 +11,7 @@ from math import exp, inf
 import pytest
 
 import symcheck
-from symcheck.api import Model
+from symcheck.api.model import Model
 from symcheck.check.result import Exact, Statistical
 from symcheck.errors import NumericalError, SymcheckError, UsageError
 

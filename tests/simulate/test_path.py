@@ -6,7 +6,7 @@ from pathlib import Path as File
 
 import pytest
 
-from symcheck.api import loads
+from symcheck.api.loading import loads
 from symcheck.cli.entry_point import run_safely
 from symcheck.errors import NameFault, UsageError
 from symcheck.semantics.binding.bind import bind

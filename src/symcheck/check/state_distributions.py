@@ -138,7 +138,7 @@ def transient(
     elif time == 0:
         lower, upper, text = start, start, "no time passes"
     else:
-        from symcheck.numerics.transient.uniformization import transient_distribution
+        from symcheck.numerics.transient.values import transient_distribution
 
         solution = transient_distribution(matrix, matrix.row_sums(), start, float(time), options)
         lower, upper, text = solution.lower, solution.upper, solution.explanation

@@ -145,7 +145,7 @@ def _load() -> None:
 
     The collector need not visit it, so that the copies of this process share its memory.
     """
-    from symcheck.api import loads
+    from symcheck.api.loading import loads
 
     for engine in ("explicit", "hybrid"):
         with suppress(SymcheckError):  # no decision diagrams on this machine

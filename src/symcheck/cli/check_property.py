@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symcheck.api import Model
+from symcheck.api.model import Model
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
 from symcheck.check.testing.expected_results import Verdict, VerdictKind, expected_value, judge

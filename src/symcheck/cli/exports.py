@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symcheck.api import Model
+from symcheck.api.model import Model
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path, of_switch
 from symcheck.cli.switches.arguments import Arguments

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 
-from symcheck.api import Model, ReducedModel
+from symcheck.api.model import Model
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.testing.property_tests import property_test
 from symcheck.cli import exports
@@ -150,10 +150,10 @@ def _bound_model(state: RunState, model: Model, instances: Sequence[PropertyInst
         state.output.warn("-reduce is not used: which strategies are fair depends on the states")
     keep_steps = bool(a.transient is not None or a.steadystate or a.simpath or a.step or a.exports)
     reduced = model.reduced_for(instances, keep_steps=keep_steps)
-    partial = isinstance(reduced, ReducedModel) and reduced.partial
-    if isinstance(reduced, ReducedModel) and reduced.reduction is not None:
-        state.output.line(f"Reduction:   {reduced.reduction}")
-    if options.stop_at_targets and instances and not partial:
+    smaller = reduced.smaller
+    if smaller is not None and smaller.reduction is not None:
+        state.output.line(f"Reduction:   {smaller.reduction}")
+    if options.stop_at_targets and instances and not (smaller is not None and smaller.partial):
         state.output.line(
             "Note: -nostates has no effect: what is asked for may need every state of the model"
         )
@@ -166,7 +166,7 @@ def _build(state: RunState, model: Model, watch: Progress) -> None:
     engine = model.engine
     watch.clear()
     state.build_seconds = perf_counter() - started
-    partial = isinstance(model, ReducedModel) and model.partial
+    partial = model.smaller is not None and model.smaller.partial
     state.output.built(engine, watch.choice, state.build_seconds, partial=partial)
     if state.options.symmetry and not state.arguments.needs_model:
         reason = _why_no_symmetry(model)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from symcheck.api import Model
+from symcheck.api.model import Model
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
 from symcheck.cli.check_property import check_property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from symcheck.api import Model
+from symcheck.api.model import Model
 from symcheck.cli import exports
 from symcheck.cli.check_property import report_unparsed
 from symcheck.cli.input.model import STANDARD_INPUT, choose_model_file, read_model

@@ -132,69 +132,89 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
             possible.
         ModelFault, ResourceError: as for `choose`.
     """
-    from symcheck.explicit.build import Exploration
     from symcheck.kernels.explore.breadth_first import malloc_trim
+
+    with _diagrams_need_less(model):
+        exploration = _explore_first(model, options, observer)
+        if exploration.complete:
+            return _small_model(exploration, observer)
+    if (reason := _why_no_diagrams(model)) is not None:
+        exploration.run(None, observer)
+        return _explicit_engine(exploration, observer, reason)
+    with _diagrams_need_less(model):
+        restricted = _restrict(model, options, exploration)
+    found: StateSpace | str | None
+    found = _large_regular_model(model, options, exploration, any_size=restricted is not None)
+    if found is None:
+        malloc_trim()  # returns the memory of the diagrams
+        with _diagrams_need_less(model):
+            if _explore_sparse_model(exploration, tuning.SPARSE_MODEL_TRANSITIONS):
+                return _small_model(exploration, observer)
+        options = _with_variable_order(model, options, observer)
+        found = _alternate(model, options, exploration, observer)
+        if exploration.complete and isinstance(found, str):
+            return _explicit_engine(exploration, observer, found)
+    del exploration  # frees the memory of its states
+    if isinstance(found, str):
+        space, reason = _explore_symbolically(model, options, None), found
+    else:
+        space, reason = found, _compression(found)
+    return _symbolic_engine(space, options, observer, reason, restricted)
+
+
+def _explore_first(model: BoundModel, options: Options, observer: Observer | None) -> Exploration:
+    """The short exploration: longer where states are symmetric or have few transitions."""
+    from symcheck.explicit.build import Exploration
     from symcheck.semantics.reduction.symmetry import observed_symmetries
 
     exploration = Exploration(model, options)
-    with _diagrams_need_less(model):
-        if not exploration.run(tuning.SMALL_MODEL_STATES):
-            symmetries = observed_symmetries(model)
-            if symmetries:
-                exploration = Exploration(model, options, symmetries=symmetries)
-                exploration.run(_states_up_to_symmetry(symmetries), observer)
-        if exploration.complete or _explore_sparse_model(
-            exploration, tuning.FIRST_EXPLORATION_TRANSITIONS
-        ):
-            return _small_model(exploration, observer)
+    if not exploration.run(tuning.SMALL_MODEL_STATES):
+        if symmetries := observed_symmetries(model):
+            exploration = Exploration(model, options, symmetries=symmetries)
+            exploration.run(_states_up_to_symmetry(symmetries), observer)
+        if not exploration.complete:
+            _explore_sparse_model(exploration, tuning.FIRST_EXPLORATION_TRANSITIONS)
+    return exploration
+
+
+def _why_no_diagrams(model: BoundModel) -> str | None:
+    """The reason why diagrams are impossible; None if they are possible."""
     from symcheck.dd.cudd_import import available
 
     if _is_unbounded(model):
-        exploration.run(None, observer)
-        return _explicit_engine(exploration, observer, "there are integers without bounds")
-    if not available():
-        exploration.run(None, observer)
-        return _explicit_engine(exploration, observer, "decision diagrams are not installed")
-    with _diagrams_need_less(model):
-        restricted = _restrict(model, options, exploration)
-    space = _large_regular_model(model, options, exploration, any_size=restricted is not None)
-    if space is not None:
-        del exploration  # frees the memory of its states
-        return _symbolic_engine(space, options, observer, _compression(space), restricted)
-    malloc_trim()  # returns the memory of the diagrams
-    with _diagrams_need_less(model):
-        if _explore_sparse_model(exploration, tuning.SPARSE_MODEL_TRANSITIONS):
-            return _small_model(exploration, observer)
-    options = _with_variable_order(model, options, observer)
-    for turn, (lookups, states) in enumerate(tuning.SELECTION_TURNS):
-        if turn == 0 and _rounds_many_bits(model):
-            failure = _DiagramFailure(_TOO_MANY_READS)
-        else:
-            match _try_diagrams(model, options, lookups):
-                case _DiagramFailure() as failure:
-                    pass
-                case space:
-                    del exploration
-                    return _symbolic_engine(
-                        space, options, observer, _compression(space), restricted
-                    )
-        malloc_trim()
-        if failure.found_states > tuning.SELECTION_TURNS[-1][1]:
-            states = failure.found_states
-            break
-        if failure.hopeless or (
-            turn == len(tuning.SELECTION_TURNS) - 1
-            and 0 < failure.found_states < exploration.progress.states
-        ):
+        return "there are integers without bounds"
+    return None if available() else "decision diagrams are not installed"
+
+
+def _alternate(
+    model: BoundModel, options: Options, exploration: Exploration, observer: Observer | None
+) -> StateSpace | str:
+    """Diagrams and the exploration in turn, with larger budgets in each turn.
+
+    Returns:
+        The states as a diagram; or the reason for the exploration, if it is complete, and
+        otherwise for diagrams without a budget.
+    """
+    from symcheck.kernels.explore.breadth_first import malloc_trim
+
+    _, most = tuning.SELECTION_TURNS[-1]
+    for lookups, states in tuning.SELECTION_TURNS:
+        first, last = lookups == tuning.SELECTION_TURNS[0][0], states == most
+        match _try_diagrams(model, options, lookups, unless_rounding=first):
+            case _DiagramFailure() as failure:
+                malloc_trim()
+            case space:
+                return space
+        found = failure.found_states
+        if found > most:
+            return f"there are more than {found:,} states"
+        if failure.hopeless or (last and 0 < found < exploration.progress.states):
             states = max(states, _state_capacity(exploration))
-        if failure.found_states <= states:
+        if found <= states:
             with _diagrams_need_less(model):
                 if exploration.run(states, observer):
-                    return _explicit_engine(exploration, observer, failure.reason)
-    del exploration
-    space = _explore_symbolically(model, options, None)
-    reason = f"there are more than {states:,} states"
-    return _symbolic_engine(space, options, observer, reason, restricted)
+                    return failure.reason
+    return f"there are more than {states:,} states"
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,9 +250,14 @@ def _with_variable_order(model: BoundModel, options: Options, observer: Observer
 
 
 def _try_diagrams(
-    model: BoundModel, options: Options, lookups: int
+    model: BoundModel, options: Options, lookups: int, *, unless_rounding: bool = True
 ) -> StateSpace | _DiagramFailure:
-    """The states as a diagram that compresses them, or the reason why there is none."""
+    """The states as a diagram that compresses them, or the reason why there is none.
+
+    unless_rounding: do not try a model that rounds numbers of many bits.
+    """
+    if unless_rounding and _rounds_many_bits(model):
+        return _DiagramFailure(_TOO_MANY_READS)
     unfinished = f"diagrams did not finish within {lookups / 1e6:g} million look-ups"
     try:
         space = _explore_symbolically(model, options, lookups)
@@ -292,7 +317,7 @@ def _large_regular_model(
 
     Not of orbits, whose number is unknown, nor in an order that has to be searched for.
     """
-    if options.order is not None or exploration.orbits is not None or _rounds_many_bits(model):
+    if options.order is not None or exploration.orbits is not None:
         return None
     space = _try_diagrams(model, options, tuning.FIRST_LOOKUPS)
     if isinstance(space, _DiagramFailure):

@@ -7,9 +7,10 @@ from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO, Unpack
+from typing import TYPE_CHECKING, Self, TextIO, Unpack
 
-from symcheck.api import Model, ModelTypeName, model_type, properties_file, takes_options
+from symcheck.api.arguments import ModelTypeName, model_type, properties_file, takes_options
+from symcheck.api.model import Model
 from symcheck.check.context import Context
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.state_formulas import satisfying
@@ -66,7 +67,7 @@ class ImportedModel(Model):
         assert self.data is not None
         return build_imported(self.data, self.options)
 
-    def reduced_for(self, *_: object, **__: object) -> Model:
+    def reduced_for(self, *_: object, **__: object) -> Self:
         """The model itself: reduction rewrites commands, and there are none."""
         return self
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from time import perf_counter
 
-from symcheck.api import Model
+from symcheck.api.model import Model
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.constant_values import GivenConstants
 from symcheck.errors import Interrupted

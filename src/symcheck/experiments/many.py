@@ -10,7 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple, Unpack, cast
 
-from symcheck.api import Model, takes_options
+from symcheck.api.arguments import takes_options
+from symcheck.api.model import Model
 from symcheck.constant_values import GivenValues
 from symcheck.errors import SymcheckError, SyntaxFault, UsageError
 from symcheck.experiments.properties_input import PropertiesInput, read_properties

@@ -15,7 +15,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Unpack, cast
 
-from symcheck.api import Model, takes_options
+from symcheck.api.arguments import takes_options
+from symcheck.api.model import Model
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.constant_values import GivenValues, combinations, value_lists
 from symcheck.errors import Interrupted, NameFault, UsageError

@@ -11,7 +11,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import overload
 
-from symcheck.api import Model, load, properties_file
+from symcheck.api.arguments import properties_file
+from symcheck.api.loading import load
+from symcheck.api.model import Model
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Answer, Estimate, Exact, Result, Statistical, show_value
 from symcheck.constant_values import GivenValues, combinations, value_lists

@@ -249,7 +249,7 @@ def _transient_bounds(
     Returns:
         The lower and the upper bounds, float64[n] each.
     """
-    from symcheck.numerics.transient.uniformization import transient_values
+    from symcheck.numerics.transient.values import transient_values
 
     _refuse_rationals(context)
     if system.n == 0:

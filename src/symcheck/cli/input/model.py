@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from symcheck.api import Model
+from symcheck.api.model import Model
 from symcheck.cli.output_paths import of_switch
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import UsageError

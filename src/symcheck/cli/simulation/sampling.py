@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from symcheck.api import Model
+from symcheck.api.model import Model
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path, of_switch
 from symcheck.cli.switches.arguments import Arguments

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING
 
-from symcheck.api import Model
+from symcheck.api.model import Model
 from symcheck.cli.output import Output
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import InputError, UsageError

@@ -22,9 +22,10 @@ from symcheck.engines.linear_system import (
 )
 from symcheck.engines.reward_sums import RewardSums
 from symcheck.engines.symbolic.acyclic import AcyclicSolution
-from symcheck.engines.symbolic.deterministic_elimination import DeterministicElimination, ReducedSet
+from symcheck.engines.symbolic.deterministic_elimination import DeterministicElimination
 from symcheck.engines.symbolic.diagrams import Diagrams, HasDiagrams, diagrams_of
 from symcheck.engines.symbolic.graph import SymbolicGraph
+from symcheck.engines.symbolic.reduced_system import ReducedSet
 from symcheck.engines.symbolic.sets import (
     Piece,
     SymbolicSet,

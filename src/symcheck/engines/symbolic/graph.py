@@ -16,10 +16,8 @@ from symcheck.dd.manager import Bdd
 from symcheck.direction import Direction
 from symcheck.engines import tuning
 from symcheck.engines.symbolic.components import Components
-from symcheck.engines.symbolic.deterministic_elimination import (
-    DeterministicElimination,
-    ReducedSystem,
-)
+from symcheck.engines.symbolic.deterministic_elimination import DeterministicElimination
+from symcheck.engines.symbolic.reduced_system import ReducedSystem
 from symcheck.engines.symbolic.sets import SymbolicSet
 from symcheck.engines.symbolic.steps import TooSlowError, look_ups
 from symcheck.matrices.rows import Bools

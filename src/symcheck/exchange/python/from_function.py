@@ -11,7 +11,8 @@ from typing import Any, TypeVar, Unpack
 
 import numpy as np
 
-from symcheck.api import Model, model_type, takes_options
+from symcheck.api.arguments import model_type, takes_options
+from symcheck.api.model import Model
 from symcheck.errors import (
     Diagnostic,
     InputError,

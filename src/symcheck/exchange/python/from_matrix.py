@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Unpack, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symcheck.api import Model, model_type, takes_options
+from symcheck.api.arguments import model_type, takes_options
+from symcheck.api.model import Model
 from symcheck.errors import Diagnostic, ModelFault, NameFault, UsageError
 from symcheck.exchange.api_io import explicit_model
 from symcheck.exchange.column_reader import first_true

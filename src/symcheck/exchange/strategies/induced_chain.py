@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from symcheck.api import Model
+from symcheck.api.model import Model
 from symcheck.check.result import Result
 from symcheck.engines.base import erased
 from symcheck.engines.explicit.strategy import Strategy

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from symcheck.api import Model
+from symcheck.api.model import Model
 from symcheck.check.strategies.to_explicit import check_rows_fit
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.finite_memory import Decisions, finite_memory_strategy

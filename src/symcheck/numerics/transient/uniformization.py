@@ -12,421 +12,29 @@ steady state (a = b = 1) or to a quasi-stationary decay or growth, and the rest 
 known. Even without them, P^m y_k lies between the least (if no jump leaves the states) and the
 greatest entry of y_k, or 0, however large m is: nothing remains once all is absorbed.
 
-Small chains with a long horizon are squared instead (see `squaring`).
+Other methods take its place for long horizons (see `methods`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from symcheck.errors import NumericalError
-from symcheck.matrices.operators import SweepOperator
-from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
+from symcheck.matrices.rows import Floats, Int64s
 from symcheck.numerics import tuning
-from symcheck.numerics.linear.preconditioned_bicgstab import scaled
-from symcheck.numerics.linear.problem import Observer, Progress, largest_width
+from symcheck.numerics.linear.problem import Observer, Progress
 from symcheck.numerics.settings import Settings
-from symcheck.numerics.transient.forward import forward_value
+from symcheck.numerics.transient.horizon import Transient, close_enough
 from symcheck.numerics.transient.poisson import PoissonWeights, WeightSequence, poisson
-from symcheck.numerics.transient.rational_krylov import importance, krylov_values, largest_growth
-from symcheck.numerics.transient.squaring import IntervalChain, squaring_entries
-from symcheck.numerics.transient.state_space_truncation import truncate
-from symcheck.numerics.transient.supermartingale import bound_negligible_values
-from symcheck.numerics.transient.uniformized_chain import UniformizedChain, uniformize
-from symcheck.tables import counted
+from symcheck.numerics.transient.uniformized_chain import UniformizedChain
 
-__all__ = ["Transient", "transient_distribution", "transient_values"]
+__all__ = ["smooth", "sum_series"]
 
 
-@dataclass(frozen=True, eq=False)
-class Transient:
-    """Certified bounds, float64[n] each, the number of steps, and one line for users."""
-
-    lower: Floats
-    upper: Floats
-    iterations: int
-    explanation: str
-
-    @property
-    def middle(self) -> Floats:
-        """The midpoint of the bounds."""
-        return 0.5 * (self.lower + self.upper)
-
-    def widened(self, error: float) -> Transient:
-        """The bounds, widened by an absolute error: relative ones do not hold near underflow."""
-        return replace(self, lower=np.maximum(self.lower - error, 0.0), upper=self.upper + error)
-
-    def plus(self, other: Transient) -> Transient:
-        """The sum of two parts, rounded outwards."""
-        lower, upper = (
-            (self.lower + other.lower) * (1 - 2 * tuning.UNIT_ROUNDOFF),
-            (self.upper + other.upper) * (1 + 2 * tuning.UNIT_ROUNDOFF),
-        )
-        return Transient(
-            lower,
-            upper,
-            self.iterations + other.iterations,
-            f"{self.explanation}; {other.explanation}",
-        )
-
-
-def transient_values(
-    rates: SparseMatrix | SweepOperator,
-    exit_rates: Floats,
-    time: float,
-    settings: Settings,
-    *,
-    terminal: Floats | None = None,
-    reward_rate: Floats | None = None,
-    interest: Int64s | None = None,
-    observer: Observer | None = None,
-    leave: Floats | None = None,
-    limit: Callable[[], Floats] | None = None,
-) -> Transient:
-    """Bounds on x(time) for every state. All arrays are non-negative, float64[n].
-
-    Args:
-        rates: rates among the n states. A diagonal entry is a self-loop and is part of exit_rates.
-        exit_rates: the total rate of leaving each state, including to states outside.
-        time: the horizon.
-        settings: accuracy and limits.
-        terminal, reward_rate: the initial values and the source (see the module).
-        interest: states whose values need the accuracy; None: all.
-        observer: receives the progress.
-        leave: the rates of leaving for states outside, with a relative error; None: not known, and
-            small chains are not squared.
-        limit: computes an upper bound on the values at any time.
-
-    Returns:
-        Bounds, which are further apart than requested if rounding or the work does not allow for
-        it. Values below 1e-300, such as those of states that earn nothing, may have the bounds
-        0 and 2e-300.
-
-    Raises:
-        NumericalError: an array is negative (positive and negative parts must be given separately).
-    """
-    n = len(exit_rates)
-    total: Transient | None = None
-    horizon = _Horizon(rates, exit_rates, time, settings, interest, observer, leave, limit)
-    starts = [
-        (start, source)
-        for start, source in ((terminal, False), (reward_rate, True))
-        if start is not None and np.any(start)
-    ]
-    if any(start.min() < 0.0 for start, _ in starts):
-        raise NumericalError("transient values require non-negative rewards")
-    if starts and horizon.is_squared:
-        return horizon.by_squaring(terminal, reward_rate)
-    for start, source in starts:
-        part = horizon.part(start, source)
-        total = part if total is None else total.plus(part)
-    return (
-        total.widened(tuning.UNDERFLOW_BOUND)
-        if total
-        else Transient(np.zeros(n), np.zeros(n), 0, "no reward is earned: 0")
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Horizon:
-    """Values at a time, which need the accuracy at some states (see `transient_values`)."""
-
-    rates: SparseMatrix | SweepOperator
-    exit_rates: Floats
-    time: float
-    settings: Settings
-    interest: Int64s | None
-    observer: Observer | None
-    leave: Floats | None = None
-    limit: Callable[[], Floats] | None = None
-
-    @property
-    def is_squared(self) -> bool:
-        """Whether squaring takes fewer multiplications than the steps of uniformisation."""
-        rates, steps = self.rates, float(self.exit_rates.max()) * self.time
-        return (
-            isinstance(rates, SparseMatrix)
-            and self.leave is not None
-            and rates.states <= tuning.SQUARING_STATES
-            and steps > tuning.SQUARING_STEPS
-            and squaring_entries(rates.states, steps) < steps * (rates.entries + rates.rows)
-        )
-
-    def by_squaring(self, terminal: Floats | None, reward_rate: Floats | None) -> Transient:
-        """Both parts, for a small chain."""
-        rates, leave = self.rates, self.leave
-        assert isinstance(rates, SparseMatrix)
-        assert leave is not None
-        error = tuning.ENTRY_ERROR + rates.longest * tuning.UNIT_ROUNDOFF
-        earned = np.zeros(rates.states) if reward_rate is None else reward_rate
-        chain, reward, halvings = IntervalChain.of_rates(rates, leave, self.time, earned, error)
-        end = None if terminal is None else (terminal, terminal)
-        found = chain.values(1 << halvings, end, None if reward_rate is None else reward)
-        return Transient(
-            found.lower, found.upper, found.squarings, f"{found.squarings} squarings of a matrix"
-        )
-
-    @cached_property
-    def chain(self) -> UniformizedChain:
-        """The uniformised chain."""
-        return uniformize(self.rates, self.exit_rates)
-
-    def part(self, start: Floats, source: bool) -> Transient:
-        """The part of the terminal values or of the reward rate, by the first that applies."""
-        rates, interest = self.rates, self.interest
-        if interest is not None and len(interest) and isinstance(rates, SparseMatrix):
-            steps = float(self.exit_rates.max()) * self.time
-            entries = steps * (rates.entries + rates.rows)
-            result, least = None, 0.0
-            # Each step visits at least one entry.
-            forward = entries > tuning.FORWARD_ENTRIES and steps <= tuning.FORWARD_WORK
-            if len(interest) == 1 and forward:
-                result, least = self.by_forward_steps(rates, int(interest[0]), start, source)
-            if result is None and source and entries > tuning.TRUNCATION_ENTRIES:
-                result = self.if_negligible(rates, interest, start, least)
-                result = result or self.on_truncated_space(rates, interest, start)
-            if result is None and steps <= tuning.LARGEST_POISSON_RATE:
-                result = self.by_rational_krylov(rates, interest, start, source)
-                if result is not None and not self.suffices(result, interest, entries):
-                    result = None
-            if result is not None:
-                return result
-        return self.by_series(start, source)
-
-    def suffices(self, found: Transient, interest: Int64s, entries: float) -> bool:
-        """Whether the bounds are as close as requested, or uniformisation, which would visit these
-        entries, takes too long for closer ones.
-        """
-        close = _close_enough(found.lower[interest], found.upper[interest], self.settings)
-        return close or entries > tuning.AFTER_KRYLOV_ENTRIES
-
-    def by_series(self, start: Floats, source: bool) -> Transient:
-        """Uniformisation."""
-        y = start / self.chain.q if source else start
-        conservative = self.leave is not None and not np.any(self.leave)
-        return _sum_series(
-            self.chain,
-            y,
-            self.time,
-            source,
-            self.settings,
-            self.interest,
-            self.observer,
-            conservative=conservative,
-            limit=self.limit if source else None,
-        )
-
-    def by_forward_steps(
-        self, rates: SparseMatrix, state: int, start: Floats, source: bool
-    ) -> tuple[Transient | None, float]:
-        """Forward uniformisation from the state of interest; other states get trivial bounds.
-
-        Returns:
-            None if it did not end; and a lower bound on the value of the state in any case.
-        """
-        run = forward_value(
-            rates, self.exit_rates, start, self.time, source, state, self.settings, self.observer
-        )
-        if math.isinf(run.upper):
-            return None, run.lower
-        lower, upper = self.trivial_bounds(start, source)
-        lower[state], upper[state] = run.lower, run.upper
-        note = (
-            f"uniformisation, {run.steps} steps forward, with at most {run.largest} of "
-            f"{counted(len(start), 'state')} active"
-        )
-        return Transient(lower, upper, run.steps, note), run.lower
-
-    def trivial_bounds(self, start: Floats, source: bool) -> tuple[Floats, Floats]:
-        """0, and what the largest reward would earn all the time: float64[n] each."""
-        most = float(start.max()) * (self.time if source else 1.0) * (1.0 + 1e-9)
-        return np.zeros(len(start)), np.full(len(start), most)
-
-    def if_negligible(
-        self, rates: SparseMatrix, interest: Int64s, reward_rate: Floats, least: float
-    ) -> Transient | None:
-        """Values from 0 to a proved bound, if that is close enough; others get trivial bounds.
-
-        least: a lower bound on the values of interest.
-        """
-        enough = tuning.UNDERFLOW_BOUND
-        if not self.settings.relative:
-            enough = max(enough, self.settings.epsilon)
-        if least > enough:
-            return None
-        bound = bound_negligible_values(
-            rates, self.exit_rates, self.time, reward_rate, interest, enough
-        )
-        if bound is None:
-            return None
-        lower, upper = self.trivial_bounds(reward_rate, True)
-        upper[interest] = bound
-        return Transient(lower, upper, 0, "an exponential supermartingale")
-
-    def by_rational_krylov(
-        self,
-        rates: SparseMatrix,
-        interest: Int64s,
-        start: Floats,
-        source: bool,
-        weights: Floats | None = None,
-    ) -> Transient | None:
-        """Rational Krylov subspaces for stiff chains, after uniformisation has smoothed the start.
-
-        weights: positive; values are divided by them, and Q becomes diag(w)^-1 Q diag(w). None: 1.
-
-        Returns:
-            Bounds, perhaps further apart than requested (see `krylov_values`); None if the chain
-            is not stiff or the subspace does not converge.
-        """
-        chain, exit_rates, time = self.chain, self.exit_rates, self.time
-        settings, observer = self.settings, self.observer
-        smoothing = tuning.SMOOTHING_STEPS / chain.q
-        if (
-            chain.q * time < tuning.KRYLOV_STEPS
-            or chain.q * time * chain.entries < tuning.KRYLOV_ENTRIES
-        ):
-            return None
-        growth, later_growth, scale, poles = 1.0, 1.0, np.ones(1), tuning.POLES
-        if weights is not None:
-            rates, scale, poles = scaled(rates, weights), weights, tuning.WEIGHTED_POLES
-            start = start / weights
-            chain = uniformize(rates, exit_rates)
-            growth, later_growth = (
-                largest_growth(rates, exit_rates, t) for t in (4.0 * smoothing, time)
-            )
-            if math.isinf(later_growth):
-                return None
-        rounding = 2.0 * (rates.longest + 6) * tuning.UNIT_ROUNDOFF * chain.q * time
-        if settings.relative and rounding > settings.epsilon:
-            return None  # it is an error relative to the greatest value (see `krylov_values`)
-        terms = start / chain.q if source else start
-        smooth, steps, smoothing_error = _smooth(chain, terms, smoothing, source, growth, observer)
-        reward_rate = start if source else None
-        result = krylov_values(
-            rates,
-            exit_rates,
-            smooth,
-            reward_rate,
-            time - smoothing,
-            interest,
-            settings,
-            observer,
-            poles,
-        )
-        if result is None:
-            return None
-        error = (result.error + smoothing_error * later_growth * (1.0 + 1e-6)) * scale
-        values = result.values * scale
-        lower, upper = np.maximum(values - error, 0.0), values + error
-        note = (
-            f"uniformisation, {steps} steps, then a rational Krylov subspace of "
-            f"{result.vectors} vectors, {result.steps} steps of BiCGStab"
-        )
-        return Transient(lower, upper, steps + result.steps, note)
-
-    def on_truncated_space(
-        self, rates: SparseMatrix, interest: Int64s, reward_rate: Floats
-    ) -> Transient | None:
-        """A reward rate on a truncated space; other states get trivial bounds."""
-        exit_rates, time = self.exit_rates, self.time
-        kept, loss, matrix = np.arange(rates.states, dtype=np.int64), 0.0, rates
-        cut = None
-        for laplace_shift in tuning.TRUNCATION_SHIFTS:
-            index = np.full(rates.states, -1, dtype=np.int32)
-            index[kept] = np.arange(len(kept))
-            at = index[interest].astype(np.int64)
-            closer = truncate(
-                matrix,
-                exit_rates[kept],
-                time,
-                reward_rate[kept],
-                at,
-                0.1 * self.settings.epsilon,
-                laplace_shift,
-            )
-            if closer is None:
-                break
-            cut = closer
-            kept, loss = kept[cut.kept], loss + cut.loss
-            index[:] = -1
-            index[kept] = np.arange(len(kept))
-            matrix = rates.select(kept, index, len(kept))
-        if cut is None or len(kept) > tuning.TRUNCATION_MAX_KEPT * rates.states:
-            return None
-        at = index[interest].astype(np.int64)
-        leave, limit = None, self.limit
-        if self.leave is not None:
-            members = np.zeros(rates.states, np.bool_)
-            members[kept] = True
-            cut_off = np.zeros(rates.states)
-            cut_off[members] = rates.sums(members, ~members)
-            leave = (self.leave + cut_off)[kept]
-        smaller = _Horizon(
-            matrix,
-            exit_rates[kept],
-            time,
-            self.settings,
-            at,
-            self.observer,
-            leave,
-            None if limit is None else lambda: limit()[kept],
-        )
-        result = smaller.by_squaring(None, reward_rate[kept]) if smaller.is_squared else None
-        if result is None and smaller.chain.q * time <= tuning.LARGEST_POISSON_RATE:
-            weights = importance(matrix, exit_rates[kept], reward_rate[kept], time, cut.values)
-            if weights is not None:
-                result = smaller.by_rational_krylov(matrix, at, reward_rate[kept], True, weights)
-                entries = smaller.chain.q * time * smaller.chain.entries
-                if result is not None and not smaller.suffices(result, at, entries):
-                    result = None
-        result = result or smaller.by_series(reward_rate[kept], True)
-        lower, upper = self.trivial_bounds(reward_rate, True)
-        lower[interest] = result.lower[at]
-        upper[interest] = result.upper[at] + loss
-        note = f"{len(kept)} of {rates.states} states kept: {result.explanation}"
-        return Transient(lower, upper, result.iterations, note)
-
-
-def transient_distribution(
-    rates: SparseMatrix,
-    exit_rates: Floats,
-    initial: Floats,
-    time: float,
-    settings: Settings,
-) -> Transient:
-    """Bounds on the probability of each state at a time.
-
-    Args:
-        rates, exit_rates: as in `transient_values`.
-        initial: the initial distribution, float64[n].
-        time: the time.
-        settings: accuracy and limits.
-    """
-    steps = float(exit_rates.max(initial=0.0)) * time
-    if (
-        rates.states <= tuning.SQUARING_STATES
-        and steps > tuning.SQUARING_STEPS
-        and squaring_entries(rates.states, steps) < steps * (rates.entries + rates.rows)
-    ):
-        nothing = np.zeros(rates.states)
-        error = tuning.ENTRY_ERROR + rates.longest * tuning.UNIT_ROUNDOFF
-        squared, _, halvings = IntervalChain.of_rates(rates, nothing, time, nothing, error)
-        found = squared.distribution(1 << halvings, initial)
-        text = f"{found.squarings} squarings of a matrix"
-        return Transient(found.lower, found.upper, found.squarings, text)
-    chain = uniformize(rates, exit_rates, transposed=True)
-    series = _sum_series(chain, initial, time, False, settings, None, None, mass=True)
-    series.upper[:] = np.minimum(series.upper, 1.0)
-    return series
-
-
-def _sum_series(
+def sum_series(
     chain: UniformizedChain,
     start: Floats,
     time: float,
@@ -494,7 +102,7 @@ def _sum_series(
             observer(Progress("uniformisation", k, high - low, len(start)))
         if (
             k >= end
-            or _close_enough(at_interest(below), at_interest(above), settings)
+            or close_enough(at_interest(below), at_interest(above), settings)
             or out_of_work
         ):
             return _result(below, above, k, end, "")
@@ -516,7 +124,7 @@ def _sum_series(
                 ),
             )
             # Ratios that differ by rounding only will not converge further.
-            if high - low <= 2.0 * rounding_error or _close_enough(
+            if high - low <= 2.0 * rounding_error or close_enough(
                 at_interest(shortcut[0]), at_interest(shortcut[1]), settings
             ):
                 return _result(
@@ -547,7 +155,7 @@ def _weights(rate: float, source: bool, shortened: bool) -> tuple[PoissonWeights
     return window, WeightSequence(left, float(source), np.full(1, last), 1e-300, 2.0 * deviations)
 
 
-def _smooth(
+def smooth(
     chain: UniformizedChain,
     start: Floats,
     time: float,
@@ -639,10 +247,6 @@ def _worth_computing(
         or remaining_weight == 0.0
         or high - low <= 1e-14
     )
-
-
-def _close_enough(below: Floats, above: Floats, settings: Settings) -> bool:
-    return largest_width(below, above, settings.relative) <= settings.epsilon
 
 
 def _result(lower: Floats, upper: Floats, steps: int, all_steps: int, note: str) -> Transient:

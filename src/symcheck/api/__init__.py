@@ -1,0 +1,1 @@
+"""The façade: `symcheck.load("die.pm").check("P=? [ F d=6 ]")`."""

@@ -1,0 +1,291 @@
+"""Checking properties on a model: one, several, or a test of expected results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from symcheck.api.arguments import properties_file, single_property
+from symcheck.api.stages import Smaller, Stages, limited
+from symcheck.check.checker import check
+from symcheck.check.property_instance import (
+    PropertyInstance,
+    observations_up_to_symmetry,
+    property_instances,
+    reduced,
+    shared_quotient,
+    stopped,
+)
+from symcheck.check.result import Result
+from symcheck.constant_values import ConstantValue, GivenConstants, constant_values
+from symcheck.engines.states import States
+from symcheck.errors import ResourceError, SymcheckError, UsageError
+from symcheck.numerics.linear.problem import Observer as IterationObserver
+from symcheck.options import Options
+from symcheck.semantics.binding.bind import BoundProperties, BoundProperty, bind_properties
+from symcheck.syntax.declarations import PropertiesFile
+
+if TYPE_CHECKING:
+    from symcheck.check.bisimulation.on_quotient import SharedQuotient
+    from symcheck.check.testing.property_tests import PropertyTests
+
+__all__ = ["CheckedModel"]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CheckedModel(Stages):
+    """A model whose properties are checked.
+
+    With the options `reduce`, `stop_at_targets` and `symmetry`, a smaller model takes its place,
+    made for each `check` (or `check_all`).
+    """
+
+    def reduced_for(
+        self, instances: Sequence[PropertyInstance], *, keep_steps: bool = False
+    ) -> Self:
+        """The model on which properties are checked.
+
+        It is smaller with the options `reduce`, `stop_at_targets` and `symmetry`. Under fairness it
+        is the model itself, because which strategies are fair depends on the states. The last two
+        are used only if neither strategies nor values in all states are asked for.
+
+        Args:
+            instances: the properties.
+            keep_steps: more than the properties is asked for: preserve the number of steps of each
+                path, and explore all states.
+        """
+        options = self.options
+        only_values = not (keep_steps or options.everywhere or options.strategy)
+        stops = options.stop_at_targets and only_values
+        exchanges = options.symmetry and only_values and bool(instances)
+        if not (options.reduce or stops or exchanges):
+            return self
+        if options.fairness or self.bound.builder is not None:
+            return self
+        key = tuple((p.file, p.index, *p.constants.items(), keep_steps) for p in instances)
+        if key not in self._reduced_models:
+            self._reduced_models.clear()
+            smaller = stopped(self.bound, instances) if stops else self.bound
+            stopped_early, reduction = smaller is not self.bound, None
+            if options.reduce:
+                reduction = reduced(smaller, instances, keep_steps=keep_steps)
+                smaller = reduction.model
+            if exchanges:
+                observed = partial(observations_up_to_symmetry, instances=instances)
+                smaller = replace(smaller, observed=observed)
+            if smaller is self.bound:
+                return self
+            self._reduced_models[key] = replace(
+                self, smaller=Smaller(smaller, reduction, stopped_early)
+            )
+        return self._reduced_models[key]
+
+    @cached_property
+    def _reduced_models(self) -> dict[tuple[object, ...], Self]:
+        """The last reduced model, by the properties that it was reduced for."""
+        return {}
+
+    def where(self, formula: str) -> States:
+        """The reachable states that satisfy a formula.
+
+        Args:
+            formula: may use variables, constants, formulas, labels, and operators such as P>0.5.
+
+        Raises:
+            SymcheckError: as for `check`; UsageError if the formula is a number.
+
+        Examples:
+            >>> import symcheck
+            >>> model = symcheck.loads("dtmc module m x : [0..1]; [] x=0 -> (x'=1); endmodule")
+            >>> print(*model.where('x=1 & "deadlock"'))
+            (x=1)
+        """
+        everywhere = replace(self.options, everywhere=True, strategy=False)
+        instance = PropertyInstance(single_property(formula), 0, {})
+        satisfying = self.check_instance(instance, options=everywhere).satisfying_or_none
+        if satisfying is None:
+            raise UsageError(f"a condition is expected, and {formula} is a number")
+        return satisfying
+
+    def check(
+        self,
+        formula: str,
+        constants: GivenConstants | str | None = None,
+        *,
+        observer: IterationObserver | None = None,
+    ) -> Result:
+        """Check one property.
+
+        Args:
+            formula: text in PRISM's property language.
+            constants: one value for each constant that the text declares and leaves open.
+            observer: is told of each iteration of a numerical method, and may raise to end it.
+
+        Raises:
+            SymcheckError: the text is faulty, the property is not supported, or a limit was
+                reached.
+
+        Examples:
+            >>> import symcheck
+            >>> model = symcheck.loads("dtmc module m x : [0..1]; [] x=0 -> (x'=1); endmodule")
+            >>> model.check("P=? [ F x=1 ]").value
+            1.0
+        """
+        return next(self._check_all(single_property(formula), constants, observer))[1]
+
+    def check_all(
+        self,
+        properties: str | Path | PropertiesFile,
+        constants: GivenConstants | str | None = None,
+    ) -> Iterator[tuple[BoundProperty, Result]]:
+        """Check several properties one after the other: an iterator of each with its result.
+
+        They are a file (a Path, or its name such as "die.pctl"), a text, or parsed properties.
+
+        With the option `bisim`, one quotient serves all of them if it is small enough.
+        """
+        return self._check_all(properties_file(properties), constants, None)
+
+    @limited
+    def test(
+        self,
+        properties: str | Path | PropertiesFile,
+        constants: GivenConstants | str | None = None,
+    ) -> PropertyTests:
+        r"""Compare the results of properties with the comments `// RESULT: …` above them.
+
+        An error of a property, or of building the model, is the result of the property. The
+        convention is that of PRISM's tests: see `symcheck.check.testing.expected_results`.
+
+        Args:
+            properties: as for `check_all`.
+            constants: one value for each constant that the properties leave open.
+
+        Returns:
+            A sequence of one test per property, with a report: `ok`, `failed`, `save("t.xml")`.
+
+        Raises:
+            SyntaxFault: the text does not follow the grammar.
+            ResourceError: a limit was reached.
+
+        Examples:
+            >>> import symcheck
+            >>> model = symcheck.load("models/die/die.pm")
+            >>> model.test("// RESULT: 1/6\\nP=? [ F d=6 ]").ok
+            True
+        """
+        from symcheck.check.testing.property_tests import PropertyTests, property_test
+
+        file = properties_file(properties)
+        given = constant_values(constants)
+        tests = []
+        fault, model, shared = None, self, None
+        instances = self.instances(file, {n: (v,) for n, v in given.items()})
+        try:
+            model = self.reduced_for(instances)
+            shared = model.shared_quotient(instances)
+            _ = model.engine
+        except ResourceError:
+            raise
+        except SymcheckError as error:  # RESULT lines may expect it
+            fault = error
+        for instance in instances:
+            known = instance.bind(self.bound)[0].constants
+            outcome: Result | SymcheckError
+            try:
+                outcome = fault or model.check_instance(instance, shared=shared)
+            except ResourceError:
+                raise
+            except SymcheckError as error:
+                outcome = error
+            exact = self.options.exact
+            of_model = {n: str(v) for n, v in self.given_constants.items()}
+            tests.append(property_test(instance, outcome, of_model, known, exact=exact))
+        sources = (s.span.source.name for s in (self.program, *file.properties[:1]))
+        return PropertyTests(tuple(tests), " ".join(sources))
+
+    def _check_all(
+        self,
+        file: PropertiesFile,
+        constants: GivenConstants | str | None,
+        observer: IterationObserver | None,
+    ) -> Iterator[tuple[BoundProperty, Result]]:
+        results = self._results(file, constant_values(constants), observer)
+        while (result := self.within_limits(lambda: next(results, None))) is not None:
+            yield result
+
+    def _results(
+        self,
+        file: PropertiesFile,
+        constants: GivenConstants,
+        observer: IterationObserver | None,
+    ) -> Iterator[tuple[BoundProperty, Result]]:
+        instances = self.instances(file, {n: (v,) for n, v in constants.items()})
+        for instance in instances:
+            instance.bind(self.bound)  # faults of the text are reported before anything is built
+        model = self.reduced_for(instances)
+        shared = model.shared_quotient(instances)
+        for instance in instances:
+            bound, _ = instance.bind(model.bound)
+            yield bound, model.check_instance(instance, shared=shared, observer=observer)
+
+    def properties(
+        self, file: PropertiesFile, constants: GivenConstants | str | None = None
+    ) -> BoundProperties:
+        """Properties bound to this model. Raises InputError."""
+        return bind_properties(file, self.bound, constant_values(constants))
+
+    def instances(
+        self,
+        file: PropertiesFile,
+        values: Mapping[str, Sequence[ConstantValue]],
+        indices: Sequence[int] | None = None,
+    ) -> list[PropertyInstance]:
+        """The properties of a file for every combination of values of their constants.
+
+        Each property is combined with the constants on which it depends.
+
+        Args:
+            file: the properties.
+            values: for each constant that the file leaves open, its values.
+            indices: the properties, from 0; None for all.
+        """
+        return property_instances(self.program, file, values, indices)
+
+    @limited
+    def shared_quotient(self, instances: Sequence[PropertyInstance]) -> SharedQuotient | None:
+        """One quotient for several properties, with the option `bisim` and if it pays."""
+        return shared_quotient(self.engine, instances, self.options)
+
+    @limited
+    def check_instance(
+        self,
+        instance: PropertyInstance,
+        *,
+        options: Options | None = None,
+        shared: SharedQuotient | None = None,
+        observer: IterationObserver | None = None,
+    ) -> Result:
+        """Check a property on this model as it is (see `reduced_for`).
+
+        Args:
+            instance: the property.
+            options: how it is checked; None for the options of the model.
+            shared: a quotient for several properties, of this model.
+            observer: is told of each iteration of a numerical method, and may raise to end it.
+
+        Raises:
+            SymcheckError: see `check`.
+        """
+        bound, labels = instance.bind(self.bound)
+        return check(
+            self.engine,
+            bound.formula,
+            options or self.options,
+            labels=labels,
+            observer=observer,
+            shared=shared,
+        )

@@ -1,0 +1,284 @@
+"""A model as users see it: built, checked, sampled and shown on a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from symcheck.api.arguments import single_property
+from symcheck.api.checking import CheckedModel
+from symcheck.api.stages import limited
+from symcheck.check.property_instance import PropertyInstance
+from symcheck.check.result import Result
+from symcheck.constant_values import GivenConstants, constant_values
+from symcheck.engines.states import Named, States
+from symcheck.errors import UsageError
+from symcheck.matrices.numbers import Numbers
+from symcheck.semantics.model import Value, Variable
+from symcheck.semantics.rewards import Structure
+from symcheck.syntax.declarations import PropertiesFile
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from networkx import DiGraph
+    from scipy.sparse import csr_array
+
+    from symcheck.check.state_distributions import Distribution
+    from symcheck.engines.transition_table import TransitionTable
+    from symcheck.parallel.dask import Cluster
+    from symcheck.parallel.workers import Workers
+    from symcheck.simulate.check import SamplesObserver
+    from symcheck.simulate.path import Path as RandomPath
+    from symcheck.simulate.statistics import Method, Plan
+    from symcheck.simulate.stepper import Simulator
+    from symcheck.simulate.steps import Steps
+    from symcheck.teach.model_page import Page
+
+__all__ = ["Model", "StructureRewards"]
+
+
+class StructureRewards(NamedTuple):
+    """A reward structure as arrays: float64, or rationals.
+
+    Attributes:
+        states: the reward of each state (per unit of time in a CTMC).
+        choices: the expected transition reward of each choice, a row of the matrix (per unit of
+            time in a CTMC).
+    """
+
+    states: Numbers
+    choices: Numbers
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Model(CheckedModel):
+    """A model with the constants and options that it is checked with.
+
+    `states`, `transitions`, `matrix`, `labels`, `rewards` and `where` show the built model.
+    `bound` and `engine` are the stages of the path from text to result; each is made when it is
+    first used. With the option `reduce`, properties are checked on a smaller model, made for each
+    `check` (or `check_all`); `engine` is that of the whole model.
+
+    Args:
+        program: the parsed text.
+        given_constants: one value for each constant that the text leaves open.
+        options: how the model is built and checked.
+        given_type: read the model as this type, whatever its keyword says.
+        observer: is told of the progress of building, and of the choice of an engine.
+        smaller: what is built in place of the model, for some properties (see `reduced_for`).
+    """
+
+    # ------------------------------------------------------------------ the built model
+
+    @property
+    def constants(self) -> Mapping[str, Value]:
+        """The value of each constant."""
+        return self.bound.constants
+
+    @property
+    def variables(self) -> tuple[Variable, ...]:
+        """The variables with their types and ranges, in the order of declaration."""
+        return self.bound.variables
+
+    @property
+    def states(self) -> States:
+        """The reachable states. They are listed only when they are asked for."""
+        return States(self.engine, self.engine.all)
+
+    @property
+    def deadlocks(self) -> States:
+        """The states without a transition, before they were given a self-loop."""
+        return States(self.engine, self.engine.deadlocks)
+
+    @property
+    def transitions(self) -> TransitionTable:
+        """The transitions: source, action, target, probability (a rate in a CTMC)."""
+        from symcheck.engines.transition_table import TransitionTable
+
+        return TransitionTable(self.engine)
+
+    @cached_property
+    def labels(self) -> Named[States]:
+        """The states of each label, "init" and "deadlock" among them."""
+        names = (*self.bound.labels, "init", "deadlock")
+        return Named({name: self.where(f'"{name}"') for name in names})
+
+    @property
+    def rewards(self) -> Named[StructureRewards]:
+        """The numbers of each reward structure, as arrays; one without a name is `""`."""
+        system, result = self.engine.system(self.engine.all), Named[StructureRewards]()
+        for number, structure in enumerate(self.bound.rewards):
+            arrays = system.rewards(Structure(number))
+            result[structure.name or ""] = StructureRewards(*(a.copy() for a in arrays))
+        return result
+
+    @property
+    def matrix(self) -> csr_array:
+        """The probabilities (rates) as a sparse matrix of scipy, float64[choices, states].
+
+        A chain has a row per state. `transitions.source` and `transitions.choice` relate the rows
+        of an MDP, its choices, to states. A deadlock has a self-loop.
+        """
+        from scipy.sparse import csr_array
+
+        rows = self.transitions.matrix.doubles()
+        shape = rows.rows, rows.columns
+        return csr_array((rows.data, rows.indices, rows.indptr), shape, copy=True)
+
+    def to_networkx(self) -> DiGraph:
+        """The states and transitions as a graph (see `TransitionTable.to_networkx`)."""
+        return self.transitions.to_networkx()
+
+    # --------------------------------------------------------- distributions and paths
+
+    @limited
+    def transient(self, time: float, initial: Numbers | None = None) -> Distribution:
+        """The distribution over the states at a time.
+
+        Args:
+            time: in the unit of the rates of a CTMC; for a DTMC, a number of steps.
+            initial: the distribution at time 0, float64[states] or Fractions; None for the initial
+                states with equal probabilities.
+
+        Raises:
+            UnsupportedError: the model is an MDP.
+        """
+        from symcheck.check.state_distributions import transient
+
+        return transient(self.engine, time, self.options, initial)
+
+    @limited
+    def steady_state(self, initial: Numbers | None = None) -> Distribution:
+        """The long-run distribution over the states.
+
+        Args:
+            initial: as for `transient`.
+
+        Raises:
+            UnsupportedError: the model is an MDP.
+        """
+        from symcheck.check.state_distributions import steady_state
+
+        return steady_state(self.engine, self.options, initial)
+
+    def page(
+        self,
+        properties: str | Path | PropertiesFile | Sequence[str] = (),
+        constants: GivenConstants | str | None = None,
+        *,
+        max_states: int = 500,
+        title: str = "",
+    ) -> Page:
+        """A page to step through; see `symcheck.teach.model_page`.
+
+        Examples:
+            >>> load("die.pm").page("P=? [ F d=6 ]").save("die.html")  # doctest: +SKIP
+        """
+        from symcheck.teach.model_page import model_page
+
+        return model_page(self, properties, constants, max_states=max_states, title=title)
+
+    @limited
+    def simulate(
+        self,
+        steps: int | None = None,
+        *,
+        time: float | None = None,
+        seed: int | None = None,
+        loop_check: bool = True,
+        max_steps: int = 10_000,
+    ) -> RandomPath:
+        """A random path; the model is not built. The same seed gives the same path.
+
+        Args:
+            steps: length of the path; None for no bound but `time` and `max_steps`.
+            time: the path ends at this time.
+            seed: of the random numbers; None draws one, which is part of the result.
+            loop_check: end the path in a state from which it can only repeat itself.
+            max_steps: the path ends after so many steps at the latest.
+        """
+        from symcheck.simulate.walk import simulate
+
+        return simulate(
+            self._steps, steps, time=time, seed=seed, loop_check=loop_check, max_steps=max_steps
+        )
+
+    def simulator(self, seed: int | None = None) -> Simulator:
+        """A path that grows step by step; the model is not built (see its class)."""
+        from symcheck.simulate.stepper import Simulator
+
+        return Simulator(self._steps, seed)
+
+    @cached_property
+    def _steps(self) -> Steps:
+        from symcheck.simulate.steps import Steps
+
+        return Steps(self.bound, self.options.check_sums)
+
+    def estimate(
+        self,
+        formula: str,
+        constants: GivenConstants | str | None = None,
+        *,
+        method: Method = "ci",
+        samples: int | None = None,
+        error: float | None = None,
+        width: float | None = None,
+        pilot: int = 1000,
+        most: float | None = None,
+        max_steps: int = 10_000,
+        seed: int | None = None,
+        jobs: int = 1,
+        executor: Executor | Cluster | None = None,
+    ) -> Result:
+        """Estimate one property from random paths; the model is not built.
+
+        The keyword parameters are those of `symcheck.simulate.statistics.Plan`. The accuracy of the
+        result is an interval with a confidence. The processes (`jobs`) or the executor that sample
+        the paths (see `symcheck.experiment`) do not change the result. Raises SymcheckError.
+        """
+        from symcheck.parallel.workers import Workers
+        from symcheck.simulate.statistics import METHODS, Plan
+
+        if method not in METHODS:
+            raise UsageError(f"method={method!r}: expected one of {', '.join(METHODS)}")
+        plan = Plan(
+            method=method,
+            samples=samples,
+            error=error,
+            width=width,
+            pilot=pilot,
+            most=most,
+            max_steps=max_steps,
+            seed=seed,
+        )
+        instance = PropertyInstance(single_property(formula), 0, constant_values(constants))
+        with Workers(jobs, executor) as workers:
+            return self.estimate_instance(instance, plan, workers)
+
+    @limited
+    def estimate_instance(
+        self,
+        instance: PropertyInstance,
+        plan: Plan,
+        workers: Workers | None = None,
+        observer: SamplesObserver | None = None,
+    ) -> Result:
+        """Estimate a property from random paths, sampled as planned. Raises SymcheckError."""
+        from symcheck.simulate.check import check_by_sampling
+
+        bound, labels = instance.bind(self.bound)
+        fixed = self.options.fix_deadlocks
+        return check_by_sampling(
+            self.bound,
+            bound.formula,
+            plan,
+            labels=labels,
+            fix_deadlocks=fixed,
+            workers=workers,
+            observer=observer,
+        )

@@ -1,0 +1,109 @@
+"""Transient values and distributions of a CTMC, with bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import reduce
+
+import numpy as np
+
+from symcheck.errors import NumericalError
+from symcheck.matrices.operators import SweepOperator
+from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
+from symcheck.numerics import tuning
+from symcheck.numerics.linear.problem import Observer
+from symcheck.numerics.settings import Settings
+from symcheck.numerics.transient.horizon import Horizon, Transient
+from symcheck.numerics.transient.methods import (
+    Part,
+    computed,
+    is_squared,
+    squared,
+    squaring_pays,
+)
+from symcheck.numerics.transient.squaring import IntervalChain
+from symcheck.numerics.transient.uniformization import sum_series
+from symcheck.numerics.transient.uniformized_chain import uniformize
+
+__all__ = ["transient_distribution", "transient_values"]
+
+
+def transient_values(
+    rates: SparseMatrix | SweepOperator,
+    exit_rates: Floats,
+    time: float,
+    settings: Settings,
+    *,
+    terminal: Floats | None = None,
+    reward_rate: Floats | None = None,
+    interest: Int64s | None = None,
+    observer: Observer | None = None,
+    leave: Floats | None = None,
+    limit: Callable[[], Floats] | None = None,
+) -> Transient:
+    """Bounds on x(time) for every state. All arrays are non-negative, float64[n].
+
+    Args:
+        rates: rates among the n states. A diagonal entry is a self-loop and is part of exit_rates.
+        exit_rates: the total rate of leaving each state, including to states outside.
+        time: the horizon.
+        settings: accuracy and limits.
+        terminal, reward_rate: the initial values and the source (see `uniformization`).
+        interest: states whose values need the accuracy; None: all.
+        observer: receives the progress.
+        leave: the rates of leaving for states outside, with a relative error; None: not known, and
+            small chains are not squared.
+        limit: computes an upper bound on the values at any time.
+
+    Returns:
+        Bounds, which are further apart than requested if rounding or the work does not allow for
+        it. Values below 1e-300, such as those of states that earn nothing, may have the bounds
+        0 and 2e-300.
+
+    Raises:
+        NumericalError: an array is negative (positive and negative parts must be given separately).
+    """
+    horizon = Horizon(rates, exit_rates, time, settings, interest, observer, leave, limit)
+    starts = [
+        (start, source)
+        for start, source in ((terminal, False), (reward_rate, True))
+        if start is not None and np.any(start)
+    ]
+    if any(start.min() < 0.0 for start, _ in starts):
+        raise NumericalError("transient values require non-negative rewards")
+    if not starts:
+        nothing = np.zeros(len(exit_rates))
+        return Transient(nothing, nothing.copy(), 0, "no reward is earned: 0")
+    if is_squared(horizon):
+        return squared(horizon, terminal, reward_rate)
+    total = reduce(Transient.plus, (computed(Part(horizon, *start)) for start in starts))
+    return total.widened(tuning.UNDERFLOW_BOUND)
+
+
+def transient_distribution(
+    rates: SparseMatrix,
+    exit_rates: Floats,
+    initial: Floats,
+    time: float,
+    settings: Settings,
+) -> Transient:
+    """Bounds on the probability of each state at a time.
+
+    Args:
+        rates, exit_rates: as in `transient_values`.
+        initial: the initial distribution, float64[n].
+        time: the time.
+        settings: accuracy and limits.
+    """
+    steps = float(exit_rates.max(initial=0.0)) * time
+    if squaring_pays(rates, steps):
+        nothing = np.zeros(rates.states)
+        error = tuning.ENTRY_ERROR + rates.longest * tuning.UNIT_ROUNDOFF
+        squared, _, halvings = IntervalChain.of_rates(rates, nothing, time, nothing, error)
+        found = squared.distribution(1 << halvings, initial)
+        text = f"{found.squarings} squarings of a matrix"
+        return Transient(found.lower, found.upper, found.squarings, text)
+    chain = uniformize(rates, exit_rates, transposed=True)
+    series = sum_series(chain, initial, time, False, settings, None, None, mass=True)
+    series.upper[:] = np.minimum(series.upper, 1.0)
+    return series
