@@ -13,6 +13,7 @@ from itertools import chain
 from pathlib import Path
 
 from symcheck.errors import Span, SymcheckError, SyntaxFault
+from symcheck.syntax.ast import LETTERS
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import (
     is_jani,
@@ -33,8 +34,8 @@ _BEGINNING = re.compile(
         | \[\[
         | (?:filter|multi|multilex|quantile)[ \t]*\(
         | [AE][ \t]*\[
-        | (?:[PRST]|LRA)(?:min|max)*[ \t]*(?:\{[^\n}]*\}(?:[ \t]|min|max)*)?(?:=[ \t]*\?|[<>])
-    )""",
+        | (?:MEASURE)(?:min|max)*[ \t]*(?:\{[^\n}]*\}(?:[ \t]|min|max)*)?(?:=[ \t]*\?|[<>])
+    )""".replace("MEASURE", "|".join((*LETTERS, "LRA"))),
     re.VERBOSE,
 )
 """The beginning of a property or declaration on a line of its own."""
