@@ -12,15 +12,18 @@ import pytest
 
 import symcheck
 from checking import RESULTS
+from conformance.test_results import RUNS
 from generate import random_condition, random_question, wild_model
 from oracles.draw import draw
 from symcheck.errors import UnsupportedError
+from symcheck.semantics.binding.bind import split_constants
 from symcheck.simulate.statistics import Plan
 from symcheck.syntax import ast
 from symcheck.syntax.ast import MEASURES, Bound, Literal, Node, Type
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 from symcheck.syntax.parse import (
     parse_expression,
+    parse_model_file,
     parse_properties,
     parse_properties_file,
 )
@@ -33,11 +36,6 @@ PATHS = {
     kind
     for kind in get_args(ast.PathFormula)
     if issubclass(kind, ast.UnaryTemporal | ast.BinaryTemporal)
-}
-FILES = {
-    "die.pctl": ("die.pm", {}),
-    "gambler.pctl": ("gambler.pm", {"n": 4, "i": 2, "p": 0.5}),
-    "queue.csl": ("queue.sm", {}),
 }
 
 
@@ -82,7 +80,7 @@ def test_every_measure_is_read_with_each_direction_and_bound() -> None:
 def test_every_measure_has_a_result() -> None:
     files = [p for p in RESULTS.iterdir() if p.suffix in (".pctl", ".csl")]
     found = kinds(p.read_text() for p in files)
-    assert {*MEASURES, *QUERIES, *PATHS} <= found, "RESULT lines in tests/results"
+    assert not {*MEASURES, *QUERIES, *PATHS} - found, "RESULT lines in tests/results"
 
 
 def first_missing(needed: set[Any], draws: Iterable[Iterable[Any]]) -> set[Any]:
@@ -129,13 +127,16 @@ def test_every_measure_has_an_oracle() -> None:
 @pytest.mark.parametrize("kind", [*MEASURES, *sorted(QUERIES, key=lambda k: k.__name__)])
 def test_every_measure_is_estimated_or_refused(kind: type[Node]) -> None:
     """With a sentence: sampling never ends with an internal error."""
-    for name, (model, constants) in FILES.items():
-        file = parse_properties_file(RESULTS / name)
-        loaded = symcheck.load(RESULTS / model, constants=constants)
+    for model, properties, constants in RUNS:
+        file = parse_properties_file(RESULTS / properties)
+        program = parse_model_file(RESULTS / model)
+        given = split_constants(program, file, constants)
+        loaded = symcheck.load(RESULTS / model, constants=given.of_model)
+        values = {n: (v,) for n, v in given.of_properties.items()}
         for i, asked in enumerate(file.properties):
             if kind in map(type, nodes(asked.formula)):
-                (instance,) = loaded.instances(file, {"k": (3,)}, [i])
+                (instance,) = loaded.instances(file, values, [i])
                 with suppress(UnsupportedError):
                     loaded.estimate_instance(instance, Plan(samples=20, seed=1))
                 return
-    raise AssertionError(f"{kind.__name__}: no RESULT in the files of FILES")
+    raise AssertionError(f"{kind.__name__}: RESULT lines in tests/results")
