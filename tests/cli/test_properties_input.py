@@ -196,3 +196,24 @@ def test_a_faulty_definition_stops_those_that_use_it(tmp_path, capsys):
     (tmp_path / "p.pctl").write_text(DEFINITIONS.partition("P=? [ F<=k")[0])
     assert main(words) == 1
     assert "Result: 1.0" in capsys.readouterr().out
+
+
+UNREADABLE = """const int k = ;
+label "up" x=1;
+"sound": P=? [ F x=1 ];
+P=? [ F<=k x=1 ];
+P=? [ F "up" ];
+"""
+
+
+def test_who_uses_a_definition_that_cannot_be_read_is_told_why(tmp_path, capsys):
+    """And not that there is no such name."""
+    (tmp_path / "m.pm").write_text(MODEL.partition("label")[0])
+    (tmp_path / "p.pctl").write_text(UNREADABLE)
+    assert main([str(tmp_path / "m.pm"), str(tmp_path / "p.pctl")]) == 1
+    head, *results = capsys.readouterr().out.split("Model checking: ")
+    assert head.count("error[syntax]") == 2
+    assert "Result: 1.0" in results[0]
+    assert "p.pctl:1:15: error[syntax]: unexpected ';'" in results[1]
+    assert "p.pctl:2:12: error[syntax]" in results[2]
+    assert "unknown" not in results[1] + results[2]

@@ -283,7 +283,7 @@ class _Properties:
         self.file = file
         self.model = model
         self.table = _table(model, DiagnosticCollector())
-        self.faults: dict[str, InputError] = {}
+        self.faults = dict(file.faulty)
         for constant in file.constants:
             with self._noted(constant.name):
                 self.table.add((constant,), ())
@@ -371,7 +371,7 @@ class _Properties:
             formulas=tuple(f for f in file.formulas if kept(f.name, Name(f.name))),
             labels=tuple(x for x in file.labels if kept(f'"{x.name}"', LabelReference(x.name))),
         )
-        return sound, self._all_of(self.faults.keys() - used)
+        return sound, self._all_of(self.faults.keys() - used - dict(file.faulty).keys())
 
     def _all_of(self, names: Set[str]) -> InputError | None:
         report = DiagnosticCollector()
