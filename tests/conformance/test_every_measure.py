@@ -4,22 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from random import Random
 from typing import Any, get_args
 
 import pytest
 
 import symcheck
-from checking import RESULTS
+from checking import RESULTS, engine_of
 from conformance.test_results import RUNS
 from generate import random_condition, random_question, wild_model
 from oracles.draw import draw
+from symcheck.check.bisimulation.atomic_observations import atomic_observations
+from symcheck.check.context import Context
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.binding.bind import split_constants
+from symcheck.semantics.reduction.reset_dead_variables import observe
 from symcheck.simulate.statistics import Plan
 from symcheck.syntax import ast
-from symcheck.syntax.ast import MEASURES, Bound, Literal, Node, Type
+from symcheck.syntax.ast import MEASURES, Bound, Literal, Name, Node, Type
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 from symcheck.syntax.parse import (
     parse_expression,
@@ -140,3 +143,31 @@ def test_every_measure_is_estimated_or_refused(kind: type[Node]) -> None:
                     loaded.estimate_instance(instance, Plan(samples=20, seed=1))
                 return
     raise AssertionError(f"{kind.__name__}: RESULT lines in tests/results")
+
+
+@dataclass(frozen=True, slots=True)
+class New(ast.StateOperator):
+    """An operator that declares nothing."""
+
+    formula: ast.Expression
+
+
+@dataclass(frozen=True, slots=True)
+class NewReward(New):
+    """An operator that declares that bisimilar states have the same value."""
+
+    is_bisimulation_invariant = True
+
+
+def test_reductions_keep_what_a_new_operator_may_read() -> None:
+    """All variables, steps and rewards, until it declares what it does without."""
+    engine = engine_of((RESULTS / "die.pm").read_text())
+    inner = parse_expression("s=7")
+    seen = observe(engine.model, [New(inner)], {})
+    assert (seen.expressions, seen.rewards, seen.steps) == ((Name("s"), Name("d")), True, True)
+    seen = observe(engine.model, [NewReward(inner)], {})
+    assert (seen.expressions, seen.rewards, seen.steps) == ((inner,), True, True)
+    context = Context(engine, symcheck.Options())
+    with pytest.raises((UnsupportedError, AssertionError), match="New"):  # has no text
+        atomic_observations(context, New(inner))
+    assert atomic_observations(context, NewReward(inner)).structures == {0, 1}
