@@ -6,14 +6,29 @@ import contextlib
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from random import Random
 
 from checking import engine_of
-from symcheck.errors import InputError
+from symcheck.errors import InputError, TypeFault
+from symcheck.semantics.expressions.types import type_of
+from symcheck.syntax.ast import (
+    Binary,
+    Call,
+    Conditional,
+    Expression,
+    Literal,
+    Name,
+    Type,
+    Unary,
+)
+from symcheck.syntax.operators import Function, Operator, UnaryOperator
+from symcheck.syntax.printer import pretty
 
 __all__ = [
     "Generated",
     "bound_models",
+    "random_condition",
     "random_copies",
     "random_model",
     "random_property",
@@ -118,7 +133,10 @@ def wild_model(rng: Random, kind: str) -> Generated:
         text.append(f"module copy = m0 [ {renamed} ] endmodule\n")
     if several:
         text.append(f"init {_condition(rng, shown)} endinit")
-    text.extend(f"label {name} = {_condition(rng, shown)};" for name in _LABELS)
+    text.extend(
+        f"label {name} = {random_condition(rng, shown) if rng.random() < 0.2 else _condition(rng, shown)};"
+        for name in _LABELS
+    )
     for name, rewards in (("r", _REWARDS), ("c", ("0", "1", "2"))):
         text.append(f'\nrewards "{name}"')
         text.append(f"    {_condition(rng, shown)} : {rng.choice(rewards)};")
@@ -173,6 +191,49 @@ def _condition(rng: Random, variables: list[tuple[str, int]]) -> str:
     if rng.random() < 0.2:
         return f"({simple}) {rng.choice('&|')} ({_condition(rng, variables)})"
     return simple
+
+
+def random_condition(rng: Random, variables: list[tuple[str, int]]) -> str:
+    """A condition of any operators and functions."""
+    return pretty(
+        _tree(rng, dict.fromkeys((name for name, _ in variables), Type.INT), Type.BOOL, 2)
+    )
+
+
+def _tree(rng: Random, variables: dict[str, Type], kind: Type, depth: int) -> Expression:
+    """An expression of a type: operands are drawn until their types fit an operator or function."""
+    if depth == 0:
+        number = Literal(rng.randint(0, 3), Type.INT)
+        return {
+            Type.INT: rng.choice((Name(rng.choice(list(variables))), number)),
+            Type.DOUBLE: Literal(Fraction(rng.randint(0, 5), 2), Type.DOUBLE),
+            Type.BOOL: Literal(rng.random() < 0.5, Type.BOOL),
+        }[kind]
+    while True:
+        drawn = rng.choice((None, *Operator, *UnaryOperator, *Function))
+        for _ in range(6):
+            same = rng.choice(list(Type))
+            types = [
+                rng.choice((same, same, rng.choice(list(Type)))) for _ in range(rng.randint(1, 3))
+            ]
+            if drawn is None:
+                types[:1] = [Type.BOOL]
+            parts = tuple(_tree(rng, variables, t, rng.randrange(depth)) for t in types)
+            tree: Expression
+            match drawn, parts:
+                case Function(), _:
+                    tree = Call(drawn, parts)
+                case Operator(), (left, right):
+                    tree = Binary(drawn, left, right)
+                case UnaryOperator(), (operand,):
+                    tree = Unary(drawn, operand)
+                case None, (condition, then, otherwise):
+                    tree = Conditional(condition, then, otherwise)
+                case _:
+                    continue
+            with contextlib.suppress(TypeFault):
+                if type_of(tree, variables) is kind:
+                    return tree
 
 
 def random_property(rng: Random, model: Generated, *, timed: bool = True) -> str:
@@ -241,12 +302,14 @@ def random_question(rng: Random, model: Generated) -> str:
         f"S{direction}=? [ {states()} ]",
         f'R{{"r"}}{direction}=? [ S ]',
         f'R{{"r"}}{direction}=? [ F ({states()} & X {states()}) ]',
+        f"P{direction}=? [ F {states()} {{{states()}}}{rng.choice(('', '{min}', '{max}', '{min}{max}'))} ]",
     ]
     if model.kind != "ctmc":
         asked += [
             f'P{direction}=? [ {states()} U{{"c"}}<={steps} {states()} ]',
             f'P{direction}=? [ F{{"c"}}>={steps} {states()} ]',
             f'R{{"r"}}{direction}=? [ C{{"c"}}<={steps} ]',
+            f'P{direction}=? [ F^{{rew{{"c"}}<={steps}, steps<=3}} {states()} ]',
             f'R{{"r"}}{direction}=? [ C discount={rng.choice(("0.9", "0.5", "0", "0.999"))} ]',
             f'R{{"r"}}{direction}=? [ C<={steps} discount=0.9 ]',
             f'quantile(min B, P{direction}>{rng.choice(("0.5", "0", "0.9"))} [ F{{"c"}}<=B {states()} ])',

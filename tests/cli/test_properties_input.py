@@ -168,3 +168,52 @@ def test_properties_without_faults_are_read_once_however_long_the_text_is(
     found = properties_input._without_faults(fault.value)
     assert list(found.unparsed) == [50]
     assert sum(sizes) < 4 * len(text)
+
+
+DEFINITIONS = """const int k = 2.5;
+const int unused = 2.5; const int also = unused;
+label "up" = x=0;
+"sound": P=? [ F x=1 ];
+P=? [ F<=k x=1 ];
+"""
+
+
+def test_a_faulty_definition_stops_those_that_use_it(tmp_path, capsys):
+    """One that no property uses is told once, and the run has failed all the same."""
+    (tmp_path / "m.pm").write_text(MODEL.replace("dtmc", "dtmc const int N;"))
+    (tmp_path / "p.pctl").write_text(DEFINITIONS)
+    words = [str(tmp_path / "m.pm"), str(tmp_path / "p.pctl"), "-const", "N=0"]
+    assert main(words) == 1
+    out = capsys.readouterr().out
+    assert "Result: 1.0" in out
+    for line in (1, 2, 3):
+        assert out.count(f"p.pctl:{line}:") == 1
+    assert out.index("p.pctl:2:") < out.index("Result: 1.0") < out.index("p.pctl:1:")
+    assert main([*words[:3], "N=0:1"]) == 1
+    out = capsys.readouterr().out
+    assert out.count("Result: 1.0") == 2
+    assert out.count("p.pctl:2:") == 1
+    (tmp_path / "p.pctl").write_text(DEFINITIONS.partition("P=? [ F<=k")[0])
+    assert main(words) == 1
+    assert "Result: 1.0" in capsys.readouterr().out
+
+
+UNREADABLE = """const int k = ;
+label "up" x=1;
+"sound": P=? [ F x=1 ];
+P=? [ F<=k x=1 ];
+P=? [ F "up" ];
+"""
+
+
+def test_who_uses_a_definition_that_cannot_be_read_is_told_why(tmp_path, capsys):
+    """And not that there is no such name."""
+    (tmp_path / "m.pm").write_text(MODEL.partition("label")[0])
+    (tmp_path / "p.pctl").write_text(UNREADABLE)
+    assert main([str(tmp_path / "m.pm"), str(tmp_path / "p.pctl")]) == 1
+    head, *results = capsys.readouterr().out.split("Model checking: ")
+    assert head.count("error[syntax]") == 2
+    assert "Result: 1.0" in results[0]
+    assert "p.pctl:1:15: error[syntax]: unexpected ';'" in results[1]
+    assert "p.pctl:2:12: error[syntax]" in results[2]
+    assert "unknown" not in results[1] + results[2]

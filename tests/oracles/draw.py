@@ -247,7 +247,7 @@ def _of_chain(model: Model) -> Asked | None:
             return Asked("S", a, chains.long_run(chain, [Fraction(s in right) for s in everywhere]))
         case _ if rng.random() < 0.2:
             return Asked('R{"r"}', "S", chains.long_run(chain, rewards))
-    return _unbounded(model, chain, rewards)
+    return _unbounded(model, chain, rewards, [Fraction(1)] * model.n)
 
 
 def _quantile(model: Model) -> list[Question]:
@@ -267,8 +267,10 @@ def _quantile(model: Model) -> list[Question]:
     return [] if steps is None else [Question(question, Fraction(steps))]
 
 
-def _unbounded(model: Model, chain: Sequence[Row], rewards: Sequence[Fraction]) -> Asked | None:
-    """A measure without steps or times, of a chain or of the jumps of a CTMC."""
+def _unbounded(
+    model: Model, chain: Sequence[Row], rewards: Sequence[Fraction], times: Sequence[Fraction]
+) -> Asked | None:
+    """A measure without bounds, of a chain or of the jumps of a CTMC; its steps take `times`."""
     rng, everywhere = model.rng, set(model.everywhere)
     (a, right), (b, left) = model.states(), model.states()
     match rng.randrange(10):
@@ -285,6 +287,8 @@ def _unbounded(model: Model, chain: Sequence[Row], rewards: Sequence[Fraction]) 
             return Asked("P", f"{b} W {a}", [1 - v for v in values])
         case 4:
             return Asked("P", f"X {a}", chains.next_step(chain, right))
+        case 5 if rng.random() < 0.3:
+            return Asked("T", f"F {a}", chains.reach_reward(chain, times, right))
         case 5:
             return Asked('R{"r"}', f"F {a}", chains.reach_reward(chain, rewards, right))
         case 6:
@@ -356,7 +360,8 @@ def _of_continuous(model: Model) -> Asked | None:
         case 10 if rng.random() < 0.3:
             return Asked('R{"r"}', "S", continuous.long_run(rates, states, jumps))
     earned = continuous.occupied(rates, states, jumps)
-    return _unbounded(model, continuous.embedded(rates), earned)
+    times = continuous.occupied(rates, [Fraction(1)] * model.n, [zero] * model.n)
+    return _unbounded(model, continuous.embedded(rates), earned, times)
 
 
 def _of_processes(model: Model) -> Asked | None:

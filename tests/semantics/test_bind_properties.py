@@ -15,6 +15,7 @@ from symcheck.semantics.binding.bind import (
     bind_property,
     needed_constants,
     split_constants,
+    without_unused_faults,
 )
 from symcheck.semantics.rewards import Structure, operator_reward
 from symcheck.syntax.ast import Expression, RewardOperator, Type
@@ -172,6 +173,34 @@ def test_faults_stay_with_their_property() -> None:
 def test_a_formula_with_a_fault_is_told_by_all_that_use_it() -> None:
     properties = bound("formula f = s & true; P=? [ F f ]; P=? [ G f ];")
     assert [type(p.fault) for p in properties.properties] == [TypeFault, TypeFault]
+
+
+def test_a_faulty_definition_is_told_by_all_that_use_it() -> None:
+    properties = bound(
+        """const int k = 2.5; const int l = k; label "l" = s=l; label "f" = l; "sound": s=0;
+        P=? [ F "l" ]; P=? [ F<=k late ]; "n": P=? [ F "f" ]; "n">0;"""
+    )
+    kinds = [type(p.fault) for p in properties.properties]
+    assert kinds == [type(None), *[TypeFault] * 4]
+    assert "k" not in properties.constants
+    assert "l" not in properties.labels
+    faults = [f.diagnostics for f in (p.fault for p in properties.properties) if f]
+    assert faults[0] == faults[1]
+    assert faults[2] == faults[3]
+    assert "k is of type int" in faults[0][0].message
+
+
+def test_a_faulty_definition_that_nobody_uses_is_no_property_s_fault() -> None:
+    text = 'const int k = 2.5; const int l = k; label "init" = s=0; label "a" = s=1; P=? [ F "a" ];'
+    with pytest.raises(InputError) as caught:
+        bound(text)
+    assert len(caught.value.diagnostics) == 2
+    model = bind(parse_model(f"dtmc {MODEL}"), {"N": 2})
+    sound, fault = without_unused_faults(parse_properties(text), model)
+    assert fault.diagnostics == caught.value.diagnostics
+    assert (sound.constants, [x.name for x in sound.labels]) == ((), ["a"])
+    assert bind_properties(sound, model).properties[0].fault is None
+    assert without_unused_faults(sound, model) == (sound, None)
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,13 @@ import typing
 
 import pytest
 
+from checking import RESULTS
 from symcheck.syntax import ast
 from symcheck.syntax.ast import Binary, Literal, Name, Type
 from symcheck.syntax.declarations import Composition
 from symcheck.syntax.operators import Operator, UnaryOperator
-from symcheck.syntax.parse import parse_expression, parse_model
+from symcheck.syntax.parse import parse_expression, parse_model, parse_properties_file
+from symcheck.syntax.printer import pretty
 from symcheck.syntax.traversal import (
     Tree,
     children,
@@ -58,9 +60,21 @@ EVERYTHING = [
 ]
 
 
-@pytest.mark.parametrize("text", EVERYTHING)
-def test_children_and_back(text: str) -> None:
-    for node in nodes(parse_expression(text)):
+FORMULAS = [
+    *map(parse_expression, EVERYTHING),
+    *(
+        p.formula
+        for path in sorted(RESULTS.iterdir())
+        if path.suffix in (".pctl", ".csl")
+        for p in parse_properties_file(path).properties
+    ),
+]
+"""These, and the properties with known results: every measure has one."""
+
+
+@pytest.mark.parametrize("formula", FORMULAS, ids=pretty)
+def test_children_and_back(formula: ast.Expression) -> None:
+    for node in nodes(formula):
         parts = children(node)
         assert with_children(node, parts) == node
         changed = tuple(
@@ -71,7 +85,7 @@ def test_children_and_back(text: str) -> None:
 
 
 def test_every_kind_of_node_occurs_above() -> None:
-    found = {type(node) for text in EVERYTHING for node in nodes(parse_expression(text))}
+    found = {type(node) for formula in FORMULAS for node in nodes(formula)}
     assert found == set(typing.get_args(Tree)) - set(typing.get_args(Composition))
 
 

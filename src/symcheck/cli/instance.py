@@ -21,11 +21,12 @@ from symcheck.cli.run_state import RunState
 from symcheck.cli.simulation.sampling import sampling_plan, write_path
 from symcheck.constant_values import typed_value
 from symcheck.errors import OutputError, ResourceError, SymcheckError, UsageError
+from symcheck.semantics.binding.bind import without_unused_faults
 from symcheck.semantics.model import Value
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.tables import counted
 
-__all__ = ["GivenTexts", "InstancesTask", "report_fault"]
+__all__ = ["GivenTexts", "InstancesTask", "report_fault", "without_faults"]
 
 GivenTexts = Mapping[str, Sequence[str]]
 """The values of each constant, as texts."""
@@ -70,7 +71,10 @@ def _check_instance(
         state.progress = watch = Progress(state.output)
         if a.importstrat is not None:
             model = _under_strategy(state, model, a.importstrat)
-        model = _bound_model(state, model.with_observer(_observer(state, watch)), instances)
+        model = _bound_model(state, model.with_observer(_observer(state, watch)))
+        file = without_faults(state, file, model)
+        instances = model.instances(file, of_properties, indices)
+        model = _reduced(state, model, instances)
         if a.simpath:
             write_path(a, state.output, model, varying)
         if a.step:
@@ -131,11 +135,18 @@ def _observer(state: RunState, watch: Progress) -> Progress | None:
     return watch if state.options.engine == "auto" or watch.wanted else None
 
 
-def _bound_model(state: RunState, model: Model, instances: Sequence[PropertyInstance]) -> Model:
-    """The model, bound and reduced for the properties, and described in the output.
+def without_faults(state: RunState, file: PropertiesFile, model: Model) -> PropertiesFile:
+    """The file without faulty definitions that no property uses; reports them once."""
+    sound, fault = without_unused_faults(file, model.bound)
+    if fault is not None and str(fault) not in state.told:
+        state.output.error(fault)
+        state.failures += 1
+        state.told.add(str(fault))
+    return sound
 
-    Raises InputError.
-    """
+
+def _bound_model(state: RunState, model: Model) -> Model:
+    """The model, bound and described in the output. Raises InputError."""
     a = state.arguments
     options = state.options
     # The options are chosen before the model is bound, because it is bound for its options.
@@ -144,6 +155,12 @@ def _bound_model(state: RunState, model: Model, instances: Sequence[PropertyInst
     elif options.symmetry is None and options.engine == "auto" and not options.bisim:
         model = model.with_options(symmetry=True)
     state.output.model(model.bound, {n: str(v) for n, v in model.given_constants.items()})
+    return model
+
+
+def _reduced(state: RunState, model: Model, instances: Sequence[PropertyInstance]) -> Model:
+    """The model reduced for the properties. Raises InputError."""
+    a, options = state.arguments, state.options
     if options.symmetry and a.needs_model:
         state.output.warn("-symmetry is not used: more than values at initial states is asked")
     if options.fairness and options.reduce:

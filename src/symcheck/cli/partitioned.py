@@ -10,7 +10,7 @@ from symcheck.api.model import Model
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
 from symcheck.cli.check_property import check_property
-from symcheck.cli.instance import InstancesTask, report_fault
+from symcheck.cli.instance import InstancesTask, report_fault, without_faults
 from symcheck.cli.output_paths import instance_path
 from symcheck.cli.run_state import RunState
 from symcheck.distributed import DistributedModel, explore_on_cluster
@@ -68,6 +68,8 @@ def _check_instance(
     folder = None if a.checkpoints is None else Path(instance_path(a.checkpoints, varying))
     try:
         state.output.model(model.bound, constants)
+        file = without_faults(state, task.file, model)
+        instances = model.instances(file, task.of_properties, task.indices)
         distributed = explore_on_cluster(model, client, checkpoints=folder)
     except (ResourceError, OutputError):
         raise

@@ -32,7 +32,8 @@ class RunState:
     lost: number of instances whose process was killed. varying: the constants that were given
     several values. build_seconds: time of building the current model. workers: sample the paths of
     -sim; None: this process. progress: what the current instance shows. unparsed: the properties
-    that do not follow the grammar and are not reported yet, by index.
+    that do not follow the grammar and are not reported yet, by index. told: the faults of the
+    constants and labels of properties, which are reported once.
     """
 
     arguments: Arguments
@@ -46,6 +47,7 @@ class RunState:
     workers: Workers | None = None
     progress: Progress | None = None
     unparsed: dict[int, UnparsedProperty] = field(default_factory=dict)
+    told: set[str] = field(default_factory=set)
 
     @cached_property
     def options(self) -> Options:

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
 
-from symcheck.errors import Span, SymcheckError, SyntaxFault
+from symcheck.errors import InputError, Span, SymcheckError, SyntaxFault
+from symcheck.syntax.ast import LETTERS
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import (
     is_jani,
@@ -33,14 +34,16 @@ _BEGINNING = re.compile(
         | \[\[
         | (?:filter|multi|multilex|quantile)[ \t]*\(
         | [AE][ \t]*\[
-        | (?:[PRST]|LRA)(?:min|max)*[ \t]*(?:\{[^\n}]*\}(?:[ \t]|min|max)*)?(?:=[ \t]*\?|[<>])
-    )""",
+        | (?:MEASURE)(?:min|max)*[ \t]*(?:\{[^\n}]*\}(?:[ \t]|min|max)*)?(?:=[ \t]*\?|[<>])
+    )""".replace("MEASURE", "|".join((*LETTERS, "LRA"))),
     re.VERBOSE,
 )
 """The beginning of a property or declaration on a line of its own."""
 _GOES_ON = re.compile(r"(?:[\[({,:?&|!=<>+*/^-]|\b[XFGUWR])$")
 """The end of a line that needs another one."""
-_DECLARATION = re.compile(r"\s*(?:const|label|formula)\b")
+_DECLARATION = re.compile(
+    r"\s*(?:const\b(?:\s+(?:int|double|bool)\b)?|label\b|formula\b)(?:\s+([A-Za-z_]\w*|\"\w+\"))?"
+)
 _COMMENT = re.compile(r"//[^\n]*")
 _INK = re.compile(r"\S")
 
@@ -119,6 +122,7 @@ def _joined(files: Sequence[PropertiesFile]) -> PropertiesFile:
         tuple(chain.from_iterable(f.formulas for f in files)),
         tuple(chain.from_iterable(f.labels for f in files)),
         tuple(chain.from_iterable(f.properties for f in files)),
+        tuple(chain.from_iterable(f.faulty for f in files)),
     )
 
 
@@ -138,6 +142,7 @@ def _without_faults(fault: SyntaxFault) -> PropertiesInput:
     whole, text = source.text, source.text
     removed: dict[int, UnparsedProperty] = {}
     declarations: list[SyntaxFault] = []
+    faulty: list[tuple[str, InputError]] = []
     for start, end in _parts(whole):
         part = whole[start:end]
         own = _fault_of(part, start, whole, source.name)
@@ -146,6 +151,8 @@ def _without_faults(fault: SyntaxFault) -> PropertiesInput:
             text = text[:start] + blank + text[end:]
             if offset is None:
                 declarations.append(own)
+                if (declared := _DECLARATION.match(_bare(part))) and declared[1]:
+                    faulty.append((declared[1], own))
             else:
                 removed[start + offset] = UnparsedProperty(
                     " ".join(_bare(part).split()),
@@ -154,7 +161,7 @@ def _without_faults(fault: SyntaxFault) -> PropertiesInput:
                     comments_above(whole, start + offset),
                 )
     try:
-        file = parse_properties(text, source.name, shown=whole)
+        file = replace(parse_properties(text, source.name, shown=whole), faulty=tuple(faulty))
     except SyntaxFault:
         raise fault from None
     unparsed = {

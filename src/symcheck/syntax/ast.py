@@ -11,13 +11,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
-from typing import ClassVar
+from typing import ClassVar, get_args
 from typing import Literal as Choice
 
 from symcheck.errors import NO_SPAN, Span
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 
 __all__ = [
+    "LETTERS",
+    "MEASURES",
+    "MEASURE_WORDS",
     "AnyMeasure",
     "Binary",
     "BinaryTemporal",
@@ -56,6 +59,7 @@ __all__ = [
     "RewardBounds",
     "RewardOperator",
     "RewardQuery",
+    "RewardQueryNode",
     "StateFilter",
     "StateOperator",
     "SteadyState",
@@ -220,6 +224,11 @@ class StateOperator(ExpressionNode):
     counts_steps: ClassVar[bool] = True
     reads_rewards: ClassVar[bool] = True
 
+    @property
+    def is_bisimulation_invariant(self) -> bool:
+        """Whether bisimilar states have the same value, so that reductions keep it."""
+        return False
+
 
 @dataclass(frozen=True, slots=True)
 class Measure(StateOperator):
@@ -249,6 +258,7 @@ class ProbabilityOperator(PathMeasure):
 
     letter = "P"
     is_probability = True
+    is_bisimulation_invariant = True
     counts_steps = False
     reads_rewards = False
 
@@ -259,6 +269,7 @@ class ConditionalProbability(Measure):
 
     letter = "P"
     is_probability = True
+    is_bisimulation_invariant = True
     counts_steps = False
     reads_rewards = False
 
@@ -274,6 +285,7 @@ class ExpectedTime(PathMeasure):
     """
 
     letter = "T"
+    is_bisimulation_invariant = True
     reads_rewards = False
 
 
@@ -285,6 +297,7 @@ class RewardOperator(Measure):
     """
 
     letter = "R"
+    is_bisimulation_invariant = True
 
     structure: str | Expression | None
     query: RewardQuery
@@ -299,6 +312,7 @@ class SteadyState(Measure):
 
     letter = "S"
     is_probability = True
+    is_bisimulation_invariant = True
     reads_rewards = False
 
     formula: Expression
@@ -308,6 +322,7 @@ class SteadyState(Measure):
 class PathQuantifier(StateOperator):
     """CTL's `A [ path ]` and `E [ path ]`."""
 
+    is_bisimulation_invariant = True
     counts_steps = False
     reads_rewards = False
 
@@ -332,6 +347,11 @@ class Filter(StateOperator):
     formula: Expression
     states: Expression | None
 
+    @property
+    def is_bisimulation_invariant(self) -> bool:
+        """Whether it does not count states or name one."""
+        return self.operator in ("min", "max", "range", "forall", "exists")
+
 
 @dataclass(frozen=True, slots=True)
 class Quantile(StateOperator):
@@ -340,6 +360,7 @@ class Quantile(StateOperator):
     The formula has a `Parameter` wherever B stands.
     """
 
+    is_bisimulation_invariant = True
     reads_rewards = False
 
     optimum: Choice["min", "max"]
@@ -357,6 +378,11 @@ class StateFilter(StateOperator):
     formula: Expression
     states: Expression
 
+    @property
+    def is_bisimulation_invariant(self) -> bool:
+        """Whether it does not name a state."""
+        return self.operators != ()
+
 
 @dataclass(frozen=True, slots=True)
 class MultiObjective(StateOperator):
@@ -365,6 +391,7 @@ class MultiObjective(StateOperator):
     lexicographic: `multilex(…)`, where each objective matters more than all that follow.
     """
 
+    is_bisimulation_invariant = True
     reads_rewards = False
 
     objectives: tuple[Expression, ...]
@@ -475,27 +502,33 @@ class Release(BinaryTemporal):
 # ----------------------------------------------------------------------------------- reward queries
 
 
+class RewardQueryNode(Node):
+    """Base of what `R [ … ]` asks for, other than the reward until a path satisfies a formula."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True, slots=True)
-class CumulativeReward(Node):
+class CumulativeReward(RewardQueryNode):
     """`C<=k`."""
 
     bound: TimeBound
 
 
 @dataclass(frozen=True, slots=True)
-class CostBoundedReward(Node):
+class CostBoundedReward(RewardQueryNode):
     """`C{"c"}<=k`: the reward of the steps whose accumulated cost is at most k."""
 
     bound: RewardBound | RewardBounds
 
 
 @dataclass(frozen=True, slots=True)
-class TotalReward(Node):
+class TotalReward(RewardQueryNode):
     """`C`."""
 
 
 @dataclass(frozen=True, slots=True)
-class DiscountedReward(Node):
+class DiscountedReward(RewardQueryNode):
     """`C discount=g`, `C<=k discount=g`: the reward of step i counts g^i times, from i = 0."""
 
     bound: TimeBound | None
@@ -503,20 +536,25 @@ class DiscountedReward(Node):
 
 
 @dataclass(frozen=True, slots=True)
-class InstantaneousReward(Node):
+class InstantaneousReward(RewardQueryNode):
     """`I=k`."""
 
     time: Expression
 
 
 @dataclass(frozen=True, slots=True)
-class SteadyStateReward(Node):
+class SteadyStateReward(RewardQueryNode):
     """`S`."""
 
 
 AnyMeasure = (
     ProbabilityOperator | ConditionalProbability | ExpectedTime | RewardOperator | SteadyState
 )
+MEASURES: tuple[type[Measure], ...] = get_args(AnyMeasure)
+LETTERS = tuple(sorted({kind.letter for kind in MEASURES}))
+MEASURE_WORDS = frozenset(letter + suffix for letter in LETTERS for suffix in ("", "min", "max"))
+"""The beginnings of measures as a text writes them: P, Pmin, Pmax, R, …"""
+
 Expression = (
     Literal
     | Parameter

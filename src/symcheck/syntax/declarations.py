@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal as Choice
 
+from symcheck.errors import InputError
 from symcheck.syntax.ast import Expression, ModelType, Node, Type
 
 __all__ = [
@@ -214,12 +215,17 @@ class Property(Node):
 
 @dataclass(frozen=True, slots=True)
 class PropertiesFile(Node):
-    """A whole properties text, in its order."""
+    """A whole properties text, in its order.
+
+    faulty: names of constants and formulas, and of labels in quotes, whose definitions do not
+        follow the grammar, and their faults, which have been told.
+    """
 
     constants: tuple[Constant, ...] = ()
     formulas: tuple[Formula, ...] = ()
     labels: tuple[Label, ...] = ()
     properties: tuple[Property, ...] = ()
+    faulty: tuple[tuple[str, InputError], ...] = ()
 
     def __repr__(self) -> str:
         """One line, as the nodes fill pages; `symcheck.pretty` gives the text."""

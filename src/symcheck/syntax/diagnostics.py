@@ -9,6 +9,7 @@ from typing import cast
 from lark import Token
 
 from symcheck.errors import Diagnostic, Source, Span
+from symcheck.syntax.ast import LETTERS, MEASURE_WORDS
 from symcheck.syntax.grammars import Language
 from symcheck.syntax.hints import meant
 from symcheck.syntax.operators import Operator, function_hint
@@ -89,7 +90,7 @@ _SIGNS = {
     "\u200b": "nothing",
     "\ufeff": "nothing",
 }
-_PROPERTY_WORDS = _set("P Pmin Pmax R Rmin Rmax S T Tmin Tmax filter multi multilex quantile E A")
+_PROPERTY_WORDS = MEASURE_WORDS | _set("filter multi multilex quantile E A")
 _FOREIGN_OPERATORS = {"and": "&", "or": "|", "not": "!"}
 _MODEL_WORDS = _set("dtmc ctmc mdp module endmodule probabilistic stochastic nondeterministic")
 _OTHER_MODELS = {
@@ -292,7 +293,7 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
             "hyperproperties (HyperPCTL) quantify strategies and states, and are not supported",
             Span(source, cast(int, quantified.start_pos), fault.end),
             "model-type",
-            "properties of P, R, S, T, A and E are, one path at a time",
+            f"properties of {', '.join(LETTERS)}, A and E are, one path at a time",
         )
     if word == "[" and "INTEGER" in expected and _INTERVAL.match(_COMMENT.sub("", rest)):
         return Diagnostic(
@@ -640,7 +641,7 @@ _DOUBLED = {
 _VARIABLE = "a variable is declared as name : [low..high] or name : bool"
 _COMMAND = "a command is [action] guard -> updates;"
 _UPDATE = "an update is true, (x'=…), or probability : (x'=…)"
-_STATE_OPERATORS = _set("P Pmin Pmax R Rmin Rmax A E S")
+_STATE_OPERATORS = MEASURE_WORDS | _set("A E")
 _KEYWORD_NAMES = _set(
     "A bool C double E false F filter func G I int max min P Pmax Pmin prob R rate Rmax Rmin S "
     "true U W X minmax maxmin dtmc ctmc mdp system init"
@@ -648,13 +649,13 @@ _KEYWORD_NAMES = _set(
 
 
 def _inside_path(words: Sequence[Token]) -> bool:
-    """Whether these words end within the brackets of P, R, A or E."""
+    """Whether these words end within the brackets of an operator that holds a path."""
     i = _open_bracket(words, "[")
     if i is None:
         return False
     for word in reversed(words[:i]):
         if word.value in _STATE_OPERATORS:
-            return str(word.value) != "S"
+            return str(word.value)[0] != "S"
         if word.value in (";", "]"):
             return False
     return False

@@ -57,7 +57,7 @@ _BEGINNINGS = frozenset(
         *("CONST", "RATE", "PROB", "FORMULA", "GLOBAL", "LABEL", "MODULE", "ENDMODULE", "REWARDS"),
         *("ENDREWARDS", "INIT", "SYSTEM", "DTMC", "CTMC", "MDP", "LSQB"),
         *("P", "PMIN", "PMAX", "RELEASE", "RMIN", "RMAX", "S", "FILTER", "MULTI", "STRING"),
-        "COALITION",
+        *("COALITION", "STEADY", "TIME"),
     }
 )
 """The words that begin a part of a text, if they stand first on their line."""

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial, partialmethod
+from string import ascii_uppercase
 from typing import Any, NamedTuple, cast, get_args
 
 from symcheck.errors import NO_SPAN, Diagnostic, Source, Span
@@ -565,7 +566,7 @@ class PropertiesBuilder(Builder):
     def _measure(self, kind: Value, values: Values) -> Expression:
         """An operator such as P: its letter or glued word and direction, bound, and operand."""
         *head, bound, _, operand, old, _ = values
-        direction = (head[-1] or head[0]).value.lstrip("LRAPST") or None
+        direction = (head[-1] or head[0]).value.lstrip(ascii_uppercase) or None
         operands = [operand]
         if kind is ast.RewardOperator:
             operands.insert(0, head[1] and head[1].value if len(head) == 3 else None)

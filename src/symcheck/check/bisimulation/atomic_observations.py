@@ -28,6 +28,7 @@ from symcheck.syntax.ast import (
     RewardBound,
     RewardOperator,
     StateFilter,
+    StateOperator,
     Unary,
 )
 from symcheck.syntax.operators import UnaryOperator
@@ -113,6 +114,13 @@ def _parts(context: Context, formula: Tree) -> Iterator[AtomicObservations]:
             return
         case RewardOperator():
             yield _reward_observations(operator_reward(formula, context.engine.model))
+        case StateOperator() if not formula.is_bisimulation_invariant:
+            raise UnsupportedError(
+                f"-bisim does not support '{pretty(formula)}': bisimilar states may differ in it"
+            )
+        case StateOperator() if formula.reads_rewards:
+            every = range(len(context.engine.model.rewards))
+            yield AtomicObservations(structures=frozenset(every))
         case RewardBound():
             yield _reward_observations(bounded_reward(formula, context.engine.model))
         case _:

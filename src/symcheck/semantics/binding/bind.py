@@ -17,6 +17,7 @@ from symcheck.semantics.binding.bind_properties import (
     bind_property,
     needed_constants,
     split_constants,
+    without_unused_faults,
 )
 
 __all__ = [
@@ -32,4 +33,5 @@ __all__ = [
     "needed_constants",
     "split_constants",
     "undefined_constants",
+    "without_unused_faults",
 ]

@@ -1,24 +1,26 @@
 """Binding of a properties file to a bound model.
 
-Each property is bound separately: its fault or its missing constants do not affect the others.
+Each property is bound separately: its fault or its missing constants do not affect the others. A
+fault of a constant, formula or label is one of each property that uses it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping, Set
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
 from symcheck.semantics.binding.bound_conditions import check_conditions
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, undefined
 from symcheck.semantics.binding.property_references import PropertyReferences
-from symcheck.semantics.binding.static_checks import check_constants, check_labels, set_constants
+from symcheck.semantics.binding.static_checks import check_constants, check_label, set_constants
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
 from symcheck.semantics.expressions.literals import type_of_value
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.syntax.ast import Expression, LabelReference, Quantile, Type
+from symcheck.syntax.ast import Expression, LabelReference, Name, Quantile, Type
 from symcheck.syntax.declarations import Constant, Formula, Program, PropertiesFile
 from symcheck.syntax.traversal import Tree, nodes, transform
 
@@ -31,6 +33,7 @@ __all__ = [
     "bind_property",
     "needed_constants",
     "split_constants",
+    "without_unused_faults",
 ]
 
 
@@ -170,8 +173,8 @@ def bind_properties(
             are ignored.
 
     Raises:
-        InputError: constants, formulas or labels of the file are faulty, or its names are not
-            unique. The fault of a single property is its attribute `fault`.
+        InputError: constants or labels that no property uses are faulty, or a given value is. The
+            fault of a single property is its attribute `fault`.
 
     Examples:
         >>> from symcheck import load, parse_properties, pretty
@@ -203,6 +206,18 @@ def bind_property(
     """
     bound = _Properties(file, model, constants).bind([index])
     return bound.properties[0], bound.labels
+
+
+@with_deep_recursion
+def without_unused_faults(
+    file: PropertiesFile, model: BoundModel
+) -> tuple[PropertiesFile, InputError | None]:
+    """The file without the faulty constants, formulas and labels that no property uses.
+
+    Returns:
+        The file, and all faults of what it lacks as one; None if there are none.
+    """
+    return _Properties(file, model, {}).without_unused_faults()
 
 
 @with_deep_recursion
@@ -268,7 +283,13 @@ class _Properties:
         self.file = file
         self.model = model
         self.table = _table(model, DiagnosticCollector())
-        self.table.add(file.constants, file.formulas)
+        self.faults = dict(file.faulty)
+        for constant in file.constants:
+            with self._noted(constant.name):
+                self.table.add((constant,), ())
+        for formula in file.formulas:
+            with self._noted(formula.name):
+                self.table.add((), (formula,))
         self.table.labels = model.labels.keys() | {label.name for label in file.labels}
         set_constants(
             self.table,
@@ -278,33 +299,92 @@ class _Properties:
         )
         self.texts = PropertyReferences(self.table, file, model.labels)
         self.scope = Scope(self.table)
+        self._check()
 
     def bind(self, indices: Iterable[int]) -> BoundProperties:
-        self._check()
-        self.table.report.raise_all()
+        if fault := self.without_unused_faults()[1]:
+            raise fault
         constants = dict(self.model.constants) | self._values(self.file.constants)
         labels = dict(self.model.labels) | self._labels()
         properties = tuple(self._property(i, constants) for i in indices)
         return BoundProperties(self.model, properties, labels, constants)
 
-    def _check(self) -> None:
-        """Check the definitions of the file."""
+    @contextmanager
+    def _noted(self, name: str) -> Iterator[None]:
+        """Note what is reported in this context as the fault of a definition."""
         report = self.table.report
-        self.table.check_cycles()
-        if "cycle" in report.codes:
-            report.raise_all()
-        check_constants(self.scope, self.file.constants)
-        check_labels(self.scope, self.file.labels, self.model.labels)
-        self.texts.check_labels()
-        report.raise_all()
+        self.table.report = DiagnosticCollector()
+        if name in self.faults:
+            self.table.report.absorb(self.faults[name])
+        yield
+        if fault := self.table.report.fault():
+            self.faults[name] = fault
+        self.table.report = report
+
+    def _check(self) -> None:
+        """Check the definitions of the file. A fault in what one of them uses is its own too.
+
+        Raises InputError if a given value is faulty.
+        """
+        file, taken = self.file, set(self.model.labels)
+        for name in (*(c.name for c in file.constants), *(f.name for f in file.formulas)):
+            if self._fault_of(Name(name)) is None:
+                with self._noted(name):
+                    self.table.check_cycles([name])
+        for constant in file.constants:
+            if self._fault_of(Name(constant.name)) is None:
+                with self._noted(constant.name):
+                    check_constants(self.scope, [constant])
+        for label in file.labels:
+            with self._noted(f'"{label.name}"'):
+                check_label(self.table, label, taken)
+                self.texts.check_label(label.name)
+        scope = self.scope
+        for label in file.labels:
+            if self._fault_of(LabelReference(label.name)) is None:
+                quoted = f'"{label.name}"'
+                with self._noted(quoted):
+                    scope.typer().boolean(self.texts.label(label.expression), f"label {quoted}")
+                if quoted in self.faults:
+                    scope = Scope(self.table)  # it reports a fault in a formula again
+        repeated = self.table.repeated
+        self.table.repeated = {n: repeated[n] for n in repeated if not self._fault_of(Name(n))}
         self.table.check_repeated()
-        for label in self.file.labels:
-            self.scope.typer().boolean(self.texts.label(label.expression), f'label "{label.name}"')
+        self.table.report.raise_all()
+
+    def _fault_of(self, formula: Expression) -> InputError | None:
+        """The faults of the definitions that a formula uses."""
+        return self._all_of(self.texts.used(formula)) if self.faults else None
+
+    def without_unused_faults(self) -> tuple[PropertiesFile, InputError | None]:
+        file = self.file
+        if not self.faults:
+            return file, None
+        used = set[str]().union(*(self.texts.used(p.formula) for p in file.properties))
+
+        def kept(name: str, formula: Expression) -> bool:
+            return name in used or self._fault_of(formula) is None
+
+        sound = replace(
+            file,
+            constants=tuple(c for c in file.constants if kept(c.name, Name(c.name))),
+            formulas=tuple(f for f in file.formulas if kept(f.name, Name(f.name))),
+            labels=tuple(x for x in file.labels if kept(f'"{x.name}"', LabelReference(x.name))),
+        )
+        return sound, self._all_of(self.faults.keys() - used - dict(file.faulty).keys())
+
+    def _all_of(self, names: Set[str]) -> InputError | None:
+        report = DiagnosticCollector()
+        for name in self.faults.keys() & names:
+            report.absorb(self.faults[name])
+        return report.fault()
 
     def _values(self, constants: Iterable[Constant]) -> dict[str, Value]:
         """The values of those constants that have one."""
         values: dict[str, Value] = {}
         for constant in constants:
+            if self._fault_of(Name(constant.name)):
+                continue
             try:
                 values[constant.name] = self.table.value(constant.name)
             except InputError:
@@ -315,6 +395,8 @@ class _Properties:
         """The labels whose constants are all known."""
         result: dict[str, Expression] = {}
         for label in self.file.labels:
+            if self._fault_of(LabelReference(label.name)):
+                continue
             try:
                 result[label.name] = self.scope.expand(self.texts.label(label.expression))
             except InputError:
@@ -331,6 +413,8 @@ class _Properties:
         formula: Expression | None = None
         fault: InputError | None = None
         try:
+            if fault := self._fault_of(text.formula):
+                raise fault
             whole, result = self._typed(number)
             if missing:
                 raise NameFault(*(undefined(self.table.constants[n]) for n in missing))

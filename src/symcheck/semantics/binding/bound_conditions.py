@@ -16,12 +16,12 @@ from symcheck.syntax.ast import (
     Call,
     Conditional,
     DiscountedReward,
-    ExpectedTime,
     Expression,
     InstantaneousReward,
     Literal,
     Measure,
     PathFormula,
+    PathMeasure,
     RewardBound,
     RewardOperator,
     RewardQuery,
@@ -69,7 +69,7 @@ class _Conditions:
                 if isinstance(node, RewardOperator):
                     self._structure(node.structure, node)
                     self._unbounded(node, node.query)
-                elif isinstance(node, ExpectedTime):
+                elif isinstance(node, PathMeasure) and not node.is_probability:
                     self._unbounded(node, node.path)
             case TimeBound():
                 self._time(node)

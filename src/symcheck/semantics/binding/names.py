@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping, Set
 from contextlib import suppress
 from fractions import Fraction
 
@@ -107,10 +107,10 @@ class SymbolTable:
             return self.formulas[name].expression
         return self.constants[name].value if name in self.constants else None
 
-    def check_cycles(self) -> None:
-        """Report constants and formulas whose definitions are circular."""
+    def check_cycles(self, names: Iterable[str]) -> None:
+        """Report those of these constants and formulas whose definitions are circular."""
         done: set[str] = set()
-        for start in (*self.constants, *self.formulas):
+        for start in names:
             self._visit(start, [], done)
 
     def _visit(self, name: str, path: list[str], done: set[str]) -> None:
@@ -132,20 +132,18 @@ class SymbolTable:
         ):
             self._visit(used, [*path, name], done)
 
-    def constants_used_by(self, expression: Expression) -> set[str]:
-        """The constants that an expression depends on, directly or through definitions."""
+    def used_by(self, expression: Expression) -> set[str]:
+        """The names that an expression depends on, directly or through definitions."""
         result: set[str] = set()
         waiting = [expression]
         while waiting:
             for node in names_in(waiting.pop()):
-                if node.name not in result and (
-                    node.name in self.constants or node.name in self.formulas
-                ):
+                if node.name not in result:
                     result.add(node.name)
                     definition = self.definition(node.name)
                     if definition is not None:
                         waiting.append(definition)
-        return result & self.constants.keys()
+        return result
 
     # --------------------------------------------------------------------------------------- values
 

@@ -40,10 +40,9 @@ class PropertyReferences:
         """The names of all labels and properties."""
         return (*RESERVED_LABELS, *self._own, *self._model_labels, *self._properties)
 
-    def check_labels(self) -> None:
-        """Report labels with circular references."""
-        for name, expression in self._own.items():
-            self._report_cycle(expression, (name,))
+    def check_label(self, name: str) -> None:
+        """Report a label of the file with circular references."""
+        self._report_cycle(self._own[name], (name,))
 
     def check_property(self, index: int) -> None:
         """Report a property whose name is taken, or whose references are circular."""
@@ -132,19 +131,23 @@ class PropertyReferences:
         Returns:
             All undefined constants of the model, then those of the file that the formula reads.
         """
-        waiting, seen, used = [formula], set[str](), set[str]()
-        while waiting:
-            text = waiting.pop()
-            used |= self._table.constants_used_by(text)
-            for name in _references(text):
-                target = self._target(name)
-                if name not in seen and target is not None:
-                    seen.add(name)
-                    waiting.append(target)
         always = [c.name for c in of_model if c.value is None]
-        further = used.difference(always)
+        further = self.used(formula).difference(always)
         constants = self._table.constants.items()
         return (*always, *(n for n, c in constants if c.value is None and n in further))
+
+    def used(self, formula: Expression) -> set[str]:
+        """The names that a formula depends on; those of labels and properties in quotes."""
+        waiting, used = [formula], set[str]()
+        while waiting:
+            text = waiting.pop()
+            used |= self._table.used_by(text)
+            for name in _references(text):
+                target = self._target(name)
+                if f'"{name}"' not in used and target is not None:
+                    waiting.append(target)
+                used.add(f'"{name}"')
+        return used
 
 
 def _references(expression: Expression) -> list[str]:

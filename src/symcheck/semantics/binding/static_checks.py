@@ -35,7 +35,7 @@ __all__ = [
     "DeclaredVariable",
     "check_assignable",
     "check_constants",
-    "check_labels",
+    "check_label",
     "check_program",
     "check_values_given",
     "set_constants",
@@ -85,7 +85,7 @@ def check_program(program: Program, table: SymbolTable) -> CheckedProgram:
         if table.declare("variable", name, span):
             table.variables[name] = variable.declaration.type
             declared[name] = variable
-    table.check_cycles()
+    table.check_cycles((*table.constants, *table.formulas))
     if "cycle" in table.report.codes:
         table.report.raise_all()
     checked = CheckedProgram(program, table, root, modules, declared)
@@ -120,8 +120,9 @@ def _check(checked: CheckedProgram) -> None:
     for instance, scope in checked.modules:
         for command in instance.base_module.commands:
             _check_command(checked, instance, scope, command)
-    check_labels(checked.root, program.labels)
+    taken: set[str] = set()
     for label in program.labels:
+        check_label(checked.table, label, taken)
         typer.boolean(label.expression, f'label "{label.name}"')
     if program.initial is not None:
         typer.boolean(program.initial, "the condition on initial states")
@@ -188,21 +189,15 @@ def check_assignable(
     )
 
 
-def check_labels(scope: Scope, labels: Iterable[Label], taken: Iterable[str] = ()) -> None:
-    """Check that label names are unique and not reserved."""
-    seen = set(taken)
-    for label in labels:
-        if label.name in RESERVED_LABELS:
-            scope.table.report.name(
-                "reserved-label",
-                f'label "{label.name}" is predefined and cannot be redefined',
-                label.span,
-            )
-        elif label.name in seen:
-            scope.table.report.name(
-                "duplicate-label", f'there is a label "{label.name}" already', label.span
-            )
-        seen.add(label.name)
+def check_label(table: SymbolTable, label: Label, taken: set[str]) -> None:
+    """Check that the name of a label is not taken or reserved, and add it to those taken."""
+    name, report = label.name, table.report
+    if name in RESERVED_LABELS:
+        message = f'label "{name}" is predefined and cannot be redefined'
+        report.name("reserved-label", message, label.span)
+    elif name in taken:
+        report.name("duplicate-label", f'there is a label "{name}" already', label.span)
+    taken.add(name)
 
 
 # ------------------------------------------------------------------------------------------ modules

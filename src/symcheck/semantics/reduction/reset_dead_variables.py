@@ -33,12 +33,10 @@ from symcheck.syntax.ast import (
     Binary,
     Conditional,
     Expression,
-    Filter,
     LabelReference,
     Literal,
     Name,
     RewardBound,
-    StateFilter,
     StateOperator,
     Type,
 )
@@ -47,7 +45,6 @@ from symcheck.syntax.traversal import Tree, children, nodes, transform
 
 __all__ = ["Reduction", "expanded", "observe", "reads_rewards", "reduce"]
 
-_KEPT_BY_BISIMULATION = {"min", "max", "range", "forall", "exists"}
 _TRUE = Literal(True, Type.BOOL)
 _MAX_CONDITION_LOCATIONS = 40
 """Do not reset a variable if the condition would list more locations or values."""
@@ -80,9 +77,7 @@ def _seen(formula: Expression, labels: Mapping[str, Expression]) -> Iterator[Exp
     while stack:
         node = stack.pop()
         match node:
-            case Filter(operator, _, _) if operator not in _KEPT_BY_BISIMULATION:
-                yield None
-            case StateFilter(operators, _, _) if not operators:
+            case StateOperator() if not node.is_bisimulation_invariant:
                 yield None
             case _:
                 below = tuple(nodes(node))
