@@ -23,7 +23,6 @@ from symcheck.semantics.model import Variable
 from symcheck.semantics.path_normal_form import StateFormula, normal_form
 from symcheck.semantics.reduction.live_variables import may_be_undefined
 from symcheck.semantics.reduction.reset_dead_variables import reads_rewards
-from symcheck.semantics.reduction.stutter_reduction import counts_steps
 from symcheck.semantics.rewards import Steps
 from symcheck.simulate.monitors import reward_monitor
 from symcheck.syntax.ast import (
@@ -32,7 +31,6 @@ from symcheck.syntax.ast import (
     Literal,
     Name,
     Node,
-    ProbabilityOperator,
     RewardOperator,
     StateOperator,
     Type,
@@ -105,11 +103,9 @@ def test_an_unknown_reward_query_is_named(ask) -> None:
 
 
 def test_an_unknown_state_operator_is_taken_for_the_worst() -> None:
-    assert counts_steps(DUMMY)
     assert reads_rewards(DUMMY)
     assert not is_plain(DUMMY)
     assert normal_form(DUMMY, None) == StateFormula(DUMMY)
-    assert not counts_steps(ProbabilityOperator(None, None, X))
 
 
 def test_an_unknown_operator_of_numbers_is_named() -> None:

@@ -213,11 +213,9 @@ class StateOperator(ExpressionNode):
 
     The defaults of the attributes are safe for any operator.
 
-    counts_steps: whether it may tell one step from two.
     reads_rewards: whether it may read the rewards of the model.
     """
 
-    counts_steps: ClassVar[bool] = True
     reads_rewards: ClassVar[bool] = True
 
 
@@ -249,7 +247,6 @@ class ProbabilityOperator(PathMeasure):
 
     letter = "P"
     is_probability = True
-    counts_steps = False
     reads_rewards = False
 
 
@@ -259,7 +256,6 @@ class ConditionalProbability(Measure):
 
     letter = "P"
     is_probability = True
-    counts_steps = False
     reads_rewards = False
 
     path: PathFormula
@@ -308,7 +304,6 @@ class SteadyState(Measure):
 class PathQuantifier(StateOperator):
     """CTL's `A [ path ]` and `E [ path ]`."""
 
-    counts_steps = False
     reads_rewards = False
 
     quantifier: Choice["A", "E"]
