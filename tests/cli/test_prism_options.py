@@ -330,7 +330,7 @@ def test_a_diagram_is_drawn_without_an_engine(queue, capsys):
 )
 def test_a_method_that_has_no_effect_is_named(formula, about, queue, capsys):
     words = ["q.sm", "-const", "mu=2", "-pf", formula, "-method"]
-    for method, named in (("jacobi", True), ("auto", False)):
+    for method, named in (("power", True), ("auto", False)):
         status, out, _ = run(capsys, *words, method)
         assert status == 0
         if about is not None and named:

@@ -37,7 +37,7 @@ VALUE_OF = {
     "-simmethod": "ci",
     "-simconf": "0.1",
     "-epsilon": "1e-3",
-    "-method": "jacobi",
+    "-method": "power",
     "-order": "s,d",
     "-transient": "1",
     "-exportresults": "stdout",
