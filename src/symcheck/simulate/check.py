@@ -26,8 +26,7 @@ from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.semantics.state_faults import AlmostOne
-from symcheck.simulate.intervals import IntervalEstimate
-from symcheck.simulate.moments import Moments
+from symcheck.simulate.intervals import IntervalEstimate, Moments
 from symcheck.simulate.monitors import Monitor, path_monitor, reward_monitor
 from symcheck.simulate.path import used_seed
 from symcheck.simulate.samples import SampledProperty, Samples
