@@ -16,6 +16,7 @@ import numpy as np
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault, UsageError
 from symcheck.matrices.rows import Floats, Int64s
+from symcheck.semantics.expressions.doubles import LARGEST_WHOLE
 from symcheck.semantics.expressions.evaluate import is_int64
 from symcheck.whole_file import read_whole
 
@@ -242,4 +243,4 @@ def number_table(text: str) -> Floats | None:
         table = np.loadtxt(io.StringIO(text), dtype=np.float64, comments="#", ndmin=2)
     except ValueError:
         return None
-    return table if len(table) and bool(np.all(np.abs(table) < 2.0**53)) else None
+    return table if len(table) and bool(np.all(np.abs(table) < LARGEST_WHOLE)) else None

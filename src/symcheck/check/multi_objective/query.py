@@ -34,6 +34,7 @@ from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.engines.capabilities import RepresentsOrbits
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
 from symcheck.matrices.numbers import numbers
+from symcheck.numerics import rational_limits
 from symcheck.numerics.multi_objective.exact_lp import ROWS
 from symcheck.semantics.expressions.evaluate import evaluate_constant
 from symcheck.syntax.ast import (
@@ -86,7 +87,7 @@ def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> R
     result = solve_query(explored, formula, states_of(explored))
     if (
         result.equations <= (ROWS if result.close else tuning.PROVED_EQUATIONS)
-        and explored.engine.states <= tuning.RATIONAL_STATES
+        and explored.engine.states <= rational_limits.STATES
     ):
         try:
             result = _by_rationals(explored, formula, states_of)

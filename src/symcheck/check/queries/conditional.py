@@ -17,6 +17,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, Values
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
 from symcheck.matrices.numbers import Numbers
+from symcheck.numerics import rational_limits
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.syntax.ast import Binary, ConditionalProbability, Expression
 from symcheck.syntax.operators import Operator
@@ -104,7 +105,7 @@ def _accurate(
     members = engine.to_bools(relevant)
     members[members] = wide
     states = engine.from_bools(members)
-    if exactly is None or engine.states > tuning.CONDITIONAL_RATIONAL_STATES:
+    if exactly is None or engine.states > rational_limits.CONDITIONAL_STATES:
         reason = f"the model has {engine.states:,} states"
     else:
         try:

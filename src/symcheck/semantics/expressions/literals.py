@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from fractions import Fraction
 
 from symcheck.errors import NO_SPAN, Span
+from symcheck.semantics.expressions.doubles import LEAST
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Binary, Expression, Literal, Type
 from symcheck.syntax.operators import Operator
@@ -36,7 +37,7 @@ def to_signed_float(value: Value) -> float:
     edge with a tiny probability stays one.
     """
     nearest = to_float(value)
-    return (5e-324 if value > 0 else -5e-324) if nearest == 0 and value != 0 else nearest
+    return (LEAST if value > 0 else -LEAST) if nearest == 0 and value != 0 else nearest
 
 
 def type_of_value(value: Value) -> Type:
