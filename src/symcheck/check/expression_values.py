@@ -8,8 +8,8 @@ from symcheck.engines.capabilities import HasRationalTwin
 from symcheck.errors import ModelFault
 from symcheck.matrices.numbers import Rationals, rationals
 from symcheck.numerics import rational_limits
-from symcheck.semantics.expressions.doubles import LARGEST_WHOLE
 from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Conditional, Expression, Name, Type
 from symcheck.syntax.traversal import nodes

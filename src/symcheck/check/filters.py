@@ -17,8 +17,7 @@ from symcheck.errors import Diagnostic, InputError, SymcheckError
 from symcheck.matrices.numbers import is_exact, rationals
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics import rational_limits
-from symcheck.semantics.expressions.doubles import LARGEST_WHOLE
-from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_float
 from symcheck.syntax.ast import Expression, Filter
 
 __all__ = [

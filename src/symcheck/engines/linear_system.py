@@ -32,7 +32,7 @@ from symcheck.numerics.linear.problem import (
 )
 from symcheck.numerics.settings import Settings
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
-from symcheck.semantics.expressions.doubles import LEAST
+from symcheck.semantics.expressions.literals import LEAST
 from symcheck.semantics.rewards import Reward, Structure
 
 __all__ = [

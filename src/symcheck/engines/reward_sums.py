@@ -23,8 +23,7 @@ from symcheck.matrices.rows import Bools, Floats, Int64s, per_row
 from symcheck.numerics import rational_limits
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.binding.bind import exactly_bound
-from symcheck.semantics.expressions.doubles import LARGEST_WHOLE
-from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_float
 from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.interpreter import State, action_rewards, state_rewards, transitions
 from symcheck.semantics.model import BoundModel, BoundReward, Value

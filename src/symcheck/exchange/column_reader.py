@@ -16,8 +16,8 @@ import numpy as np
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault, UsageError
 from symcheck.matrices.rows import Floats, Int64s
-from symcheck.semantics.expressions.doubles import LARGEST_WHOLE
 from symcheck.semantics.expressions.evaluate import is_int64
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE
 from symcheck.whole_file import read_whole
 
 __all__ = ["Columns", "columns_of", "number_table", "read_columns", "read_file", "read_source"]

@@ -15,9 +15,8 @@ from symcheck.explicit import tuning
 from symcheck.explicit.assembler import Assembler, Register, is_constant
 from symcheck.explicit.decider import Decider
 from symcheck.kernels.explore.register_machine import Op
-from symcheck.semantics.expressions.doubles import LARGEST_WHOLE
 from symcheck.semantics.expressions.evaluate import evaluate
-from symcheck.semantics.expressions.literals import to_signed_float
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_signed_float
 from symcheck.semantics.expressions.running_errors import (
     DECISIONS,
     Enclosed,

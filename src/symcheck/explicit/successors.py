@@ -16,7 +16,7 @@ from symcheck.explicit.states import Rows, StateLayout
 from symcheck.explicit.tables import tables, total_reward
 from symcheck.kernels.explore.breadth_first import Expander
 from symcheck.matrices.rows import Bools, Floats, Int64s
-from symcheck.semantics.expressions.doubles import LEAST
+from symcheck.semantics.expressions.literals import LEAST
 from symcheck.semantics.interpreter import state_rewards
 from symcheck.semantics.model import BoundModel, BoundReward
 from symcheck.semantics.rewards import Reward, reward_items

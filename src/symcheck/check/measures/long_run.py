@@ -20,7 +20,7 @@ from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.numerics.tuning import CANCELLATION
-from symcheck.semantics.expressions.doubles import LARGEST_WHOLE
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["steady_probability", "steady_reward"]

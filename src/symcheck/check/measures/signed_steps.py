@@ -17,7 +17,7 @@ from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Floats
 from symcheck.numerics.linear.problem import Progress, largest_width
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
-from symcheck.semantics.expressions.doubles import LEAST
+from symcheck.semantics.expressions.literals import LEAST
 
 __all__ = ["REWARD_ERROR", "Steps", "best", "is_signed", "lifted", "signed_steps"]
 

@@ -26,7 +26,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, Values
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import largest_width
-from symcheck.semantics.expressions.doubles import LEAST
+from symcheck.semantics.expressions.literals import LEAST
 from symcheck.semantics.time_bounds import Window
 from symcheck.syntax.operators import OPERATOR_BY_TOKEN
 

@@ -18,8 +18,7 @@ from symcheck.engines.base import ROUNDING, bracket
 from symcheck.kernels.explore.register_machine import Op, apply_to_doubles
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
-from symcheck.semantics.expressions.doubles import LARGEST_WHOLE, LEAST_NORMAL
-from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE, LEAST_NORMAL, to_float
 
 __all__ = ["ArraySet", "ArrayValues", "Known", "total_of"]
 

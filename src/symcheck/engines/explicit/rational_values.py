@@ -14,9 +14,8 @@ import numpy as np
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.matrices.numbers import Rationals, rationals
 from symcheck.matrices.rows import Int64s
-from symcheck.semantics.expressions.doubles import LEAST_NORMAL
 from symcheck.semantics.expressions.evaluate import BINARY, FUNCTIONS
-from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.expressions.literals import LEAST_NORMAL, to_float
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Name
 from symcheck.syntax.operators import FUNCTION_BY_NAME, OPERATOR_BY_TOKEN, Function

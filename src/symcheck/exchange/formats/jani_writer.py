@@ -17,7 +17,7 @@ from functools import reduce
 
 from symcheck.errors import Diagnostic, UnsupportedError
 from symcheck.semantics.binding.bind import BoundProperty
-from symcheck.semantics.expressions.doubles import LARGEST_WHOLE
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate, Event
 from symcheck.syntax.ast import (
     AnyMeasure,

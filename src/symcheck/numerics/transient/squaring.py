@@ -27,7 +27,7 @@ from symcheck.kernels.chains.interval_matrices import interval_product
 from symcheck.matrices.rows import Bools, Floats, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
-from symcheck.semantics.expressions.doubles import LEAST
+from symcheck.semantics.expressions.literals import LEAST
 
 __all__ = ["IntervalChain", "Powers", "squaring_entries"]
 

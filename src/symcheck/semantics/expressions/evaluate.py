@@ -34,7 +34,6 @@ from typing import Any, TypeVar, assert_never, cast
 from symcheck.errors import Diagnostic, InputError, ModelFault, NameFault, UnsupportedError
 from symcheck.semantics.expressions import rounding_notes
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
-from symcheck.semantics.expressions.doubles import LEAST
 from symcheck.semantics.expressions.irrational import (
     Irrational,
     Real,
@@ -43,6 +42,7 @@ from symcheck.semantics.expressions.irrational import (
     logarithm,
 )
 from symcheck.semantics.expressions.literals import (
+    LEAST,
     convert,
     format_value,
     to_signed_float,

@@ -7,12 +7,14 @@ from collections.abc import Iterable
 from fractions import Fraction
 
 from symcheck.errors import NO_SPAN, Span
-from symcheck.semantics.expressions.doubles import LEAST
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Binary, Expression, Literal, Type
 from symcheck.syntax.operators import Operator
 
 __all__ = [
+    "LARGEST_WHOLE",
+    "LEAST",
+    "LEAST_NORMAL",
     "as_double",
     "as_expression",
     "convert",
@@ -22,6 +24,13 @@ __all__ = [
     "to_signed_float",
     "type_of_value",
 ]
+
+LARGEST_WHOLE = 2**53
+"""Up to this number, every int is a double."""
+LEAST_NORMAL = 2.0**-1022
+"""The least double whose relative error is that of larger ones."""
+LEAST = 5e-324
+"""The least positive double. A result below normal ones is wrong by at most half of it."""
 
 
 def to_float(value: Value) -> float:

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 
 from symcheck.errors import ModelFault
 from symcheck.kernels.explore.register_machine import Op, apply_to_doubles, decide_doubles
-from symcheck.semantics.expressions.doubles import LARGEST_WHOLE
 from symcheck.semantics.expressions.evaluate import (
     INT_MAX,
     INT_MIN,
@@ -33,7 +32,7 @@ from symcheck.semantics.expressions.evaluate import (
     evaluate,
     is_int64,
 )
-from symcheck.semantics.expressions.literals import to_signed_float
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_signed_float
 from symcheck.semantics.expressions.running_errors import (
     DECISIONS,
     Enclosed,

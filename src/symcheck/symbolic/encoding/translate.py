@@ -23,7 +23,7 @@ import numpy as np
 
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
-from symcheck.semantics.expressions.doubles import LARGEST_WHOLE
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE
 from symcheck.semantics.expressions.running_errors import is_accurate
 from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.expressions.vectorised import Lanes, evaluate_columns

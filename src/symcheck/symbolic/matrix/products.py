@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from symcheck.semantics.expressions.doubles import LEAST
+from symcheck.semantics.expressions.literals import LEAST
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd
