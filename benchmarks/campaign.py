@@ -90,7 +90,6 @@ LOWERED: Mapping[ModuleType, Mapping[str, float]] = {
         "MAX_BLOCK_RUNS": 4,
         "MIN_THREADED_ENTRIES": 1,
         "MIN_THREADED_ROWS_ENTRIES": 1,
-        "BYTE_CODES": 2,
     },
     numerics: {
         "STATES_PER_SLICE": 3,

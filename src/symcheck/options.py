@@ -42,8 +42,6 @@ MethodName = Literal[
     "policy",
     "interval",
     "optimistic",
-    "gauss-seidel",
-    "jacobi",
     "power",
     "rational",
 ]

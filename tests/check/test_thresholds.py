@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 from checking import RESULTS, check_text, engine_of
-from symcheck.check import tuning
 from symcheck.check.result import Exact
 from symcheck.engines.registry import BUILDERS
 from symcheck.errors import NumericalError
+from symcheck.numerics import rational_limits
 
 DIE = (RESULTS / "die.pm").read_text()
 
@@ -51,7 +51,7 @@ def test_exactness_is_noted():
 
 
 def test_refused_where_rationals_are_too_dear(monkeypatch):
-    monkeypatch.setattr(tuning, "RATIONAL_STATES", 5)
+    monkeypatch.setattr(rational_limits, "STATES", 5)
     engine = engine_of(DIE)
     with pytest.raises(NumericalError, match=r"for example in state \(s=0,d=0\)"):
         check_text(engine, 'P>=1/6 [ F "six" ]')

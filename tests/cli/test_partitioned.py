@@ -92,7 +92,7 @@ def test_result_lines_are_tested(said: Said, tmp_path: Path) -> None:
 
 
 def test_switches_that_the_parts_do_not_read_are_noted(said: Said) -> None:
-    status, out = said(*DIE, "-pf", "P=? [ F d=6 ]", "-method", "jacobi", "-threads", "2")
+    status, out = said(*DIE, "-pf", "P=? [ F d=6 ]", "-method", "power", "-threads", "2")
     assert status == 0
     assert "-method, -threads have no effect: -distributed iterates bounds" in " ".join(out.split())
 

@@ -65,8 +65,7 @@ def test_switches_without_effect_are_taken_and_named(words, queue, capsys):
     [
         (["-param", "p=0:1"], "parametric model checking is not supported"),
         (["-paramelimorder", "fw"], "-paramelimorder: parametric model checking is not"),
-        (["-settings"], "-settings: expected a file"),
-        (["-settings", "none"], "-settings: cannot read 'none': No such file"),
+        (["-settings", "prism.settings"], "-settings: files of settings are not read"),
         (["-importpepa"], "PEPA is not supported"),
         (["-exportmrmc"], "-exportmodel writes"),
         (
@@ -289,53 +288,6 @@ def test_options_of_model_exports(queue, capsys):
     assert (queue / "o.txt").read_text().startswith("@type: CTMC")
 
 
-SETTINGS = """# a comment
-PRISM
-prism.engine={engine}
-prism.termCritParam=1.0E-6
-prism.maxIters=10000
-prism.linEqMethod={method}
-model.autoParse=true
-simulator.defaultNumSamples=2000
-{other}
-"""
-
-
-def test_saved_settings(queue, capsys):
-    """A setting with PRISM's default asks for nothing; a switch beats a setting."""
-    file = queue / "prism.settings"
-    words = ["q.sm", "q.csl", "-const", "mu=2", "-prop", "f", "-settings", "prism.settings"]
-    file.write_text(SETTINGS.format(engine="Hybrid", method="Jacobi", other=""))
-    status, out, _ = run(capsys, *words)
-    assert (status, "explicit (chosen automatically" in out, "Note" in out) == (0, True, False)
-    file.write_text(SETTINGS.format(engine="MTBDD", method="Power", other="prism.verbose=true"))
-    status, out, _ = run(capsys, *words)
-    assert (status, "Engine:      mtbdd" in out) == (0, True)
-    assert "Note: prism.linEqMethod has no effect: the method is chosen by structure" in out
-    assert "Engine:      sparse" in run(capsys, *words, "-s")[1]
-    file.write_text("prism.maxItres=5\nprism.compact=false\nprism.fau.delta=0.1\nlog.font=Sans\n")
-    notes = [line for line in run(capsys, *words)[1].splitlines() if line.startswith("Note")]
-    assert notes == ["Note: prism.maxItres has no effect: there is no such setting of PRISM"]
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("prism.param.enabled=true", ":9: prism.param.enabled=true: parametric model checking"),
-        ("prism.exportIterations=true", "-exportiterations FILE writes iterations"),
-        ("prism.exportParetoFileName=front", "-exportpareto FILE writes the front"),
-        ("prism.fairness=perhaps", "there is no such value of this setting"),
-        ("storm.engine=dd", "there is no such setting of PRISM"),
-        ("prism.termCritParam=two", "-epsilon: 'two' is not a number"),
-    ],
-)
-def test_saved_settings_that_cannot_be_served(line, message, queue, capsys):
-    (queue / "s").write_text(SETTINGS.format(engine="Hybrid", method="Jacobi", other=line))
-    status, out, err = run(capsys, "q.sm", "-settings", "s")
-    assert (status, out) == (2, "")
-    assert message in err
-
-
 def test_the_output_goes_to_a_file(queue, capsys):
     status, out, err = run(
         capsys, "q.sm", "-const", "mu=2", "-exporttrans", "stdout", "-mainlog", "log"
@@ -378,7 +330,7 @@ def test_a_diagram_is_drawn_without_an_engine(queue, capsys):
 )
 def test_a_method_that_has_no_effect_is_named(formula, about, queue, capsys):
     words = ["q.sm", "-const", "mu=2", "-pf", formula, "-method"]
-    for method, named in (("jacobi", True), ("auto", False)):
+    for method, named in (("power", True), ("auto", False)):
         status, out, _ = run(capsys, *words, method)
         assert status == 0
         if about is not None and named:

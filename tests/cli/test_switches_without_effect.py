@@ -37,7 +37,7 @@ VALUE_OF = {
     "-simmethod": "ci",
     "-simconf": "0.1",
     "-epsilon": "1e-3",
-    "-method": "jacobi",
+    "-method": "power",
     "-order": "s,d",
     "-transient": "1",
     "-exportresults": "stdout",
@@ -168,10 +168,3 @@ def test_an_option_of_computing_without_effect_is_noted(line, note, said):
 def test_options_with_an_effect_are_not_noted(said):
     for line in ("-fair -epsilon 1e-3 -bisim -method interval", "-relative -nofair -fixdl"):
         assert "no effect" not in said(GAME, "-pf", "Pmax=? [ F money=8 ]", *line.split())[1]
-
-
-def test_saved_settings_are_no_requests(said, tmp_path_factory):
-    file = tmp_path_factory.mktemp("settings") / "prism.settings"
-    file.write_text("simulator.defaultNumSamples=500\nprism.fairness=true\n")
-    status, out = said(DIE, "-settings", file)
-    assert (status, "no effect" in out) == (0, False)

@@ -101,7 +101,6 @@ def test_every_switch_is_explained() -> None:
         "exportadv",
         "exportadvmdp",
         "dir",
-        "settings",
     }
     assert named == own | foreign
 

@@ -292,11 +292,10 @@ def test_a_value_below_the_smallest_double_is_not_exact() -> None:
     )
 
 
-def test_plain_methods_are_estimates() -> None:
-    for name in ("gauss-seidel", "jacobi", "power"):
-        solution = solve_linear(walk(20, 0.5), Accuracy(method=name))
-        assert not solution.certified
-        assert solution.lower[0] == pytest.approx(1 / 21, rel=1e-3)
+def test_the_power_method_is_an_estimate() -> None:
+    solution = solve_linear(walk(20, 0.5), Accuracy(method="power"))
+    assert not solution.certified
+    assert solution.lower[0] == pytest.approx(1 / 21, rel=1e-3)
 
 
 class ProductsOnly:

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from symcheck.matrices import tuning as matrix_tuning
 from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix, _stabilising_step
@@ -27,26 +26,15 @@ def chain(n: int, seed: int, values: int | None) -> tuple[Floats, SparseMatrix, 
     return dense, matrix, scale
 
 
-@pytest.mark.parametrize(("values", "bits"), [(5, 8), (3000, 16), (None, 16)])
+@pytest.mark.parametrize("values", [5, None])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_it_solves_what_elimination_solves(values: int | None, bits: int, seed: int) -> None:
+def test_it_solves_what_elimination_solves(values: int | None, seed: int) -> None:
     dense, matrix, scale = chain(120, seed, values)
     split = SplitMatrix.of(matrix, scale)
-    assert split.low[3].dtype.itemsize * 8 == bits
     right = np.random.default_rng(seed).normal(size=120)
     x = next(split.solve_upper(x) for x, rest in split.solve(right) if rest <= 1e-12)
     assert np.allclose(x, np.linalg.solve(dense, right), rtol=1e-9, atol=1e-12)
     assert 0 < split.steps < 60
-
-
-def test_more_values_than_codes_are_kept_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(matrix_tuning, "SHORT_CODES", 100)
-    dense, matrix, scale = chain(120, 3, None)
-    split = SplitMatrix.of(matrix, scale)
-    assert split.low[3].dtype == np.float64
-    right = np.ones(120)
-    x = next(split.solve_upper(x) for x, rest in split.solve(right) if rest <= 1e-12)
-    assert np.allclose(dense @ x, right)
 
 
 def test_the_triangles_are_inverted() -> None:

@@ -273,7 +273,7 @@ def test_several_initial_states_are_refused() -> None:
 
 def test_estimates_are_not_taken_for_bounds() -> None:
     """A method without bounds is not used, also where there is one part."""
-    model = symcheck.loads(WALK, method="jacobi", epsilon=1e-3)
+    model = symcheck.loads(WALK, method="power", epsilon=1e-3)
     result = explore_on_cluster(model, cluster(1)).check("P=? [ x>0 U x=N ]")
     assert isinstance(result.accuracy, Certified)
     assert result.accuracy.lower <= 0.5 <= result.accuracy.upper

@@ -24,14 +24,12 @@ from symcheck.semantics.path_normal_form import StateFormula, normal_form
 from symcheck.semantics.query import query_of
 from symcheck.semantics.reduction.live_variables import may_be_undefined
 from symcheck.semantics.reduction.reset_dead_variables import reads_rewards
-from symcheck.semantics.reduction.stutter_reduction import counts_steps
 from symcheck.syntax.ast import (
     Binary,
     Expression,
     Literal,
     Name,
     Node,
-    ProbabilityOperator,
     RewardOperator,
     StateOperator,
     Type,
@@ -97,11 +95,9 @@ def test_an_unknown_reward_query_is_named() -> None:
 
 
 def test_an_unknown_state_operator_is_taken_for_the_worst() -> None:
-    assert counts_steps(DUMMY)
     assert reads_rewards(DUMMY)
     assert not is_plain(DUMMY)
     assert normal_form(DUMMY, None) == StateFormula(DUMMY)
-    assert not counts_steps(ProbabilityOperator(None, None, X))
 
 
 def test_an_unknown_operator_of_numbers_is_named() -> None:

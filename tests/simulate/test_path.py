@@ -8,12 +8,12 @@ import pytest
 
 from symcheck.api.loading import loads
 from symcheck.cli.entry_point import run_safely
+from symcheck.cli.simulation.path_options import parse_path_options
 from symcheck.errors import NameFault, UsageError
 from symcheck.semantics.binding.bind import bind
 from symcheck.simulate.path import PathFormat, rows, table
-from symcheck.simulate.path_options import parse_path_options
+from symcheck.simulate.stepper import simulate
 from symcheck.simulate.steps import Steps
-from symcheck.simulate.walk import simulate
 from symcheck.syntax.parse import parse_model
 
 COUNTER = """dtmc

@@ -22,8 +22,8 @@ from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Structure
 from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.simulate.sources import CommandSource
+from symcheck.simulate.stepper import simulate
 from symcheck.simulate.steps import Steps
-from symcheck.simulate.walk import simulate
 from symcheck.syntax.ast import ModelType
 from symcheck.syntax.parse import parse_model
 

@@ -117,7 +117,7 @@ def test_bounds_close_in_on_the_value() -> None:
     assert len(seen.steps) > 100
 
 
-@pytest.mark.parametrize("method", ["power", "jacobi", "gauss-seidel", "optimistic"])
+@pytest.mark.parametrize("method", ["power", "optimistic"])
 def test_every_iteration_shows_its_vector(method: str) -> None:
     engine = symcheck.load(MODELS / "gambler/gambler.pm").engine
     options = Options(method=method, certify=method == "optimistic")

@@ -44,7 +44,7 @@ class CheckedModel(Stages):
     """
 
     def reduced_for(
-        self, instances: Sequence[PropertyInstance], *, keep_steps: bool = False
+        self, instances: Sequence[PropertyInstance], *, all_states: bool = False
     ) -> Self:
         """The model on which properties are checked.
 
@@ -54,24 +54,23 @@ class CheckedModel(Stages):
 
         Args:
             instances: the properties.
-            keep_steps: more than the properties is asked for: preserve the number of steps of each
-                path, and explore all states.
+            all_states: explore all states, because more than the properties is asked for.
         """
         options = self.options
-        only_values = not (keep_steps or options.everywhere or options.strategy)
+        only_values = not (all_states or options.everywhere or options.strategy)
         stops = options.stop_at_targets and only_values
         exchanges = options.symmetry and only_values and bool(instances)
         if not (options.reduce or stops or exchanges):
             return self
         if options.fairness or self.bound.builder is not None:
             return self
-        key = tuple((p.file, p.index, *p.constants.items(), keep_steps) for p in instances)
+        key = tuple((p.file, p.index, *p.constants.items(), all_states) for p in instances)
         if key not in self._reduced_models:
             self._reduced_models.clear()
             smaller = stopped(self.bound, instances) if stops else self.bound
             stopped_early, reduction = smaller is not self.bound, None
             if options.reduce:
-                reduction = reduced(smaller, instances, keep_steps=keep_steps)
+                reduction = reduced(smaller, instances)
                 smaller = reduction.model
             if exchanges:
                 observed = partial(observations_up_to_symmetry, instances=instances)

@@ -201,7 +201,7 @@ class Model(CheckedModel):
             loop_check: end the path in a state from which it can only repeat itself.
             max_steps: the path ends after so many steps at the latest.
         """
-        from symcheck.simulate.walk import simulate
+        from symcheck.simulate.stepper import simulate
 
         return simulate(
             self._steps, steps, time=time, seed=seed, loop_check=loop_check, max_steps=max_steps

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.engines.base import Engine, Values
 from symcheck.engines.capabilities import HasRationalTwin
 from symcheck.errors import ModelFault
 from symcheck.matrices.numbers import Rationals, rationals
+from symcheck.numerics import rational_limits
 from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Conditional, Expression, Name, Type
 from symcheck.syntax.traversal import nodes
 
-__all__ = ["LARGEST_WHOLE", "expression_values", "in_doubles"]
-
-LARGEST_WHOLE = 2**53
-"""Up to this number, every int is a double."""
+__all__ = ["expression_values", "in_doubles"]
 
 
 def expression_values(context: Context, formula: Expression) -> Values | None:
@@ -36,7 +34,7 @@ def expression_values(context: Context, formula: Expression) -> Values | None:
         return engine.values(formula, kind)
     read = {n.name for n in nodes(formula) if isinstance(n, Name)}
     if not read or (
-        engine.states <= tuning.RATIONAL_STATES and engine.capability(HasRationalTwin) is None
+        engine.states <= rational_limits.STATES and engine.capability(HasRationalTwin) is None
     ):
         try:
             return engine.rationals(_rational_values(engine, formula, read))

@@ -9,16 +9,15 @@ from typing import Generic, TypeVar, assert_never
 
 import numpy as np
 
-from symcheck.check import tuning
 from symcheck.check.context import Context
-from symcheck.check.expression_values import LARGEST_WHOLE
 from symcheck.check.result import Line
 from symcheck.check.thresholds import by_rationals
 from symcheck.engines.base import Number, StateSet, Values
 from symcheck.errors import Diagnostic, InputError, SymcheckError
 from symcheck.matrices.numbers import is_exact, rationals
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
-from symcheck.semantics.expressions.literals import to_float
+from symcheck.numerics import rational_limits
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_float
 from symcheck.syntax.ast import Expression, Filter
 
 __all__ = [
@@ -178,7 +177,9 @@ class AppliedFilter:
             return False
         low, high = values.minimum(extreme)[0], values.maximum(extreme)[1]
         tiny = low != high and low >= -_TINY and high <= _TINY
-        return tiny or (self.context.engine.states <= tuning.EXTREME_STATES and not extreme <= sure)
+        return tiny or (
+            self.context.engine.states <= rational_limits.EXTREME_STATES and not extreme <= sure
+        )
 
     def _selected(self) -> StateSet:
         if self.states:

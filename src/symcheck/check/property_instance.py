@@ -99,24 +99,15 @@ def property_instances(
     ]
 
 
-def reduced(
-    model: BoundModel, instances: Sequence[PropertyInstance], *, keep_steps: bool = True
-) -> Reduction:
+def reduced(model: BoundModel, instances: Sequence[PropertyInstance]) -> Reduction:
     """The model with dead variables reset: fewer states, the same values of these properties.
 
     Not for fair strategies: which strategies are fair depends on the states. Properties with a
     fault are not considered.
-
-    Args:
-        model: the model.
-        instances: the properties.
-        keep_steps: preserve the number of steps of each path even if no property counts steps, as
-            distributions and exports need it.
     """
     from symcheck.semantics.reduction.reset_dead_variables import reduce
 
-    observed = _observations(model, instances)
-    reduction = reduce(model, replace(observed, steps=observed.steps or keep_steps))
+    reduction = reduce(model, _observations(model, instances))
     if model.derivation is None:
         return reduction
     derivation = partial(_in_turn, model.derivation, reduction.model.derivation)
@@ -176,7 +167,6 @@ def _observations(
     return Observations(
         tuple(dict.fromkeys(e for o in observed for e in o.expressions)),
         any(o.rewards for o in observed),
-        not observed or any(o.steps for o in observed),
     )
 
 

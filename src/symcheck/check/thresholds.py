@@ -14,6 +14,7 @@ from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import NumericalError, SymcheckError
+from symcheck.numerics import rational_limits
 
 __all__ = ["by_rationals", "decide"]
 
@@ -73,9 +74,9 @@ def by_rationals(engine: Engine, exactly: Callable[[], StateSet]) -> StateSet | 
     """The states that satisfy the comparison by rational arithmetic, or the reason why not."""
     if engine.exact:
         return NumericalError("the value is not a number")
-    if engine.states > tuning.RATIONAL_STATES:
+    if engine.states > rational_limits.STATES:
         return NumericalError(
-            f"rational arithmetic is tried up to {tuning.RATIONAL_STATES:,} states, "
+            f"rational arithmetic is tried up to {rational_limits.STATES:,} states, "
             f"and this model has {engine.states:,}"
         )
     try:

@@ -8,9 +8,6 @@ from __future__ import annotations
 # Comparisons with thresholds, and rational arithmetic where floating point does not decide.
 REFINED_ACCURACIES = (1e-9, 1e-12)
 """Values of epsilon that are tried in turn if a comparison is undecided."""
-RATIONAL_STATES = 20_000
-"""The most states of a model that is explored again in rational arithmetic, or at which expressions
-of properties are evaluated in it."""
 PROVED_EQUATIONS = 300
 """The most equations of a linear program that is proved in rational arithmetic by default."""
 LARGE_MODEL_STATES = 100_000
@@ -24,10 +21,6 @@ QUANTILE_ROUNDS = 64
 steps as there are states. A limit that is approached more slowly is left open, with an error."""
 CONDITIONAL_STATES = 1000
 """The most states of an MDP for which conditional probabilities are computed, one by one."""
-CONDITIONAL_RATIONAL_STATES = 1000
-"""The most states of a model whose conditional probabilities are computed in rationals if doubles
-lose the digits of a condition that is improbable."""
-
 # Bounds on rewards (measures/reward_scaling.py).
 LARGEST_DENOMINATOR = 1_000_000
 """Rewards are multiples of a common step if they are fractions with denominators up to this."""
@@ -82,10 +75,6 @@ COMMAND_STATES = 20_000
 """The most states of a model whose commands are found again, state by state, in Python."""
 COMMAND_SET_CHECKS = 2000
 """Sets of commands that are checked before a small set takes the place of a smallest one."""
-
-EXTREME_STATES = 1_000
-"""States of models in which argmin and argmax compare values as rationals that are equal up to
-rounding; values that underflow, in more."""
 
 INTEGER_BITS = 300_000
 """Bits of the common denominator after all steps up to which exact steps are made in integers."""

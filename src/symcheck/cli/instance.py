@@ -165,8 +165,8 @@ def _reduced(state: RunState, model: Model, instances: Sequence[PropertyInstance
         state.output.warn("-symmetry is not used: more than values at initial states is asked")
     if options.fairness and options.reduce:
         state.output.warn("-reduce is not used: which strategies are fair depends on the states")
-    keep_steps = bool(a.transient is not None or a.steadystate or a.simpath or a.step or a.exports)
-    reduced = model.reduced_for(instances, keep_steps=keep_steps)
+    all_states = bool(a.transient is not None or a.steadystate or a.simpath or a.step or a.exports)
+    reduced = model.reduced_for(instances, all_states=all_states)
     smaller = reduced.smaller
     if smaller is not None and smaller.reduction is not None:
         state.output.line(f"Reduction:   {smaller.reduction}")

@@ -32,6 +32,7 @@ from symcheck.numerics.linear.problem import (
 )
 from symcheck.numerics.settings import Settings
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.semantics.expressions.literals import LEAST
 from symcheck.semantics.rewards import Reward, Structure
 
 __all__ = [
@@ -156,7 +157,7 @@ class LinearSystem(SystemOf[S, V]):
         earned = self.earned(reward)
         steps = _finite(self.embedded(earned), earned)
         if steps is not earned and not is_exact(steps):
-            require_normal_rewards(np.where((steps == 0.0) & (earned != 0.0), 5e-324, steps))
+            require_normal_rewards(np.where((steps == 0.0) & (earned != 0.0), LEAST, steps))
         return steps
 
     def step_reward_errors(self, reward: Reward) -> Numbers:

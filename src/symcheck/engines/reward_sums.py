@@ -20,9 +20,10 @@ from symcheck.engines import tuning
 from symcheck.engines.capabilities import HasActions
 from symcheck.errors import InputError, UnsupportedError
 from symcheck.matrices.rows import Bools, Floats, Int64s, per_row
+from symcheck.numerics import rational_limits
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.binding.bind import exactly_bound
-from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_float
 from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.interpreter import State, action_rewards, state_rewards, transitions
 from symcheck.semantics.model import BoundModel, BoundReward, Value
@@ -245,7 +246,7 @@ class RewardSums:
     def _are_whole(self, items: Sequence[BoundReward], magnitudes: Floats) -> bool:
         """Whether sums of state rewards are exact, as those of ints below 2^53 are."""
         whole = all(self._type(i.value) is Type.INT for i in items)
-        return whole and bool((magnitudes < 2.0**53).all())
+        return whole and bool((magnitudes < LARGEST_WHOLE).all())
 
     def _corrected(
         self,
@@ -261,10 +262,10 @@ class RewardSums:
         engine = self.engine
         states = lost if groups is None else np.logical_or.reduceat(lost, groups[:-1])
         count = int(np.count_nonzero(states))
-        if count > tuning.RATIONAL_REWARD_STATES:
+        if count > rational_limits.REWARD_STATES:
             raise UnsupportedError(
                 f"rewards of opposite signs may cancel in {count:,} states; they are added in "
-                f"rational arithmetic in up to {tuning.RATIONAL_REWARD_STATES:,}",
+                f"rational arithmetic in up to {rational_limits.REWARD_STATES:,}",
                 hint="write what is earned at once as one item without a difference",
             )
         exact = exactly_bound(engine.model)

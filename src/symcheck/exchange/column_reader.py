@@ -17,6 +17,7 @@ import numpy as np
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault, UsageError
 from symcheck.matrices.rows import Bools, Floats, Int64s
 from symcheck.semantics.expressions.evaluate import is_int64
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE
 from symcheck.whole_file import read_whole
 
 __all__ = [
@@ -256,4 +257,4 @@ def number_table(text: str) -> Floats | None:
         table = np.loadtxt(io.StringIO(text), dtype=np.float64, comments="#", ndmin=2)
     except ValueError:
         return None
-    return table if len(table) and bool(np.all(np.abs(table) < 2.0**53)) else None
+    return table if len(table) and bool(np.all(np.abs(table) < LARGEST_WHOLE)) else None

@@ -16,7 +16,7 @@ from symcheck.explicit.assembler import Assembler, Register, is_constant
 from symcheck.explicit.decider import Decider
 from symcheck.kernels.explore.register_machine import Op
 from symcheck.semantics.expressions.evaluate import evaluate
-from symcheck.semantics.expressions.literals import to_signed_float
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_signed_float
 from symcheck.semantics.expressions.running_errors import (
     DECISIONS,
     Enclosed,
@@ -81,7 +81,6 @@ _JUMP_REAL = {
     Op.LED: (Op.JLED, Op.JNLED),
 }
 _EXPENSIVE = frozenset({Operator.POWER, Function.POW, Function.LOG})
-_NARROW = 2**53
 _PARTIAL = frozenset({Operator.POWER, Function.POW, Function.MOD})
 """Operators and functions that have no value for some ints."""
 
@@ -104,7 +103,7 @@ class CodeGenerator:
         self._wide = {
             v.name
             for v in variables
-            if v.low is None or v.high is None or max(-v.low, v.high) > _NARROW
+            if v.low is None or v.high is None or max(-v.low, v.high) > LARGEST_WHOLE
         }
 
     # --------------------------------------------------------------------------------------- values
@@ -448,7 +447,7 @@ class CodeGenerator:
             case Name(name):
                 return name in self._wide
             case Literal(int(value), Type.INT):
-                return not -_NARROW <= value <= _NARROW
+                return not -LARGEST_WHOLE <= value <= LARGEST_WHOLE
             case _:
                 return False
 

@@ -16,6 +16,7 @@ from symcheck.explicit.states import Rows, StateLayout
 from symcheck.explicit.tables import tables, total_reward
 from symcheck.kernels.explore.breadth_first import Expander
 from symcheck.matrices.rows import Bools, Floats, Int64s
+from symcheck.semantics.expressions.literals import LEAST
 from symcheck.semantics.interpreter import state_rewards
 from symcheck.semantics.model import BoundModel, BoundReward
 from symcheck.semantics.rewards import Reward, reward_items
@@ -134,7 +135,7 @@ class SuccessorGenerator:
         if not self._model.type.continuous_time:
             choices = np.repeat(np.diff(found.ends, prepend=0), np.diff(offsets))
             # As in the kernel, an edge whose probability underflows is kept.
-            weights = np.where(weights > choices * 5e-324, weights / choices, weights)
+            weights = np.where(weights > choices * LEAST, weights / choices, weights)
         deadlocks = np.zeros(len(rows), np.bool_)
         deadlocks[found.deadlocks] = True
         rewards = np.repeat(found.rewards, np.diff(found.branch_ends, prepend=0))

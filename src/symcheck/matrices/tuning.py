@@ -21,6 +21,3 @@ MIN_THREADED_ENTRIES = 2_000_000
 MIN_THREADED_ROWS_ENTRIES = 1_000_000
 """Likewise for compressed rows, which take one to two milliseconds per million entries: to give a
 part to a thread takes some 30 microseconds."""
-
-BYTE_CODES, SHORT_CODES = 256, 65_536
-"""Distinct values that are stored as codes of one byte, and of two bytes, instead of doubles."""

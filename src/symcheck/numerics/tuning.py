@@ -285,11 +285,6 @@ VALUE_ITERATIONS_BEFORE_POLICIES = 2_000
 """Value iterations before policy iteration is tried."""
 MEAN_PAYOFF_POLICIES = 60
 """Policies that are evaluated."""
-RATIONAL_BLOCK_STATES = 50
-"""States of a strong component that is solved in rationals where all methods in doubles fail."""
-RATIONAL_GAIN_STATES = 100
-"""States of an end component whose policies are evaluated in rationals where rounding hides which
-is best."""
 DIRECT_EVALUATION_STATES = 100_000
 """States up to which a policy is evaluated by a sparse factorisation."""
 APERIODIC_STAY = 0.5

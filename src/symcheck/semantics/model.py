@@ -127,12 +127,10 @@ class Observations:
     Attributes:
         expressions: state expressions.
         rewards: they read rewards.
-        steps: they may count steps.
     """
 
     expressions: tuple[Expression, ...]
     rewards: bool
-    steps: bool = True
 
 
 @dataclass(frozen=True, repr=False)

@@ -28,8 +28,7 @@ from symcheck.semantics.query import (
     query_of,
 )
 from symcheck.semantics.state_faults import AlmostOne
-from symcheck.simulate.intervals import IntervalEstimate
-from symcheck.simulate.moments import Moments
+from symcheck.simulate.intervals import IntervalEstimate, Moments
 from symcheck.simulate.monitors import monitor_of
 from symcheck.simulate.path import used_seed
 from symcheck.simulate.samples import SampledProperty, Samples

@@ -18,8 +18,7 @@ from symcheck.parallel.workers import Lost, Workers
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.simulate import tuning
-from symcheck.simulate.intervals import Range
-from symcheck.simulate.moments import Moments
+from symcheck.simulate.intervals import Moments, Range
 from symcheck.simulate.monitors import Monitor
 from symcheck.simulate.sampling import Batch, Sampler
 from symcheck.simulate.sources import CommandSource, Source, TableSource

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
 
@@ -13,11 +14,49 @@ from symcheck.simulate import tuning
 from symcheck.simulate.intervals import Range
 from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.simulate.monitors import Monitor, Paths
-from symcheck.simulate.random_numbers import PathNumbers, Stream
 from symcheck.simulate.reward_range import StepRewards
 from symcheck.simulate.sources import Source
 
 __all__ = ["Batch", "Sampler"]
+
+_PER_COUNT = 4  # Philox gives four words for each value of its counter
+
+
+class _Stream(IntEnum):
+    """What the numbers decide."""
+
+    BRANCH = 0
+    DURATION = 1
+
+
+class _PathNumbers:
+    """Random numbers that are a function of the seed, the path and the step.
+
+    So the value of a path does not depend on which paths are sampled with it, nor where. They are
+    those of Philox, whose counter has the path, the step and the stream.
+
+    Source: J. K. Salmon et al.: Parallel random numbers: as easy as 1, 2, 3 (SC 2011).
+
+    Args:
+        seed: a whole number from 0.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._key = np.random.SeedSequence(seed).generate_state(2, np.uint64)
+
+    def uniform(self, paths: Int64s, step: int, stream: _Stream) -> Floats:
+        """A number from [0, 1) for each path: float64[n].
+
+        Args:
+            paths: numbers of paths, int64[n], ascending. The cost is that of all between them.
+            step: the step that these paths take.
+        """
+        if not len(paths):
+            return np.empty(0)
+        count = int(paths[0]) // _PER_COUNT
+        philox = np.random.Philox(key=self._key, counter=[count, step, stream, 0])
+        first = count * _PER_COUNT
+        return np.random.Generator(philox).random(int(paths[-1]) + 1 - first)[paths - first]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +90,7 @@ class Sampler:
     fix_deadlocks: bool = True
 
     def __post_init__(self) -> None:
-        self._numbers = PathNumbers(self.seed)
+        self._numbers = _PathNumbers(self.seed)
         self._chain = LazyChain(
             self.source,
             tuple(map(self.source.predicate, self.monitor.atoms)),
@@ -112,7 +151,7 @@ class Sampler:
             if step >= self.max_steps:
                 raise self._too_long(len(alive), count)
             total += self._chain.reward(ids) * (leave - time)
-            uniform = self._numbers.uniform(first + alive, step, Stream.BRANCH)
+            uniform = self._numbers.uniform(first + alive, step, _Stream.BRANCH)
             ids, earned = self._chain.follow(self._chain.sample(ids, uniform))
             total += earned
             time = leave
@@ -122,7 +161,7 @@ class Sampler:
         """Sojourn times: one step in discrete time, exponentially distributed in a CTMC."""
         if not self._chain.continuous:
             return np.ones(len(ids))
-        uniform = self._numbers.uniform(paths, step, Stream.DURATION)
+        uniform = self._numbers.uniform(paths, step, _Stream.DURATION)
         return np.asarray(-np.log1p(-uniform) / self._chain.rate(ids))
 
     def _too_long(self, undecided: int, count: int) -> NumericalError:

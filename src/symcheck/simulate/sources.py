@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from math import inf, prod
 from typing import Protocol, assert_never
 
 import numpy as np
@@ -19,13 +20,16 @@ from symcheck.explicit.states import Rows, StateLayout
 from symcheck.explicit.successors import SuccessorGenerator, Successors
 from symcheck.matrices.rows import Bools, Floats, Int64s, spans, starts_of
 from symcheck.options import Options
-from symcheck.semantics.model import BoundModel
+from symcheck.semantics.expressions.vectorised import evaluate_columns
+from symcheck.semantics.model import BoundModel, BoundReward
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time, reward_items
 from symcheck.semantics.state_faults import describe_state
-from symcheck.simulate.intervals import Range
-from symcheck.simulate.item_ranges import sum_range
+from symcheck.simulate import tuning
+from symcheck.simulate.intervals import UNKNOWN, Range
 from symcheck.simulate.state_predicates import StatePredicate, compile_predicate
+from symcheck.simulate.steps import transition_rewards
 from symcheck.syntax.ast import Expression
+from symcheck.syntax.traversal import names
 
 __all__ = ["CommandSource", "Source", "TableSource"]
 
@@ -99,9 +103,9 @@ class CommandSource:
     def reward_ranges(self) -> tuple[Range, Range]:
         """Bounds on the rewards of states and of transitions, by the ranges of variables."""
         items = () if self._reward is None else reward_items(self._reward, self.model)
-        states = sum_range([i for i in items if i.on_states], self.model)
+        states = _sum_range([i for i in items if i.on_states], self.model)
         transitions = [
-            sum_range([i for i in items if not i.on_states and i.action == action], self.model)
+            _sum_range([i for i in items if not i.on_states and i.action == action], self.model)
             for action in (None, *self.model.actions)
         ]
         return states, Range(min(r.low for r in transitions), max(r.high for r in transitions))
@@ -165,10 +169,7 @@ class TableSource:
                 states = explored.state_rewards[index]
                 imported = self.engine.capability(HasImportedStates)
                 assert imported is not None
-                given = imported.entry_rewards[index]
-                sums = np.add.reduceat(matrix.data, matrix.indptr[:-1]) if timed else 1.0
-                shared = np.repeat(explored.choice_rewards[index] / sums, matrix.lengths)
-                entries = shared if given is None else given
+                entries = transition_rewards(explored, imported, index)
             case Time() if timed:
                 states = np.ones(self.engine.states)
             case Steps() | Time():
@@ -219,3 +220,25 @@ class TableSource:
 
 def _as_rows(numbers: Int64s) -> Rows:
     return numbers.astype(np.uint64).reshape(-1, 1)
+
+
+def _sum_range(items: Sequence[BoundReward], model: BoundModel) -> Range:
+    """Bounds on the sum of rewards, over all valuations of the variables."""
+    ranges = [_item_range(item, model) for item in items]
+    return Range(sum(r.low for r in ranges), sum(r.high for r in ranges))
+
+
+def _item_range(item: BoundReward, model: BoundModel) -> Range:
+    """Bounds on what one item gives, which is 0 where its guard is false."""
+    read = names(item.guard) | names(item.value)
+    domains = {v.name: v.domain for v in model.variables if v.name in read}
+    sizes = [inf if domain is None else len(domain) for domain in domains.values()]
+    if prod(sizes) > tuning.MAX_REWARD_VALUATIONS:
+        return UNKNOWN
+    mesh = np.meshgrid(*map(np.asarray, domains.values()), indexing="ij")
+    columns = {name: column.reshape(-1) for name, column in zip(domains, mesh, strict=True)}
+    guard, value = evaluate_columns(item.guard, columns), evaluate_columns(item.value, columns)
+    earned = np.where(guard.values, value.numbers(), 0.0)
+    if guard.faults is not None or not np.isfinite(earned).all():
+        return UNKNOWN
+    return Range(float(earned.min(initial=0.0)), float(earned.max(initial=0.0)))

@@ -15,8 +15,7 @@ import numpy as np
 
 from symcheck.errors import NumericalError, UsageError
 from symcheck.simulate import tuning
-from symcheck.simulate.intervals import IntervalEstimate, Range, error_within, interval
-from symcheck.simulate.moments import Moments
+from symcheck.simulate.intervals import IntervalEstimate, Moments, Range, error_within, interval
 from symcheck.simulate.samples import Samples
 
 __all__ = ["METHODS", "Plan", "estimate", "interval_so_far", "sequential_test"]

@@ -1,4 +1,4 @@
-"""A simulator that takes one step at a time: chosen by the user, by a strategy, or at random."""
+"""Paths that grow step by step: chosen by the user, by a strategy, or at random."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import cast
 import numpy as np
 
 from symcheck.engines.explicit.strategy import Strategy
-from symcheck.errors import UsageError
+from symcheck.errors import UsageError, converts_memory_error
 from symcheck.semantics.interpreter import State
 from symcheck.semantics.state_faults import describe_state
 from symcheck.simulate.path import Path, PathStep, used_seed
 from symcheck.simulate.steps import Choice, Steps
 
-__all__ = ["Simulator", "StepStrategy"]
+__all__ = ["Simulator", "StepStrategy", "simulate"]
 
 
 class Simulator:
@@ -149,8 +149,7 @@ class Simulator:
         Raises:
             UsageError: the strategy has memory, or `steps` is no whole number from 0.
         """
-        if not isinstance(cast(object, steps), Integral) or steps < 0:
-            raise UsageError(f"steps={steps!r}: expected a whole number from 0")
+        _require_whole(steps)
         chosen = self._following(strategy) if isinstance(strategy, Strategy) else strategy
         for _ in range(steps):
             if not self.choices:
@@ -255,3 +254,63 @@ StepStrategy = Callable[[Simulator], int | str | None]
 def _numbers(n: int) -> str:
     """The numbers below n as a text."""
     return "0" if n == 1 else f"0 to {n - 1}"
+
+
+def _require_whole(steps: int, otherwise: str = "") -> None:
+    """Raise UsageError unless this is a whole number from 0."""
+    if not isinstance(cast(object, steps), Integral) or steps < 0:
+        raise UsageError(f"steps={steps!r}: expected a whole number from 0{otherwise}")
+
+
+@converts_memory_error("a shorter path needs less")
+def simulate(
+    model: Steps,
+    steps: int | None = None,
+    *,
+    time: float | None = None,
+    seed: int | None = None,
+    loop_check: bool = True,
+    max_steps: int = 10_000,
+) -> Path:
+    """Sample a path from an initial state; several initial states are equally likely.
+
+    The path ends in a deadlock or at the first limit that is reached. The choices of an MDP are
+    equally likely.
+
+    Args:
+        model: the steps of the model.
+        steps: maximal number of steps; None: `max_steps`.
+        time: end in the state that is occupied at this time; None: no limit.
+        seed: seed of the generator; None draws one.
+        loop_check: end the path when it can only repeat itself.
+        max_steps: end after this many steps in any case.
+
+    Raises:
+        ModelFault: the model breaks a rule in a state on the path.
+        UsageError: `steps` is no whole number from 0.
+    """
+    if steps is not None:
+        _require_whole(steps, ", or None")
+    simulator = Simulator(model, seed)
+    limit = max_steps if steps is None else min(steps, max_steps)
+    path = simulator._path
+    forced: set[State] = set()  # states since the last one with several branches
+    end = "length" if steps is None or steps > max_steps else "steps"
+    while len(path) <= limit:
+        enabled = simulator.choices
+        if not enabled:
+            end = "deadlock"
+            break
+        branches = sum(len(c.branches) for c in enabled)
+        if branches > 1:
+            forced.clear()
+        elif loop_check and path[-1].state in forced:
+            end = "loop"
+            break
+        else:
+            forced.add(path[-1].state)
+        simulator.step()
+        if time is not None and path[-1].time >= time:
+            end = "time"
+            break
+    return Path(model.model, tuple(path), end, simulator.seed)

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from symcheck.engines.base import Engine
 from symcheck.engines.capabilities import HasExploredModel, HasImportedStates
 from symcheck.engines.transition_actions import transition_parts
+from symcheck.explicit.explored import ExploredModel
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.states import StateLayout
 from symcheck.matrices.contributions import TransitionParts
+from symcheck.matrices.rows import Floats
 from symcheck.semantics.command_text import command_text
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.interpreter import State, choices, state_rewards, valuation
 from symcheck.semantics.model import BoundCommand, BoundModel, Value
 from symcheck.simulate.path import PathStep
 
-__all__ = ["Branch", "Choice", "Steps", "TableSteps"]
+__all__ = ["Branch", "Choice", "Steps", "TableSteps", "transition_rewards"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +103,7 @@ class Steps:
         current: PathStep,
         enabled: Sequence[Choice],
         generator: np.random.Generator,
-        allowed: Sequence[tuple[Choice, Branch]] | None = None,
+        moves: Sequence[tuple[Choice, Branch]],
     ) -> PathStep:
         """Sample a transition and its sojourn time; the choices of an MDP are equally likely.
 
@@ -108,14 +111,13 @@ class Steps:
             current: the last step of the path.
             enabled: the choices of its state.
             generator: random numbers.
-            allowed: the transitions from which one is sampled; None: all.
+            moves: the transitions from which one is sampled.
 
         Raises:
             ModelFault: the next state has a reward that is not finite.
         """
         kind = self.model.type
         share = self._share(enabled)
-        moves = [(c, b) for c in enabled for b in c.branches] if allowed is None else list(allowed)
         duration = 1.0
         if kind.continuous_time:
             rate = sum(float(b.probability) for c in enabled for b in c.branches)
@@ -194,17 +196,16 @@ class TableSteps(Steps):
         explored = self._explored
         matrix = explored.matrix
         part = slice(*matrix.indptr[row : row + 2].tolist())
-        weights = matrix.data[part].tolist()
-        total = sum(weights) if self.model.type.continuous_time else 1
-        earned = [
-            [float(of_rows[row] / total)] * len(weights) if entries is None else entries[part]
-            for of_rows, entries in zip(
-                explored.choice_rewards, self._imported.entry_rewards, strict=True
-            )
-        ]
         targets = [self._states[t] for t in matrix.indices[part].tolist()]
-        rewards = [tuple(float(r[i]) for r in earned) for i in range(len(weights))]
-        return tuple(map(Branch, weights, targets, rewards))
+        rewards = map(tuple, self._earned[:, part].T.tolist())
+        return tuple(map(Branch, matrix.data[part].tolist(), targets, rewards))
+
+    @cached_property
+    def _earned(self) -> Floats:
+        """The rewards of transitions: float64[structures, entries]."""
+        structures = range(len(self.model.rewards))
+        rewards = [transition_rewards(self._explored, self._imported, i) for i in structures]
+        return np.array(rewards, np.float64).reshape(len(rewards), self._explored.matrix.entries)
 
     def rewards(self, state: State) -> tuple[float, ...]:
         """The state reward per reward structure."""
@@ -213,3 +214,19 @@ class TableSteps(Steps):
     def has_label(self, state: State, name: str) -> bool:
         """Whether a state has a label of the model."""
         return bool(self._imported.members[self.model.labels[name]][self._numbers[state]])
+
+
+def transition_rewards(
+    explored: ExploredModel, imported: HasImportedStates, structure: int
+) -> Floats:
+    """The reward of each transition of a model without commands: float64[entries].
+
+    A reward of a choice, or of a state of a CTMC, is shared by its transitions.
+    """
+    given = imported.entry_rewards[structure]
+    if given is not None:
+        return given
+    matrix = explored.matrix
+    timed = explored.model.type.continuous_time
+    sums = np.add.reduceat(matrix.data, matrix.indptr[:-1]) if timed else 1.0
+    return np.repeat(explored.choice_rewards[structure] / sums, matrix.lengths)

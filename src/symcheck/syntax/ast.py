@@ -217,11 +217,9 @@ class StateOperator(ExpressionNode):
 
     The defaults of the attributes are safe for any operator.
 
-    counts_steps: whether it may tell one step from two.
     reads_rewards: whether it may read the rewards of the model.
     """
 
-    counts_steps: ClassVar[bool] = True
     reads_rewards: ClassVar[bool] = True
 
     @property
@@ -259,7 +257,6 @@ class ProbabilityOperator(PathMeasure):
     letter = "P"
     is_probability = True
     is_bisimulation_invariant = True
-    counts_steps = False
     reads_rewards = False
 
 
@@ -270,7 +267,6 @@ class ConditionalProbability(Measure):
     letter = "P"
     is_probability = True
     is_bisimulation_invariant = True
-    counts_steps = False
     reads_rewards = False
 
     path: PathFormula
@@ -323,7 +319,6 @@ class PathQuantifier(StateOperator):
     """CTL's `A [ path ]` and `E [ path ]`."""
 
     is_bisimulation_invariant = True
-    counts_steps = False
     reads_rewards = False
 
     quantifier: Choice["A", "E"]

@@ -220,7 +220,7 @@ def test_a_component_that_rounding_hides_is_solved_in_rationals():
 
 
 def test_a_reward_without_an_upper_bound_is_not_called_infinite(monkeypatch):
-    monkeypatch.setattr("symcheck.numerics.tuning.RATIONAL_BLOCK_STATES", 0)
+    monkeypatch.setattr("symcheck.numerics.rational_limits.COMPONENT_STATES", 0)
     result = symcheck.loads(RARELY_LEFT).check('R{"r"}max=? [ C{"c"}<=3 ]')
     assert isfinite(result.value)
     assert result.accuracy.upper == inf

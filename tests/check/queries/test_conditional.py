@@ -320,7 +320,7 @@ def test_a_condition_that_underflows_is_not_one_of_probability_zero(engine, kind
 
 
 def test_a_quotient_that_no_arithmetic_gives_says_how_wide_its_bounds_are(monkeypatch):
-    monkeypatch.setattr("symcheck.check.tuning.CONDITIONAL_RATIONAL_STATES", 3)
+    monkeypatch.setattr("symcheck.numerics.rational_limits.CONDITIONAL_STATES", 3)
     text = TREE.format(kind="dtmc", p="1e-200", q="1e-200", r="0.25", rest="0.75", more="")
     result = symcheck.loads(text).check('P=? [ F "a" || F "b" ]')
     assert result.accuracy.lower <= 0.25 <= result.accuracy.upper

@@ -20,6 +20,7 @@ from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.numerics.tuning import CANCELLATION
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["steady_probability", "steady_reward"]
@@ -67,7 +68,7 @@ def _average(context: Context, reward_of: RewardOf) -> Values:
     # be rounded too.
     rounded = (low == high) & (not engine.exact)
     if rounded.any():
-        rounded &= summed | (low % 1 > 0) | (np.abs(low) >= 2.0**53)
+        rounded &= summed | (low % 1 > 0) | (np.abs(low) >= LARGEST_WHOLE)
     if not point:
         margin = np.where(rounded, ROUNDING * np.abs(low), 0)
         low, high = low - margin, high + margin

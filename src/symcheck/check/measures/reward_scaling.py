@@ -15,11 +15,12 @@ from symcheck.engines.base import System
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Int64s
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.time_bounds import RewardWindow, Window
 
 __all__ = ["ScaledBound", "common_step", "dimension_order", "in_steps", "scale_bound"]
 
-_NEAR = 8 * 2.0**-53
+_NEAR = 8 * UNIT_ROUNDOFF
 """Largest relative distance of a reward, a sum of few doubles, from the fraction it stands for."""
 
 

@@ -17,13 +17,12 @@ from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Floats
 from symcheck.numerics.linear.problem import Progress, largest_width
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.semantics.expressions.literals import LEAST
 
 __all__ = ["REWARD_ERROR", "Steps", "best", "is_signed", "lifted", "signed_steps"]
 
 REWARD_ERROR = 2.0**-43
 """The relative error of rewards: see `symcheck.engines.tuning.CANCELLATION`."""
-
-_SMALLEST = 2.0**-1074
 
 
 def best(rows: Numbers, system: System, direction: Direction | None) -> Numbers:
@@ -66,7 +65,7 @@ class Steps:
         if self.factor and not some.all():  # of products that underflow
             some |= multiply((largest > 0.0).astype(np.float64)) > 0.0
         unit = 2 * (self.system.operator.longest + 6) * UNIT_ROUNDOFF
-        tiny = (self.system.operator.longest + 6) * _SMALLEST
+        tiny = (self.system.operator.longest + 6) * LEAST
         error = np.where(some, unit * size + self.errors + tiny, 0.0)
         return (
             self.factor * multiply(lower) + self.rewards - error,

@@ -35,6 +35,7 @@ from symcheck.direction import Direction
 from symcheck.engines.capabilities import RepresentsOrbits
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
 from symcheck.matrices.numbers import numbers
+from symcheck.numerics import rational_limits
 from symcheck.numerics.multi_objective.exact_lp import ROWS
 from symcheck.syntax.ast import (
     ExpectedTime,
@@ -84,7 +85,7 @@ def check_multi(context: Context, formula: MultiObjective) -> Result:
     result = solve_query(explored, formula)
     if (
         result.equations <= (ROWS if result.close else tuning.PROVED_EQUATIONS)
-        and explored.engine.states <= tuning.RATIONAL_STATES
+        and explored.engine.states <= rational_limits.STATES
     ):
         try:
             result = _by_rationals(explored, formula)

@@ -15,6 +15,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, Values
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
 from symcheck.matrices.numbers import Numbers
+from symcheck.numerics import rational_limits
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.semantics.path_formulas import PathFormula, UntilPath
 from symcheck.semantics.query import ProbabilityGiven
@@ -97,7 +98,7 @@ def _accurate(
     members = engine.to_bools(relevant)
     members[members] = wide
     states = engine.from_bools(members)
-    if exactly is None or engine.states > tuning.CONDITIONAL_RATIONAL_STATES:
+    if exactly is None or engine.states > rational_limits.CONDITIONAL_STATES:
         reason = f"the model has {engine.states:,} states"
     else:
         try:

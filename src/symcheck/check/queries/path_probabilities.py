@@ -17,6 +17,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, Values
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import largest_width
+from symcheck.semantics.expressions.literals import LEAST
 from symcheck.semantics.path_formulas import (
     LtlPathFormula,
     NextPath,
@@ -30,8 +31,6 @@ from symcheck.semantics.time_bounds import Window
 from symcheck.syntax.operators import OPERATOR_BY_TOKEN
 
 __all__ = ["complement_of", "defined_bounds", "probability", "qualitative"]
-
-_SMALLEST_POSITIVE = 5e-324
 
 
 def _complement(context: Context, values: Values) -> Values:
@@ -48,7 +47,7 @@ def _complement(context: Context, values: Values) -> Values:
     # Adding an interval includes the rounding error in the bounds; this one adds nothing else.
     return result.choose(
         zero | ~(certain | close),
-        one.map("-", values.map("+", context.engine.constant(0, _SMALLEST_POSITIVE))),
+        one.map("-", values.map("+", context.engine.constant(0, LEAST))),
     )
 
 

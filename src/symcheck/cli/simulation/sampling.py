@@ -12,8 +12,8 @@ from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import NumericalError, SymcheckError, UsageError
 
 if TYPE_CHECKING:  # the simulator is imported where it is used: most runs do without
+    from symcheck.cli.simulation.path_options import PathOptions
     from symcheck.simulate.path import Path
-    from symcheck.simulate.path_options import PathOptions
     from symcheck.simulate.statistics import Plan
 
 __all__ = ["in_switches", "sampling_plan", "with_switches", "write_path"]
@@ -80,8 +80,8 @@ def write_path(
 
     Raises UsageError, ModelFault.
     """
+    from symcheck.cli.simulation.path_options import parse_path_options
     from symcheck.simulate.path import table
-    from symcheck.simulate.path_options import parse_path_options
 
     assert a.simpath is not None
     description, target = a.simpath

@@ -54,7 +54,7 @@ class Arguments(argparse.Namespace):
     Attributes:
         settings: the values of options that switches set.
         exports: the parts of the model to be written, in order.
-        given: the switches by their usual names, without those of saved settings.
+        given: the switches by their usual names.
         without_effect: the ignored switches of PRISM, with reasons.
         folder: that of -dir.
     """
@@ -215,7 +215,7 @@ def parse_arguments(words: Sequence[str]) -> Arguments:
     compares = bool(words) and words[0] == "compare"
     adapted = adapt(words[1:] if compares else words, parser.counts())
     arguments = parser.parse_args(adapted.words, Arguments(adapted))
-    arguments.given = parser.given(adapted.own_words)
+    arguments.given = parser.given(adapted.words)
     if compares and arguments.help is not None:
         arguments.help = arguments.help or "compare"
         return arguments

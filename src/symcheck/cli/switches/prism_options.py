@@ -62,6 +62,8 @@ _REFUSED: Mapping[str, str] = {
     "importpepa": "PEPA is not supported: models are in the PRISM language",
     "exportmrmc": "MRMC's formats are not supported; "
     "-exportmodel writes .tra .lab .srew .trew .pexp .drn and .umb",
+    "settings": "files of settings are not read; the switches of the same meaning are, such as "
+    "-epsilon, -maxiters, -fair and -simsamples",
     "exportunordered": "exports are always in the order of rows",
     "exportprodvector": "values in a product with an automaton are not exported; -exportprodtrans "
     "and -exportprodstates write the product, -exportvector the values in the model",
@@ -85,12 +87,10 @@ def refused_switches() -> dict[str, str]:
 class Adapted:
     """An adapted command line.
 
-    words: for the parser. own_words: those of the user, without those of saved settings.
-    without_effect: the ignored switches, with reasons. folder: of -dir.
+    words: for the parser. without_effect: the ignored switches, with reasons. folder: of -dir.
     """
 
     words: list[str]
-    own_words: list[str]
     without_effect: Mapping[str, str]
     folder: str | None = None
 
@@ -110,7 +110,6 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
     files: list[str] = []
     without: dict[str, str] = {}
     folder = None
-    settings: list[str] = []
     rest = _Words(words)
     while (word := rest.take()) is not None:
         if word.startswith("-help="):
@@ -133,15 +132,6 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
             ]
         elif name == "dir":
             folder = rest.take()
-        elif name == "settings":
-            if not (path := rest.take()):
-                raise UsageError("-settings: expected a file of PRISM's settings")
-            from symcheck.cli.switches.prism_settings import read_settings
-
-            saved = read_settings(path)
-            settings += saved.words
-            without |= dict.fromkeys(saved.without_effect, _METHODS)
-            without |= dict.fromkeys(saved.unknown, "there is no such setting of PRISM")
         elif name in _REFUSED:
             raise UsageError(f"-{name}: {_REFUSED[name]}")
         else:
@@ -156,8 +146,7 @@ def adapt(words: Sequence[str], values: Mapping[str, int]) -> Adapted:
             hint=_unquoted(words),
         )
     # Files come first: argparse does not accept optional positional words between switches.
-    # Saved settings come before the switches, which win.
-    return Adapted([*files, *settings, *kept], [*files, *kept], without, folder)
+    return Adapted([*files, *kept], without, folder)
 
 
 def _unquoted(words: Sequence[str]) -> str | None:

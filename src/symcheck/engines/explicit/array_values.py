@@ -18,7 +18,7 @@ from symcheck.engines.base import ROUNDING, bracket
 from symcheck.kernels.explore.register_machine import Op, apply_to_doubles
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
-from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE, LEAST_NORMAL, to_float
 
 __all__ = ["ArraySet", "ArrayValues", "Known", "total_of"]
 
@@ -250,7 +250,7 @@ def _around(values: ArrayValues, tiny: Bools) -> ArrayValues:
     """Values with bounds where they are below the least normal double."""
     if not tiny.any():
         return values
-    error = np.where(tiny, _LEAST_NORMAL, 0.0)
+    error = np.where(tiny, LEAST_NORMAL, 0.0)
     computed = None if values.computed is None else values.computed & ~tiny
     return ArrayValues(values.lower - error, values.upper + error, computed, values.slack)
 
@@ -259,7 +259,7 @@ def _underflow(operator: str, operands: list[Floats], value: Floats) -> Bools:
     """Where a product, quotient or power of numbers other than 0 is 0, or nearly."""
     if operator not in ("*", "/", "^", "pow"):
         return np.zeros(len(value), bool)
-    tiny = np.abs(value) < _LEAST_NORMAL
+    tiny = np.abs(value) < LEAST_NORMAL
     for x in operands:
         tiny = tiny & np.isfinite(x) & ((x != 0) | (x is not operands[0] and operator != "*"))
     return np.asarray(tiny)
@@ -288,7 +288,6 @@ def _overflow(operator: str, operands: list[Floats], value: Floats) -> Bools:
     return np.asarray(beyond & (operator in ("+", "-", "*")))
 
 
-_LEAST_NORMAL = 2.0**-1022
 _LARGEST = sys.float_info.max
 _CANCELLATION = 100.0
 """How much greater than a sum its summands may be: two of sixteen digits are lost."""
@@ -334,9 +333,6 @@ _STEPS: dict[str, Callable[[Floats], Floats]] = {
 }
 
 
-_LARGEST_WHOLE = 2.0**53
-
-
 def _rounded(operator: str, operands: list[Floats], value: Floats) -> Bools | None:
     """Where an operator applied to known values may have been rounded; None: nowhere.
 
@@ -344,7 +340,7 @@ def _rounded(operator: str, operands: list[Floats], value: Floats) -> Bools | No
     """
     if len(operands) == 1 or operator in ("min", "max"):
         return None
-    rounded = np.isfinite(value) & ((np.abs(value) > _LARGEST_WHOLE) | (value != np.floor(value)))
+    rounded = np.isfinite(value) & ((np.abs(value) > LARGEST_WHOLE) | (value != np.floor(value)))
     for x in operands:
         rounded |= np.isfinite(value) & np.isfinite(x) & (x != np.floor(x))
     if operator in ("+", "-"):
@@ -353,7 +349,7 @@ def _rounded(operator: str, operands: list[Floats], value: Floats) -> Bools | No
         rounded &= (operands[0] != 0) & (operands[-1] != 1)
         rounded &= (operands[0] != 1) | (operator == "/")
     if operator == "/":  # a quotient may be rounded to a whole number
-        rounded |= np.isfinite(value) & (np.abs(operands[0]) > _LARGEST_WHOLE)
+        rounded |= np.isfinite(value) & (np.abs(operands[0]) > LARGEST_WHOLE)
     if operator in ("^", "pow"):
         rounded |= (value == 0) & (operands[0] != 0)
     if operator == "log":

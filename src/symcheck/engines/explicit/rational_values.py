@@ -15,7 +15,7 @@ from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.matrices.numbers import Rationals, rationals
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.expressions.evaluate import BINARY, FUNCTIONS
-from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.expressions.literals import LEAST_NORMAL, to_float
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Name
 from symcheck.syntax.operators import FUNCTION_BY_NAME, OPERATOR_BY_TOKEN, Function
@@ -24,9 +24,6 @@ __all__ = ["RationalValues", "enclosure", "in_doubles"]
 
 Rational = Fraction | float
 """A Fraction, or a float that is infinite or NaN."""
-
-
-_LEAST_NORMAL = 2.0**-1022
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +64,7 @@ class RationalValues:
             return ArrayValues(low, low)
         high = low.copy()
         # Beyond the range of normal doubles the nearest one is not near.
-        far = differs & (np.isinf(low) | (np.abs(low) < _LEAST_NORMAL))
+        far = differs & (np.isinf(low) | (np.abs(low) < LEAST_NORMAL))
         for i in np.flatnonzero(far).tolist():
             low[i], high[i] = enclosure(self.array[i])
         return ArrayValues(low, high if far.any() else low, differs & ~far)

@@ -29,6 +29,7 @@ from symcheck.engines.symbolic.sets import (
 )
 from symcheck.numerics.linear.problem import Observer
 from symcheck.numerics.settings import Settings
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["Acyclic", "AcyclicSolution", "solve_acyclic"]
@@ -91,7 +92,7 @@ def solve_acyclic(
     if d.entry_range[0] * least < np.finfo(np.float64).tiny:
         return None  # products that underflow have no relative error
     # The sum over the column bits is a tree with one level per bit.
-    error = 1.01 * len(levels) * (len(d.columns) + 4) * 2.0**-53
+    error = 1.01 * len(levels) * (len(d.columns) + 4) * UNIT_ROUNDOFF
     make = partial(_pieces, d, x, states.bdd, error, known)
     return Acyclic(RestrictableValues(d, make, exact=False), len(levels), error)
 

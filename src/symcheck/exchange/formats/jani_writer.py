@@ -17,6 +17,7 @@ from functools import reduce
 
 from symcheck.errors import Diagnostic, UnsupportedError
 from symcheck.semantics.binding.bind import BoundProperty
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate, Event
 from symcheck.syntax.ast import (
     AnyMeasure,
@@ -488,10 +489,10 @@ def _total(values: Sequence[Value]) -> Value:
 
 def _number(value: Fraction) -> Value:
     """A number whose digits are this fraction, or a quotient."""
-    if value.denominator == 1 and abs(value) < 2**53:
+    if value.denominator == 1 and abs(value) < LARGEST_WHOLE:
         return float(value)
     if Fraction(repr(float(value))) == value:
         return float(value)
-    if max(abs(value.numerator), value.denominator) < 2**53:
+    if max(abs(value.numerator), value.denominator) < LARGEST_WHOLE:
         return _binary("/", value.numerator, value.denominator)
     return float(value)

@@ -4,9 +4,8 @@
 I - A = K1 + K2 - I, with K1 the lower and K2 the upper triangle (with unit diagonals); A =
 diag(scale) R, where R has no diagonal. The product with K1^-1 (I - A) K2^-1 takes one solution with
 K1 and one with K2 (Eisenstat 1981), and the vector operations of BiCGStab are done in the same
-passes. Values of R are stored as codes of one or two bytes into a table where few of them are
-distinct. count: int32[n], the entries of each row of a triangle, whose indices and values follow
-each other. Vectors are float64[n].
+passes. count: int32[n], the entries of each row of a triangle, whose indices and values follow each
+other. Vectors are float64[n].
 
 The unknowns may be scaled: with D = diag(unit), the functions work on D^-1 (I - A) D, but keep t
 and w multiplied by D, so that the values of R stay what they are. An empty `unit` stands for ones.
@@ -18,7 +17,7 @@ from libc.math cimport fabs
 from libc.stdint cimport int32_t, int64_t
 
 from symcheck.kernels.chains.row_blocks cimport RowBlocks
-from symcheck.kernels.rows.value_codes cimport Value, add_row_product
+from symcheck.kernels.rows.row_product cimport add_row_product
 
 
 def triangle_sizes(const int64_t[::1] indptr, const int32_t[::1] indices, int32_t[::1] lower,
@@ -41,13 +40,10 @@ def triangle_sizes(const int64_t[::1] indptr, const int32_t[::1] indices, int32_
     return a, b
 
 
-def fill_triangles(const int64_t[::1] indptr, const int32_t[::1] indices, const Value[::1] values,
-                   int32_t[::1] lower_indices, Value[::1] lower_values,
-                   int32_t[::1] upper_indices, Value[::1] upper_values):
-    """Write the triangles of a matrix without its diagonal.
-
-    values, lower_values, upper_values: uint8, uint16 (codes) or float64.
-    """
+def fill_triangles(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] values,
+                   int32_t[::1] lower_indices, double[::1] lower_values,
+                   int32_t[::1] upper_indices, double[::1] upper_values):
+    """Write the triangles of a matrix without its diagonal."""
     cdef int64_t i, k, a = 0, b = 0
     with nogil:
         for i in range(indptr.shape[0] - 1):
@@ -76,8 +72,8 @@ def diagonal(const int64_t[::1] indptr, const int32_t[::1] indices,
 
 
 def solve_upper(RowBlocks blocks, const int32_t[::1] count, const int32_t[::1] indices,
-                const Value[::1] values, const double[::1] table, const double[::1] scale,
-                const double[::1] unit, const double[::1] r, double[::1] p, const double[::1] v,
+                const double[::1] values, const double[::1] scale, const double[::1] unit,
+                const double[::1] r, double[::1] p, const double[::1] v,
                 double beta, double gamma, double[::1] t):
     """p = r + beta p - gamma v, and t = D K2^-1 p. p may be r.
 
@@ -87,7 +83,7 @@ def solve_upper(RowBlocks blocks, const int32_t[::1] count, const int32_t[::1] i
     cdef bint has_units = unit.shape[0] > 0
     cdef double own, square
     cdef const int32_t* e = &indices[0] if indices.shape[0] else NULL
-    cdef const Value* a = &values[0] if indices.shape[0] else NULL
+    cdef const double* a = &values[0] if indices.shape[0] else NULL
     with nogil:
         while (block := blocks.claim()) >= 0:
             k = blocks.starts[block + 1]
@@ -99,14 +95,14 @@ def solve_upper(RowBlocks blocks, const int32_t[::1] count, const int32_t[::1] i
                 square = square + own * own
                 if has_units:
                     own = own * unit[i]
-                t[i] = own + scale[i] * add_row_product(0.0, e, a, &table[0], &t[0], m, k)
+                t[i] = own + scale[i] * add_row_product(0.0, e, a, &t[0], m, k)
                 k = m
             blocks.finish(block, square, square)
 
 
 def solve_lower(RowBlocks blocks, const int32_t[::1] count, const int32_t[::1] indices,
-                const Value[::1] values, const double[::1] table, const double[::1] scale,
-                const double[::1] unit, const double[::1] v, const double[::1] t, double[::1] w,
+                const double[::1] values, const double[::1] scale, const double[::1] unit,
+                const double[::1] v, const double[::1] t, double[::1] w,
                 double[::1] out, const double[::1] other):
     """out = D^-1 (t + w) with w = D K1^-1 (v - D^-1 t).
 
@@ -117,7 +113,7 @@ def solve_lower(RowBlocks blocks, const int32_t[::1] count, const int32_t[::1] i
     cdef bint has_units = unit.shape[0] > 0
     cdef double own, dot, square
     cdef const int32_t* e = &indices[0] if indices.shape[0] else NULL
-    cdef const Value* a = &values[0] if indices.shape[0] else NULL
+    cdef const double* a = &values[0] if indices.shape[0] else NULL
     with nogil:
         while (block := blocks.claim()) >= 0:
             k = blocks.starts[block]
@@ -127,7 +123,7 @@ def solve_lower(RowBlocks blocks, const int32_t[::1] count, const int32_t[::1] i
                 own = v[i]
                 if has_units:
                     own = own * unit[i]
-                own = own - t[i] + scale[i] * add_row_product(0.0, e, a, &table[0], &w[0], k, m)
+                own = own - t[i] + scale[i] * add_row_product(0.0, e, a, &w[0], k, m)
                 k = m
                 w[i] = own
                 own = own + t[i]

@@ -4,31 +4,31 @@
 from libc.math cimport INFINITY
 from libc.stdint cimport int32_t, int64_t
 
-from symcheck.kernels.rows.value_codes cimport Value, add_row_product
+from symcheck.kernels.rows.row_product cimport add_row_product
 
 
 cdef void multiply_rows(const int64_t[::1] indptr, const int32_t[::1] indices,
-                        const Value[::1] values, const double[::1] table,
-                        const double[::1] diagonal, const double* current, double* following,
-                        double* total, double w, int64_t first, int64_t end) noexcept nogil:
+                        const double[::1] values, const double[::1] diagonal,
+                        const double* current, double* following, double* total, double w,
+                        int64_t first, int64_t end) noexcept nogil:
     """following = P current and total += w current, in the rows `first` to `end` - 1."""
     cdef int64_t i
-    cdef const Value* value = &values[0] if values.shape[0] else NULL
+    cdef const double* value = &values[0] if values.shape[0] else NULL
     cdef const int32_t* columns = &indices[0] if indices.shape[0] else NULL
     for i in range(first, end):
-        following[i] = add_row_product(diagonal[i] * current[i], columns, value, &table[0], current,
-                                       indptr[i], indptr[i + 1])
+        following[i] = add_row_product(diagonal[i] * current[i], columns, value, current, indptr[i],
+                                       indptr[i + 1])
         if w != 0.0:
             total[i] += w * current[i]
 
 
 def uniformized_rows(const int64_t[::1] indptr, const int32_t[::1] indices,
-                     const Value[::1] values, const double[::1] table,
-                     const double[::1] diagonal, const double[::1] y, double[::1] z,
-                     double[::1] total, double weight, int64_t first, int64_t end):
+                     const double[::1] values, const double[::1] diagonal,
+                     const double[::1] y, double[::1] z, double[::1] total, double weight,
+                     int64_t first, int64_t end):
     """z = P y and total += weight y, in the rows `first` to `end` - 1; see `uniformized_steps`."""
     with nogil:
-        multiply_rows(indptr, indices, values, table, diagonal, &y[0], &z[0], &total[0], weight,
+        multiply_rows(indptr, indices, values, diagonal, &y[0], &z[0], &total[0], weight,
                       first, end)
 
 
@@ -55,14 +55,13 @@ def step_ratios(const double[::1] y, const double[::1] z, double floor
 
 
 def uniformized_steps(const int64_t[::1] indptr, const int32_t[::1] indices,
-                      const Value[::1] values, const double[::1] table,
-                      const double[::1] diagonal, double[::1] y, double[::1] z, double[::1] total,
-                      const double[::1] weights, double floor) -> tuple[bool, float, float, float]:
+                      const double[::1] values, const double[::1] diagonal,
+                      double[::1] y, double[::1] z, double[::1] total, const double[::1] weights,
+                      double floor) -> tuple[bool, float, float, float]:
     """For each weight w: total += w y, then y = P y.
 
     Args:
-        indptr, indices, values, table, diagonal: P, by its rows without the diagonal, and the
-            diagonal. values: float64, or codes into the table (uint8 or uint16).
+        indptr, indices, values, diagonal: P, by its rows without the diagonal, and the diagonal.
         y, z: float64[n], the vector and scratch; they swap their roles in each step.
         total: float64[n], receives the weighted sum.
         weights: float64[steps].
@@ -81,7 +80,7 @@ def uniformized_steps(const int64_t[::1] indptr, const int32_t[::1] indices,
         return True, 1.0, 1.0, 0.0
     with nogil:
         for t in range(count):
-            multiply_rows(indptr, indices, values, table, diagonal, current, following, &total[0],
+            multiply_rows(indptr, indices, values, diagonal, current, following, &total[0],
                           weights[t], 0, n)
             current, following = following, current
     return count % 2 == 0, *(step_ratios(z, y, floor) if count % 2 == 0

@@ -13,7 +13,6 @@ import numpy as np
 
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
-from symcheck.kernels.graph.queue cimport enqueue_members
 from symcheck.kernels.graph.tarjan cimport CLOSED, Tarjan, tarjan_enter, tarjan_leave
 
 
@@ -105,7 +104,11 @@ def backward_reachable(const int64_t[::1] column_ptr, const int32_t[::1] column_
     cdef uint8_t[::1] reached = np.zeros(n, dtype=np.uint8)
     cdef int32_t[::1] queue = np.empty(n, dtype=np.int32)
     with nogil:
-        tail = enqueue_members(target, reached, queue)
+        for s in range(n):
+            if target[s]:
+                reached[s] = 1
+                queue[tail] = <int32_t>s
+                tail += 1
         while head < tail:
             s = queue[head]
             head += 1

@@ -1,5 +1,5 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Graph algorithms for Markov decision processes: attractors, Prob1E, maximal end components.
+"""Graph algorithms for Markov decision processes: Prob1E, maximal end components.
 
 States own consecutive rows (choices): state s owns the rows groups[s] to groups[s+1] (groups:
 int64[n+1]).
@@ -13,43 +13,7 @@ import numpy as np
 
 from libc.stdint cimport int32_t, int64_t, uint8_t
 
-from symcheck.kernels.graph.queue cimport enqueue_members
 from symcheck.kernels.graph.tarjan cimport Tarjan, tarjan_enter, tarjan_leave
-
-
-def attractor(const int64_t[::1] column_ptr, const int32_t[::1] column_rows,
-              const int32_t[::1] row_state, const int64_t[::1] groups, const uint8_t[::1] target,
-              const uint8_t[::1] allowed) -> Masks:
-    """Mask of the attractor of `target` inside `allowed`.
-
-    It is the least set with `target` and the states of `allowed` all of whose rows have an entry in
-    the set.
-    """
-    cdef int64_t n = column_ptr.shape[0] - 1, s, k, r, head = 0, tail = 0
-    cdef int32_t p
-    cdef uint8_t[::1] reached = np.zeros(n, dtype=np.uint8)
-    cdef uint8_t[::1] row_hit = np.zeros(row_state.shape[0], dtype=np.uint8)
-    cdef int32_t[::1] rows_left = np.empty(n, dtype=np.int32)
-    cdef int32_t[::1] queue = np.empty(n, dtype=np.int32)
-    with nogil:
-        for s in range(n):
-            rows_left[s] = <int32_t>(groups[s + 1] - groups[s])
-        tail = enqueue_members(target, reached, queue)
-        while head < tail:
-            s = queue[head]
-            head += 1
-            for k in range(column_ptr[s], column_ptr[s + 1]):
-                r = column_rows[k]
-                if row_hit[r]:
-                    continue
-                row_hit[r] = 1
-                p = row_state[r]
-                rows_left[p] -= 1
-                if rows_left[p] == 0 and not reached[p] and allowed[p]:
-                    reached[p] = 1
-                    queue[tail] = p
-                    tail += 1
-    return np.asarray(reached)
 
 
 def almost_sure_reachability(const int64_t[::1] indptr, const int32_t[::1] indices,

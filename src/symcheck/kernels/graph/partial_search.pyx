@@ -1,5 +1,5 @@
 # cython: boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
-"""Backward search on a part of a model, which goes on when states of other parts are reached.
+"""Backward search and attractors; on a part of a model, it goes on when other parts reach states.
 
 States own consecutive rows (choices); column_ptr, column_rows are the transposed structure, and
 row_state is the state of each row (see `symcheck.kernels.graph.mdp_graph`).

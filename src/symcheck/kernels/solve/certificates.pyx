@@ -114,35 +114,22 @@ def component_depths(const int64_t[::1] edges, const int32_t[::1] indices,
 
 
 def gauss_seidel_sweep(const int64_t[::1] indptr, const int32_t[::1] indices,
-                       const double[::1] data, groups: Int64s | None, const double[::1] b,
-                       double[::1] x, int mode, bint backwards):
-    """One Gauss-Seidel sweep x = opt(A x + b) in place, in index order, without bounds.
+                       const double[::1] data, const double[::1] b, double[::1] x,
+                       bint backwards):
+    """One Gauss-Seidel sweep x = A x + b of a chain in place, in index order, without bounds.
 
-    b: float64[rows]. x: float64[states]. backwards: from the last state on.
+    b: float64[states]. x: float64[states]. backwards: from the last state on.
     """
-    cdef int64_t n = x.shape[0], i, s, r, k, first, last
-    cdef bint grouped = groups is not None, found_row
-    cdef const int64_t[::1] group_ptr = groups if grouped else indptr
-    cdef double total, loop, best
+    cdef int64_t n = x.shape[0], i, s, k
+    cdef double total, loop
     with nogil:
         for i in range(n):
             s = n - 1 - i if backwards else i
-            first = group_ptr[s] if grouped else s
-            last = group_ptr[s + 1] if grouped else s + 1
-            best = 0.0
-            found_row = False
-            for r in range(first, last):
-                total = b[r]
-                loop = 0.0
-                for k in range(indptr[r], indptr[r + 1]):
-                    if indices[k] == s:
-                        loop = loop + data[k]
-                    else:
-                        total = total + data[k] * x[indices[k]]
-                if loop >= 1.0:
-                    continue
-                total = total / (1.0 - loop)
-                if not found_row or (total > best if mode == 2 else total < best):
-                    best = total
-                    found_row = True
-            x[s] = best
+            total = b[s]
+            loop = 0.0
+            for k in range(indptr[s], indptr[s + 1]):
+                if indices[k] == s:
+                    loop = loop + data[k]
+                else:
+                    total = total + data[k] * x[indices[k]]
+            x[s] = total / (1.0 - loop) if loop < 1.0 else 0.0

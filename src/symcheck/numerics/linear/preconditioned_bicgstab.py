@@ -20,27 +20,24 @@ import numpy as np
 from symcheck.kernels.chains import ssor_eisenstat
 from symcheck.kernels.chains.row_blocks import RowBlocks
 from symcheck.matrices.rows import Floats, Int32s, SparseMatrix
-from symcheck.matrices.value_codes import Codes, encode
 from symcheck.numerics import tuning
 from symcheck.parallel.threads import on_team
 
 __all__ = ["SplitMatrix", "relative_solution", "scaled"]
 
-_Triangle = tuple[RowBlocks, Int32s, Int32s, Codes]  # blocks, entries per row, indices, values
+_Triangle = tuple[RowBlocks, Int32s, Int32s, Floats]  # blocks, entries per row, indices, values
 
 
 @dataclass(eq=False)
 class SplitMatrix:
     """D^-1 (I - diag(scale) R) D, D = diag(unit), without the diagonal of R, as two triangles.
 
-    scale: float64[n]. table: the distinct entries of R if there are few, and the triangles store
-    codes. unit: float64[n], empty for ones. shift: a matrix of rank one to add (see
+    scale: float64[n]. unit: float64[n], empty for ones. shift: a matrix of rank one to add (see
     `with_rank_one`). steps: BiCGStab steps made. scratch: the vectors of `solve`.
-    Memory: 5 to 6 bytes per entry with codes, 12 without.
+    Memory: 12 bytes per entry.
     """
 
     scale: Floats
-    table: Floats
     low: _Triangle
     up: _Triangle
     unit: Floats = field(default_factory=lambda: np.empty(0))
@@ -53,18 +50,15 @@ class SplitMatrix:
         """For a non-negative square matrix R with one row per state, and scale float64[n]."""
         low, up = (np.empty(matrix.states, np.int32) for _ in range(2))
         lower, upper = ssor_eisenstat.triangle_sizes(matrix.indptr, matrix.indices, low, up)
-        values, table = encode(matrix.data)
-        below, above = np.empty(lower, values.dtype), np.empty(upper, values.dtype)
+        below, above = np.empty(lower), np.empty(upper)
         left, right = np.empty(lower, np.int32), np.empty(upper, np.int32)
-        ssor_eisenstat.fill_triangles(
-            matrix.indptr, matrix.indices, values, left, below, right, above
-        )
+        ssor_eisenstat.fill_triangles(*matrix.arrays, left, below, right, above)
         most = tuning.ROW_BLOCKS if matrix.entries >= tuning.THREADED_TRIANGLES else 1
         first, second = (
             RowBlocks(count, indices, upper, most, tuning.MIN_BLOCK_ROWS)
             for count, indices, upper in ((low, left, False), (up, right, True))
         )
-        return SplitMatrix(scale, table, (first, low, left, below), (second, up, right, above))
+        return SplitMatrix(scale, (first, low, left, below), (second, up, right, above))
 
     def relative_to(self, unit: Floats) -> SplitMatrix:
         """The same matrix for solutions that are divided by positive numbers, float64[n]."""
@@ -138,13 +132,13 @@ class SplitMatrix:
         self, r: Floats, p: Floats, v: Floats, beta: float, gamma: float, t: Floats
     ) -> float:
         """P = r + beta p - gamma v, and t = D K2^-1 p; returns p · p."""
-        matrix, vectors = (*self.up, self.table, self.scale, self.unit), (r, p, v, beta, gamma, t)
+        matrix, vectors = (*self.up, self.scale, self.unit), (r, p, v, beta, gamma, t)
         return _sums(self.up[0], partial(ssor_eisenstat.solve_upper, *matrix, *vectors))[0]
 
     def _solve_lower(
         self, v: Floats, t: Floats, w: Floats, out: Floats, other: Floats
     ) -> tuple[float, float]:
-        matrix, vectors = (*self.low, self.table, self.scale, self.unit), (v, t, w, out, other)
+        matrix, vectors = (*self.low, self.scale, self.unit), (v, t, w, out, other)
         return _sums(self.low[0], partial(ssor_eisenstat.solve_lower, *matrix, *vectors))
 
     def _product(

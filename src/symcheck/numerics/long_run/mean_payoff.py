@@ -26,7 +26,7 @@ from symcheck.errors import NumericalError
 from symcheck.machine import require_memory_for_scipy
 from symcheck.matrices.numbers import Numbers, full, rationals, sum_segments
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, first_best, starts_of
-from symcheck.numerics import graph, tuning
+from symcheck.numerics import graph, rational_limits, tuning
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
 from symcheck.numerics.linear.rational import solve_chain
 from symcheck.numerics.settings import Accuracy, Settings
@@ -209,7 +209,7 @@ def _best_policy(part: _EndComponent, low: float, high: float, settings: Setting
         *_, policy = _policies(part, np.zeros(n), finest)
         if _attains(part, policy, low, high, settings):
             return policy
-        if n > tuning.RATIONAL_GAIN_STATES:
+        if n > rational_limits.END_COMPONENT_STATES:
             raise NumericalError(
                 f"rounding hides which choices are best in an end component of {n:,} states"
             )
@@ -315,7 +315,7 @@ def _gain(part: _EndComponent, settings: Settings, observer: Observer | None) ->
             continue
         h = tuning.APERIODIC_STAY * h + (1.0 - tuning.APERIODIC_STAY) * following
         h -= h[0]
-    if n <= tuning.RATIONAL_GAIN_STATES and not _close_enough(low, high, 0.0, settings):
+    if n <= rational_limits.END_COMPONENT_STATES and not _close_enough(low, high, 0.0, settings):
         try:
             found = _rational_gain(part)
         except OverflowError:  # beyond the doubles

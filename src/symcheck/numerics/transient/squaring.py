@@ -27,11 +27,9 @@ from symcheck.kernels.chains.interval_matrices import interval_product
 from symcheck.matrices.rows import Bools, Floats, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.semantics.expressions.literals import LEAST
 
 __all__ = ["IntervalChain", "Powers", "squaring_entries"]
-
-_LEAST = 5e-324
-"""The least positive double: a result below normal numbers is wrong by at most half of it."""
 
 
 def squaring_entries(states: int, steps: float) -> float:
@@ -52,7 +50,7 @@ class _Bounds:
 
         roundings: of small numbers. possible: the entries that are not known to be 0.
         """
-        lost = roundings * _LEAST
+        lost = roundings * LEAST
         return _Bounds(
             np.maximum(self.lower * (1.0 - error) - lost, 0.0),
             np.where(possible, self.upper * (1.0 + error) + lost, 0.0),

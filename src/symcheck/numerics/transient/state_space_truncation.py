@@ -138,7 +138,7 @@ def _lower_bounds(
     def sweep_values(sweeps: int) -> None:
         for _ in range(sweeps):
             for backwards in (False, True):
-                gauss_seidel_sweep(*rows.arrays, None, earned, value, 0, backwards)
+                gauss_seidel_sweep(*rows.arrays, earned, value, backwards)
 
     for sweeps in tuning.TRUNCATION_TRIAL_SWEEPS:
         _on_two_threads(partial(sweep_occupation, sweeps), partial(sweep_values, sweeps))

@@ -11,7 +11,6 @@ from symcheck.kernels.chains import uniformization
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Floats, SparseMatrix
-from symcheck.matrices.value_codes import Codes, encode
 from symcheck.parallel.threads import on_threads
 
 __all__ = ["UniformizedChain", "uniformize"]
@@ -22,15 +21,12 @@ class UniformizedChain:
     """P = I + Q/q, stored as rates divided by q and a diagonal, for multiplication from one side.
 
     q: the uniformisation rate. longest: the largest number of entries of a row. Either `rates`,
-    whose entries divided by q are codes into a table, or `operator`, whose products are divided by
-    q here, is given.
+    with its entries divided by q, or `operator`, whose products are divided by q here, is given.
     """
 
     q: float
     diagonal: Floats
     rates: SparseMatrix | None
-    codes: Codes
-    table: Floats
     operator: SweepOperator | None
     longest: int
 
@@ -56,7 +52,7 @@ class UniformizedChain:
         """
         if self.rates is not None:
             m = self.rates
-            matrix = (m.indptr, m.indices, self.codes, self.table, self.diagonal)
+            matrix = (*m.arrays, self.diagonal)
             if len(shares := m.shares()) > 2 and len(weights):
                 for weight in weights:
                     parts = (*matrix, y, z, total, weight)
@@ -98,11 +94,9 @@ def uniformize(
     q = float(np.max(exit_rates, initial=0.0)) or 1.0
     diagonal = (q - exit_rates) / q  # two roundings: 1 - exit_rates / q would lose digits near 0
     if not isinstance(rates, SparseMatrix):
-        return UniformizedChain(q, diagonal, None, np.empty(0), np.ones(1), rates, rates.longest)
+        return UniformizedChain(q, diagonal, None, rates, rates.longest)
     if transposed:
         transpose = sparse.transpose_values(*rates.arrays, rates.columns)
         rates = SparseMatrix(*transpose, rates.columns)
-    codes, table = encode(rates.data)
-    if codes is rates.data:
-        codes = rates.data / q
-    return UniformizedChain(q, diagonal, rates, codes, table / q, None, rates.longest)
+    divided = SparseMatrix(rates.indptr, rates.indices, rates.data / q, rates.columns)
+    return UniformizedChain(q, diagonal, divided, None, divided.longest)

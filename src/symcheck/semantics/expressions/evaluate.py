@@ -42,6 +42,7 @@ from symcheck.semantics.expressions.irrational import (
     logarithm,
 )
 from symcheck.semantics.expressions.literals import (
+    LEAST,
     convert,
     format_value,
     to_signed_float,
@@ -85,7 +86,6 @@ _FEW_BITS = 1 << 12
 _LARGEST_ROOT = 64
 KEPT_ERROR = 2.0**-42
 """The relative error up to which a double is kept, and not the one nearest to the exact value."""
-_LEAST = 5e-324
 
 Exactness = bool | int
 """Whether arithmetic is exact; an int: it is, but powers of more bits are enclosed."""
@@ -177,7 +177,7 @@ def _accurate(value: float, expression: Expression, valuation: Mapping[str, Valu
             return exact
         if isinstance(exact, Irrational):
             nearest = float(exact)
-            return nearest or (_LEAST if exact > 0 else -_LEAST)
+            return nearest or (LEAST if exact > 0 else -LEAST)
         return to_signed_float(cast("Value", exact))
 
     nearest = _with_few_bits(lambda bits: nearest_double(_evaluate(expression, valuation, bits)))

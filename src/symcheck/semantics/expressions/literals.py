@@ -12,6 +12,9 @@ from symcheck.syntax.ast import Binary, Expression, Literal, Type
 from symcheck.syntax.operators import Operator
 
 __all__ = [
+    "LARGEST_WHOLE",
+    "LEAST",
+    "LEAST_NORMAL",
     "as_double",
     "as_expression",
     "convert",
@@ -21,6 +24,13 @@ __all__ = [
     "to_signed_float",
     "type_of_value",
 ]
+
+LARGEST_WHOLE = 2**53
+"""Up to this number, every int is a double."""
+LEAST_NORMAL = 2.0**-1022
+"""The least double whose relative error is that of larger ones."""
+LEAST = 5e-324
+"""The least positive double. A result below normal ones is wrong by at most half of it."""
 
 
 def to_float(value: Value) -> float:
@@ -36,7 +46,7 @@ def to_signed_float(value: Value) -> float:
     edge with a tiny probability stays one.
     """
     nearest = to_float(value)
-    return (5e-324 if value > 0 else -5e-324) if nearest == 0 and value != 0 else nearest
+    return (LEAST if value > 0 else -LEAST) if nearest == 0 and value != 0 else nearest
 
 
 def type_of_value(value: Value) -> Type:

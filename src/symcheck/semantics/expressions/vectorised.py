@@ -32,7 +32,7 @@ from symcheck.semantics.expressions.evaluate import (
     evaluate,
     is_int64,
 )
-from symcheck.semantics.expressions.literals import to_signed_float
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_signed_float
 from symcheck.semantics.expressions.running_errors import (
     DECISIONS,
     Enclosed,
@@ -234,7 +234,6 @@ def _emit(op: Op, x: Column, y: Column) -> Column:
 
 
 _ERRORS: RunningErrors[Column] = RunningErrors(_emit, np.asarray)
-_EXACT_INT = 2**53
 
 
 def _enclosed(lanes: Lanes) -> Enclosed[Column]:
@@ -243,10 +242,10 @@ def _enclosed(lanes: Lanes) -> Enclosed[Column]:
     if values.dtype.kind == "f":
         return Enclosed(values, errors)
     doubles = values.astype(np.float64)
-    if max(map(abs, _extremes(values)), default=0) <= _EXACT_INT:
+    if max(map(abs, _extremes(values)), default=0) <= LARGEST_WHOLE:
         return Enclosed(doubles, None)
     size = np.abs(doubles)  # the spacing of a negative number is negative
-    return Enclosed(doubles, np.where(size < _EXACT_INT, 0.0, np.spacing(size)))
+    return Enclosed(doubles, np.where(size < LARGEST_WHOLE, 0.0, np.spacing(size)))
 
 
 def _decided(

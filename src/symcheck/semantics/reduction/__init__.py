@@ -1,1 +1,1 @@
-"""Reductions of bound models that preserve properties: dead variables and stutter steps."""
+"""Reductions of bound models that preserve properties: dead variables, symmetry, early stops."""

@@ -2,9 +2,7 @@
 
 The states of a model and of its reduction are strongly bisimilar for the given formulas: they have
 the same probabilities, rates, choices, rewards and values of the observed expressions, in every
-step. Every PCTL*, CSL and reward property over those expressions has the same value. If no formula
-counts steps, unobserved steps are eliminated first (see
-`symcheck.semantics.reduction.stutter_reduction`); then the states are stutter bisimilar. Properties
+step. Every PCTL*, CSL and reward property over those expressions has the same value. Properties
 that count or list states, or refer to "init", observe all variables, and nothing is reduced.
 
 A dead value that may leave its variable's range is still checked: faults of the model are kept.
@@ -28,7 +26,6 @@ from symcheck.semantics.model import (
 )
 from symcheck.semantics.reduction.control_locations import Location, Locations, control_variables
 from symcheck.semantics.reduction.live_variables import Liveness, is_safe, liveness
-from symcheck.semantics.reduction.stutter_reduction import counts_steps, reduce_stutter_steps
 from symcheck.syntax.ast import (
     Binary,
     Conditional,
@@ -60,15 +57,14 @@ def observe(
             asked for; else who asks for them observes all variables.
     """
     result: list[Expression] = []
-    formulas = tuple(formulas)
-    rewards, steps = False, not formulas or any(map(counts_steps, formulas))
+    rewards = False
     for formula in formulas:
         expressions = tuple(_seen(formula, {**model.labels, **labels}))
         if any(e is None for e in expressions):
             return Observations(tuple(Name(v.name) for v in model.variables), True)
         result += [e for e in expressions if e is not None]
         rewards = rewards or any(map(reads_rewards, nodes(formula)))
-    return Observations(tuple(dict.fromkeys(result)), rewards, steps)
+    return Observations(tuple(dict.fromkeys(result)), rewards)
 
 
 def _seen(formula: Expression, labels: Mapping[str, Expression]) -> Iterator[Expression | None]:
@@ -128,21 +124,16 @@ class Reduction:
         model: the reduced model.
         liveness: live variables of the model without resets.
         resets: number of assignments that were added or replaced, by variable.
-        eliminated: number of control locations that stutter reduction eliminated.
     """
 
     model: BoundModel
     liveness: Liveness
     resets: Mapping[str, int]
-    eliminated: int = 0
 
     def __str__(self) -> str:
         where = self.liveness.locations.names
-        eliminated = ""
-        if self.eliminated:
-            eliminated = f"{self.eliminated} locations with unobserved steps eliminated; "
         if not self.resets:
-            return f"{eliminated}no variable is dead for these properties"
+            return "no variable is dead for these properties"
         total = len(self.liveness.live)
         index = {v.name: i for i, v in enumerate(self.model.variables)}
         parts = [
@@ -150,7 +141,7 @@ class Reduction:
             for n in self.resets
         ]
         control = ", ".join(where) or "no variable"
-        return f"{eliminated}reset where dead: {', '.join(parts)} of {total} locations by {control}"
+        return f"reset where dead: {', '.join(parts)} of {total} locations by {control}"
 
 
 def reduce(model: BoundModel, observed: Observations) -> Reduction:
@@ -160,19 +151,10 @@ def reduce(model: BoundModel, observed: Observations) -> Reduction:
     init … endinit. Initial states are unchanged.
     """
     locations = Locations(model, control_variables(model))
-    eliminated = 0
-    if not observed.steps:
-        stutter_reduction = reduce_stutter_steps(model, locations, observed.expressions)
-        eliminated = len(stutter_reduction.eliminated)
-        if eliminated:
-            model = stutter_reduction.model
-            locations = Locations(model, control_variables(model))
     result = liveness(model, observed.expressions, rewards=observed.rewards, locations=locations)
     resets = _Resets(model, result).run()
     return replace(
-        resets,
-        model=replace(resets.model, derivation=partial(_reduced, observed=observed)),
-        eliminated=eliminated,
+        resets, model=replace(resets.model, derivation=partial(_reduced, observed=observed))
     )
 
 

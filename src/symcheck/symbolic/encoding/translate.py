@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symcheck.errors import NumericalError, UnsupportedError
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.semantics.expressions.literals import LARGEST_WHOLE
 from symcheck.semantics.expressions.running_errors import is_accurate
 from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.expressions.vectorised import Lanes, evaluate_columns
@@ -73,8 +75,6 @@ class EncodedAssignment:
     in_range: Bdd
 
 
-_LARGEST_EXACT_INT = 2.0**53
-_UNIT = 2.0**-53
 _LEAST_BOUND = 1e-300
 _CANCELLATION = 2.0**30
 """Composed numbers up to so many times their error are computed in exact arithmetic."""
@@ -467,13 +467,13 @@ class Translator:
         inherited = (
             a + b if expression.operator is not Operator.TIMES else most_x * b + most_y * a + a * b
         )
-        return 1.001 * (inherited + _UNIT * most) + _LEAST_BOUND
+        return 1.001 * (inherited + UNIT_ROUNDOFF * most) + _LEAST_BOUND
 
     def _is_exact(self, expression: Expression, number: Mtbdd) -> bool:
         """Whether no leaf stands for an int so large that a double may stand for several."""
         leaves = np.abs(number.leaves)
         return (
-            not bool(np.any((leaves >= _LARGEST_EXACT_INT) & np.isfinite(leaves)))
+            not bool(np.any((leaves >= LARGEST_WHOLE) & np.isfinite(leaves)))
             or self._type(expression) is Type.DOUBLE
         )
 
@@ -577,7 +577,7 @@ class Translator:
             in_range = ~self.faults(expression)
             return EncodedAssignment(relation & in_range, in_range)
         number = self.number(expression)
-        if max(abs(target.low), abs(target.high)) >= _LARGEST_EXACT_INT:
+        if max(abs(target.low), abs(target.high)) >= LARGEST_WHOLE:
             raise TooLarge(f"{target.name} holds ints of 2^53 or more ({expression.span})")
         next_value = self.manager.table(target.columns, target.column().astype(np.float64))
         relation = number.equal(next_value) & self.next_valid(target)

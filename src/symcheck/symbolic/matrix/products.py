@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from symcheck.semantics.expressions.literals import LEAST
+
 if TYPE_CHECKING:
     from symcheck.dd.manager import Mtbdd
 
@@ -34,4 +36,4 @@ def nothing_lost(computed: Mtbdd, *factors: Mtbdd) -> Mtbdd:
     if least >= _SURELY_NORMAL:
         return computed
     lost = reduce(and_, (f.to_bdd() for f in factors)) - computed.to_bdd()
-    return computed + lost.to_mtbdd(5e-324) if lost else computed
+    return computed + lost.to_mtbdd(LEAST) if lost else computed

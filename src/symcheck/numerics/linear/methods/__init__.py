@@ -11,8 +11,8 @@ from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.methods import (
     bounds,
-    estimates,
     policy,
+    power,
     rational,
     topological,
 )
@@ -116,22 +116,8 @@ METHODS: Mapping[str, Method] = {
             "lower bounds, then a guessed and verified upper bound",
         ),
         Method(
-            "gauss-seidel",
-            estimates.gauss_seidel,
-            "rows",
-            False,
-            "sweeps until the change is small: an estimate",
-        ),
-        Method(
-            "jacobi",
-            estimates.jacobi,
-            "rows",
-            False,
-            "products with self-loops divided out until the change is small: an estimate",
-        ),
-        Method(
             "power",
-            estimates.power,
+            power.solve,
             "products",
             False,
             "products until the change is small: an estimate",

@@ -23,7 +23,7 @@ from symcheck.kernels.solve.component_bounds import Block, ComponentSolver
 from symcheck.matrices.numbers import doubles, rationals, sum_segments
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
-from symcheck.numerics import graph, tuning
+from symcheck.numerics import graph, rational_limits, tuning
 from symcheck.numerics.linear.extrapolation import solve_extrapolated
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.methods import policy, rational
@@ -234,7 +234,7 @@ def _try_iterative_methods(run: TopologicalRun, block: Block, goal: float) -> bo
 
 def _try_rationals(run: TopologicalRun, block: Block, goal: float) -> bool:
     """Rational arithmetic for a small block, where the rounding of sums decides."""
-    if block.n > tuning.RATIONAL_BLOCK_STATES:
+    if block.n > rational_limits.COMPONENT_STATES:
         return False
     bounds = solve_rationally(LocalSystem.of(block), run.probability)
     return bounds is not None and _accept(run, block, goal, bounds, "rational arithmetic")
