@@ -327,10 +327,13 @@ class _Properties:
         Raises InputError if a given value is faulty.
         """
         file, taken = self.file, set(self.model.labels)
+        done = set[str]()
         for name in (*(c.name for c in file.constants), *(f.name for f in file.formulas)):
             if self._fault_of(Name(name)) is None:
                 with self._noted(name):
-                    self.table.check_cycles([name])
+                    self.table.check_cycles([name], done)
+                if name in self.faults:
+                    done = set()  # others may use the cycle too
         for constant in file.constants:
             if self._fault_of(Name(constant.name)) is None:
                 with self._noted(constant.name):

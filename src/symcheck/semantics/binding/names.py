@@ -107,9 +107,13 @@ class SymbolTable:
             return self.formulas[name].expression
         return self.constants[name].value if name in self.constants else None
 
-    def check_cycles(self, names: Iterable[str]) -> None:
-        """Report those of these constants and formulas whose definitions are circular."""
-        done: set[str] = set()
+    def check_cycles(self, names: Iterable[str], done: set[str]) -> None:
+        """Report those of these constants and formulas whose definitions are circular.
+
+        Args:
+            names: the constants and formulas.
+            done: those that are checked; the others that are visited are added.
+        """
         for start in names:
             self._visit(start, [], done)
 

@@ -85,7 +85,7 @@ def check_program(program: Program, table: SymbolTable) -> CheckedProgram:
         if table.declare("variable", name, span):
             table.variables[name] = variable.declaration.type
             declared[name] = variable
-    table.check_cycles((*table.constants, *table.formulas))
+    table.check_cycles((*table.constants, *table.formulas), set())
     if "cycle" in table.report.codes:
         table.report.raise_all()
     checked = CheckedProgram(program, table, root, modules, declared)
