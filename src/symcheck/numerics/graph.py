@@ -17,7 +17,7 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.kernels.arrays import Masks
 from symcheck.kernels.graph import components as kernel
-from symcheck.kernels.graph import mdp_graph, partial_search
+from symcheck.kernels.graph import mdp_graph
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import tuning
@@ -229,6 +229,8 @@ def prob0(source: Source, left: Bools, right: Bools, direction: Direction | None
     graph = _incidence(source)
     if direction != Direction.MIN or graph.matrix.groups is None:
         return ~backward_reachable(graph, right, left)
+    from symcheck.kernels.graph import partial_search
+
     sure, misses = right.copy(), np.diff(graph.groups).astype(np.int32)
     hit, found = np.zeros(graph.matrix.rows, np.uint8), np.flatnonzero(right).astype(np.int32)
     partial_search.search(

@@ -6,16 +6,18 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from numbers import Integral
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import UsageError, converts_memory_error
 from symcheck.semantics.interpreter import State
 from symcheck.semantics.state_faults import describe_state
 from symcheck.simulate.path import Path, PathStep, used_seed
-from symcheck.simulate.steps import Choice, Steps
+from symcheck.simulate.steps import Branch, Choice, Steps
+
+if TYPE_CHECKING:
+    from symcheck.engines.explicit.strategy import Strategy
 
 __all__ = ["Simulator", "StepStrategy", "simulate"]
 
@@ -129,9 +131,12 @@ class Simulator:
         if not allowed:
             most = max(len(c.branches) for c in chosen)
             raise UsageError(f"the choice has no successor {branch}: expected {_numbers(most)}")
-        step = self._steps.take(self._path[-1], enabled, self._generator, allowed)
-        self._path.append(step)
+        self._take(enabled, allowed)
         return self.state
+
+    def _take(self, enabled: Sequence[Choice], moves: Sequence[tuple[Choice, Branch]]) -> None:
+        """Take one of these transitions at random."""
+        self._path.append(self._steps.take(self._path[-1], enabled, self._generator, moves))
 
     def run(
         self, steps: int, strategy: StepStrategy | Strategy | None = None
@@ -149,6 +154,8 @@ class Simulator:
         Raises:
             UsageError: the strategy has memory, or `steps` is no whole number from 0.
         """
+        from symcheck.engines.explicit.strategy import Strategy
+
         _require_whole(steps)
         chosen = self._following(strategy) if isinstance(strategy, Strategy) else strategy
         for _ in range(steps):
@@ -301,15 +308,15 @@ def simulate(
         if not enabled:
             end = "deadlock"
             break
-        branches = sum(len(c.branches) for c in enabled)
-        if branches > 1:
+        moves = [(c, b) for c in enabled for b in c.branches]
+        if len(moves) > 1:
             forced.clear()
         elif loop_check and path[-1].state in forced:
             end = "loop"
             break
         else:
             forced.add(path[-1].state)
-        simulator.step()
+        simulator._take(enabled, moves)
         if time is not None and path[-1].time >= time:
             end = "time"
             break
