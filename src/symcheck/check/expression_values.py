@@ -11,6 +11,7 @@ from symcheck.matrices.numbers import Rationals, rationals
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Conditional, Expression, Name, Type
+from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import nodes
 
 __all__ = ["LARGEST_WHOLE", "expression_values", "in_doubles"]
@@ -53,11 +54,11 @@ def expression_values(context: Context, formula: Expression) -> Values | None:
 
 def in_doubles(engine: Engine, values: Values) -> Values:
     """Values as doubles, for operators whose values are irrational."""
-    return values if engine.exact else engine.constant(0).map("+", values)
+    return values if engine.exact else engine.constant(0).map(Operator.PLUS, values)
 
 
 def _rounded(engine: Engine, values: Values) -> Values:
-    return values.map("+", engine.constant(0, rounded=True))
+    return values.map(Operator.PLUS, engine.constant(0, rounded=True))
 
 
 def _is_whole(context: Context, formula: Expression) -> bool:

@@ -126,7 +126,7 @@ def numbers(context: Context, formula: Expression, relevant: StateSet) -> Values
     context = context.relevant_at(relevant)
     match formula:
         case Unary(UnaryOperator.MINUS, operand):
-            return here(operand).map("-")
+            return here(operand).map(UnaryOperator.MINUS)
         case Binary(operator, left, right):
             return _applied(context, operator, [here(left), here(right)])
         case Call(function, (first, *others)):
@@ -162,8 +162,8 @@ def _applied(context: Context, operator: Operator | Function, operands: Sequence
 def _clipped(context: Context, values: Values) -> Values:
     """Probabilities with bounds limited to [0, 1]."""
     if values.minimum(context.engine.all)[0] < 0:
-        values = values.map("max", 0)
-    return values.map("min", 1) if values.maximum(context.engine.all)[1] > 1 else values
+        values = values.map(Function.MAX, 0)
+    return values.map(Function.MIN, 1) if values.maximum(context.engine.all)[1] > 1 else values
 
 
 def states_of(context: Context) -> StatesOf:
@@ -223,7 +223,7 @@ def _comparison(context: Context, formula: Binary, relevant: StateSet) -> StateS
         )
 
     def difference(c: Context) -> Values:
-        return numbers(c, left, relevant).map("-", numbers(c, right, relevant))
+        return numbers(c, left, relevant).map(Operator.MINUS, numbers(c, right, relevant))
 
     return decide(
         context,

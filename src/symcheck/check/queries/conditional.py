@@ -64,7 +64,7 @@ def conditional_probability(
         both = resolve(Binary(Operator.AND, *parts, span=formula.span), states_of, context.engine)
         given = probability(inner, condition, None)
         undefined = given.compare("=", 0)[0]
-        values = probability(inner, both, None).map("/", given)
+        values = probability(inner, both, None).map(Operator.DIVIDE, given)
     else:
         path = resolve(formula.path, states_of, context.engine)
         values, undefined = _of_mdp(inner, path, condition, direction)

@@ -27,7 +27,7 @@ from symcheck.engines.base import ROUNDING, StateSet, Values
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.semantics.time_bounds import Window
-from symcheck.syntax.operators import OPERATOR_BY_TOKEN
+from symcheck.syntax.operators import OPERATOR_BY_TOKEN, Operator
 
 __all__ = ["complement_of", "defined_bounds", "probability", "qualitative"]
 
@@ -40,7 +40,7 @@ def _complement(context: Context, values: Values) -> Values:
     Where the result is so small that the rounding of `values` dominates, it is an interval.
     """
     one = context.engine.constant(1)
-    result = one.map("-", values)
+    result = one.map(Operator.MINUS, values)
     if not result.rounded(context.engine.all):
         return result
     certain, close = result.compare("<=", ROUNDING / max(context.options.epsilon, ROUNDING))
@@ -48,7 +48,10 @@ def _complement(context: Context, values: Values) -> Values:
     # Adding an interval includes the rounding error in the bounds; this one adds nothing else.
     return result.choose(
         zero | ~(certain | close),
-        one.map("-", values.map("+", context.engine.constant(0, _SMALLEST_POSITIVE))),
+        one.map(
+            Operator.MINUS,
+            values.map(Operator.PLUS, context.engine.constant(0, _SMALLEST_POSITIVE)),
+        ),
     )
 
 
