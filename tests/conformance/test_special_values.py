@@ -97,6 +97,18 @@ def test_evaluators_agree(operator: UnaryOperator | Operator | Function, count: 
         assert [key(value if ok else None) for ok, value in values] == expected, pretty(expression)
 
 
+@pytest.mark.parametrize(("operator", "count"), [a for a in NUMERIC if a[0].is_total])
+def test_what_is_total_has_finite_values_for_finite_operands(
+    operator: Operator | Function, count: int
+) -> None:
+    texts = ["0", "3", "-2", "x", "0.0", "0.5", "-2.5"]
+    whole = operator.signature is Signature.INTEGER
+    values = [parse_expression(text) for text in texts if not (whole and "." in text)]
+    for operands in product(values, repeat=count):
+        expression = applied(operator, *operands)
+        assert math.isfinite(evaluate(expression, {"x": -1})), pretty(expression)
+
+
 @pytest.mark.parametrize("way", WAYS)
 def test_diagrams_agree(way: str) -> None:
     symbolic = build(MODEL, Options(), limits=WAYS[way])

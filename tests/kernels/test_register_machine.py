@@ -34,7 +34,7 @@ _INTS = st.one_of(
     st.sampled_from([2**31, 2**62, -(2**62)]).map(lambda v: Literal(v, Type.INT)),
 )
 _BOOLS = st.one_of(BOOLS, st.just(Name("c")))
-EXPRESSIONS = st.one_of(*typed(4, _INTS, b=_BOOLS).values())
+EXPRESSIONS = st.one_of(*typed(3, _INTS, b=_BOOLS).values())
 STATES = st.tuples(
     st.integers(-3, 4),
     st.integers(0, 7),

@@ -322,20 +322,24 @@ _Decision = tuple[Bools, Bools]
 # Each gives the states where the comparison surely holds, and where it surely fails. For a
 # threshold t that is not a double, `below` < t < `above` are its neighbours, so that v >= t is v >=
 # above, and v > t is v > below.
-_COMPARISONS: Mapping[Operator, Callable[[Floats, Floats, float, float], _Decision]] = {
-    Operator.GE: lambda low, high, _, above: (low >= above, high < above),
-    Operator.GT: lambda low, high, below, _: (low > below, high <= below),
-    Operator.LE: lambda low, high, below, _: (high <= below, low > below),
-    Operator.LT: lambda low, high, _, above: (high < above, low >= above),
-    Operator.EQ: lambda low, high, below, above: (
-        (low == high) & (low == below) & (below == above),
-        (low > below) | (high < above),
-    ),
-    Operator.NE: lambda low, high, below, above: (
-        (low > below) | (high < above),
-        (low == high) & (low == below) & (below == above),
-    ),
-}
+_COMPARISONS: Mapping[Operator, Callable[[Floats, Floats, float, float], _Decision]] = complete(
+    {
+        Operator.GE: lambda low, high, _, above: (low >= above, high < above),
+        Operator.GT: lambda low, high, below, _: (low > below, high <= below),
+        Operator.LE: lambda low, high, below, _: (high <= below, low > below),
+        Operator.LT: lambda low, high, _, above: (high < above, low >= above),
+        Operator.EQ: lambda low, high, below, above: (
+            (low == high) & (low == below) & (below == above),
+            (low > below) | (high < above),
+        ),
+        Operator.NE: lambda low, high, below, above: (
+            (low > below) | (high < above),
+            (low == high) & (low == below) & (below == above),
+        ),
+    },
+    [o for o in Operator if o.is_comparison],
+    f"the table of comparisons in {__name__}",
+)
 
 _LARGEST_WHOLE = 2.0**53
 
