@@ -47,26 +47,27 @@ WAYS = {
 WIDTH = 2
 """Each variable holds the ints up to so far from a boundary."""
 
-_int = st.deferred(
-    lambda: st.one_of(
-        st.sampled_from(["x", "y", "1", "2", "-1", "7", "9007199254740993", "9223372036854775807"]),
-        st.builds("({} {} {})".format, _int, st.sampled_from("+-*"), _int),
+_int = st.recursive(
+    st.sampled_from(["x", "y", "1", "2", "-1", "7", "9007199254740993", "9223372036854775807"]),
+    lambda inner: st.one_of(
+        st.builds("({} {} {})".format, inner, st.sampled_from("+-*"), inner),
         *(
             st.builds(
                 "{}({})".format,
                 st.just(function),
-                st.lists(_int, min_size=count, max_size=count).map(",".join),
+                st.lists(inner, min_size=count, max_size=count).map(",".join),
             )
             for function, count in applications(Signature.ARITHMETIC, Signature.INTEGER)
             if isinstance(function, Function)
         ),
-        st.builds("(-{})".format, _int),
-        st.builds("({}={}?{}:{})".format, _int, _int, _int, _int),
+        st.builds("(-{})".format, inner),
+        st.builds("({}={}?{}:{})".format, inner, inner, inner, inner),
         *(
-            st.builds("{}({}/2)".format, st.just(function), _int)
+            st.builds("{}({}/2)".format, st.just(function), inner)
             for function, _ in applications(Signature.ROUNDING)
         ),
-    )
+    ),
+    max_leaves=6,
 )
 _comparison = st.builds(
     "({} {} {})".format, _int, st.sampled_from([o for o in Operator if o.is_comparison]), _int
