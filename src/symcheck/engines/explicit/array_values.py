@@ -533,5 +533,6 @@ def _corners(instruction: Instruction, x: _Pair, y: _Pair) -> _Pair:
 
 def _remainders(x: _Pair, y: _Pair) -> _Pair:
     point = (y[0] == y[1]) & (np.floor(x[0] / y[0]) == np.floor(x[1] / y[1])) & (y[0] > 0)
-    low, high = np.minimum(2 * y[0], 0.0), np.maximum(np.abs(y[0]), np.abs(y[1]))
+    high = np.where(_is_zero(y), np.nan, np.maximum(np.abs(y[0]), np.abs(y[1])))
+    low = np.where(_is_zero(y), np.nan, np.minimum(2 * y[0], 0.0))
     return np.where(point, np.mod(x[0], y[0]), low), np.where(point, np.mod(x[1], y[0]), high)
