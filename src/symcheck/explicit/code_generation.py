@@ -68,7 +68,6 @@ _COMPARISONS: Mapping[Operator, tuple[Op, Op]] = complete(
         Operator.GE: (Op.LEI, Op.LED),
     },
     [o for o in Operator if o.is_comparison],
-    f"the table of comparisons in {__name__}",
 )
 """The instructions for ints and for doubles."""
 

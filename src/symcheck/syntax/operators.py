@@ -49,7 +49,7 @@ _CONDITIONS = (Signature.LOGICAL, Signature.EQUALITY, Signature.ORDER)
 """The types of what has a bool as its value."""
 
 
-def complete(table: Mapping[K, T], needed: Iterable[K], name: str) -> Mapping[K, T]:
+def complete(table: Mapping[K, T], needed: Iterable[K]) -> Mapping[K, T]:
     """A table of meanings that has an entry for each member that needs one.
 
     Raises:
@@ -57,7 +57,7 @@ def complete(table: Mapping[K, T], needed: Iterable[K], name: str) -> Mapping[K,
     """
     missing = [str(member) for member in needed if member not in table]
     if missing:
-        raise TypeError(f"{name} has no meaning for {', '.join(missing)}")
+        raise TypeError(f"this table has no meaning for {', '.join(missing)}")
     return table
 
 

@@ -338,7 +338,6 @@ _COMPARISONS: Mapping[Operator, Callable[[Floats, Floats, float, float], _Decisi
         ),
     },
     [o for o in Operator if o.is_comparison],
-    f"the table of comparisons in {__name__}",
 )
 
 _LARGEST_WHOLE = 2.0**53
@@ -456,7 +455,6 @@ def _round(x: Floats) -> Floats:
 _ROUNDINGS: Mapping[Operator | Function, Callable[[Floats], Floats]] = complete(
     {Function.FLOOR: np.floor, Function.CEIL: np.ceil, Function.ROUND: _round},
     [f for f in Function if f.signature is Signature.ROUNDING],
-    f"the table of roundings in {__name__}",
 )
 
 _POINTS: Mapping[Instruction, Callable[[Floats, Floats], Floats]] = complete(
@@ -472,7 +470,6 @@ _POINTS: Mapping[Instruction, Callable[[Floats, Floats], Floats]] = complete(
         Instruction.LOGARITHM: partial(apply_to_doubles, Op.LOGD),
     },
     Instruction,
-    f"the table of known values in {__name__}",
 )
 
 

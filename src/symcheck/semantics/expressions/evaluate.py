@@ -565,5 +565,4 @@ _MEANINGS: Mapping[Operator | Function, Meaning] = complete(
         Function.LOG: _logarithm,
     },
     [*(o for o in Operator if not o.is_logical), *Function],
-    f"the table of values in {__name__}",
 )

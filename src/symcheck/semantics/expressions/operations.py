@@ -63,7 +63,6 @@ _COMPOSITIONS: Mapping[Operator | Function, Callable[..., Any]] = complete(
         *(o for o in Operator if not o.is_boolean),
         *(f for f in Function if f.signature is not Signature.ROUNDING),
     ],
-    f"the table of instructions in {__name__}",
 )
 """Given how to apply an instruction to two operands, and the operands."""
 
@@ -91,7 +90,6 @@ def is_on_doubles(operation: Operator | Function, are_doubles: Sequence[bool]) -
 ROUNDINGS: Mapping[Function, Op] = complete(
     {Function.FLOOR: Op.FLOOR, Function.CEIL: Op.CEIL, Function.ROUND: Op.ROUND},
     [f for f in Function if f.signature is Signature.ROUNDING],
-    f"ROUNDINGS in {__name__}",
 )
 """The instruction on a double without error that gives an int."""
 
@@ -108,6 +106,5 @@ DECISIONS: Mapping[Operator | Function, Op] = complete(
         Function.ROUND: Op.ROUNDS,
     },
     [*(o for o in Operator if o.is_comparison), *ROUNDINGS],
-    f"DECISIONS in {__name__}",
 )
 """The decision that gives the value of a comparison (on left - right) or of a rounding."""

@@ -364,5 +364,4 @@ _INTS: Mapping[Instruction, Callable[[Column, Column], Lanes]] = complete(
         Instruction.MAXIMUM: lambda x, y: Lanes(np.maximum(x, y)),
     },
     [i for i in Instruction if i.ints is not None],
-    f"the table of ints in {__name__}",
 )
