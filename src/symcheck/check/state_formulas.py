@@ -154,7 +154,7 @@ def numbers(context: Context, formula: Expression, relevant: StateSet) -> Values
 
 def _applied(context: Context, operator: Operator | Function, operands: Sequence[Values]) -> Values:
     """The values of an operator or function; those that may be irrational are doubles."""
-    if operator in (Operator.POWER, Function.POW, Function.LOG):
+    if not (operator.is_total or operator in (Operator.DIVIDE, Function.MOD)):
         operands = [in_doubles(context.engine, v) for v in operands]
     return operands[0].map(operator, *operands[1:])
 
