@@ -31,7 +31,9 @@ from symcheck.symbolic.model import StateSpace
 from symcheck.symbolic.reachability.search import reach
 from symcheck.symbolic.tuning import EncodingLimits
 from symcheck.syntax.ast import Type
+from symcheck.syntax.operators import Function, Operator, Signature
 from symcheck.syntax.parse import parse_expression
+from syntax.operations import applications
 
 BOUNDARIES = (
     *(0, 3, 2**31, 2**32, 3037000499, 2**53, 2**62, 3**39, 2**63 - 2),
@@ -45,23 +47,38 @@ WAYS = {
 WIDTH = 2
 """Each variable holds the ints up to so far from a boundary."""
 
-_int = st.deferred(
-    lambda: st.one_of(
-        st.sampled_from(["x", "y", "1", "2", "-1", "7", "9007199254740993", "9223372036854775807"]),
-        st.builds("({} {} {})".format, _int, st.sampled_from("+-*"), _int),
-        st.builds("{}({},{})".format, st.sampled_from(["min", "max", "pow", "mod"]), _int, _int),
-        st.builds("(-{})".format, _int),
-        st.builds("({}={}?{}:{})".format, _int, _int, _int, _int),
-        st.builds("{}({}/2)".format, st.sampled_from(["floor", "ceil", "round"]), _int),
-    )
+_int = st.recursive(
+    st.sampled_from(["x", "y", "1", "2", "-1", "7", "9007199254740993", "9223372036854775807"]),
+    lambda inner: st.one_of(
+        st.builds("({} {} {})".format, inner, st.sampled_from("+-*"), inner),
+        *(
+            st.builds(
+                "{}({})".format,
+                st.just(function),
+                st.lists(inner, min_size=count, max_size=count).map(",".join),
+            )
+            for function, count in applications(Signature.ARITHMETIC, Signature.INTEGER)
+            if isinstance(function, Function)
+        ),
+        st.builds("(-{})".format, inner),
+        st.builds("({}={}?{}:{})".format, inner, inner, inner, inner),
+        *(
+            st.builds("{}({}/2)".format, st.just(function), inner)
+            for function, _ in applications(Signature.ROUNDING)
+        ),
+    ),
+    max_leaves=6,
 )
 _comparison = st.builds(
-    "({} {} {})".format, _int, st.sampled_from(["=", "!=", "<", "<=", ">", ">="]), _int
+    "({} {} {})".format, _int, st.sampled_from([o for o in Operator if o.is_comparison]), _int
 )
 _bool = st.one_of(
     _comparison,
     st.builds(
-        "({} {} {})".format, _comparison, st.sampled_from(["&", "|", "=>", "<=>"]), _comparison
+        "({} {} {})".format,
+        _comparison,
+        st.sampled_from([o for o in Operator if o.is_logical]),
+        _comparison,
     ),
 )
 

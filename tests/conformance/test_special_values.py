@@ -25,10 +25,11 @@ from symcheck.semantics.model import Value
 from symcheck.symbolic.build import build
 from symcheck.symbolic.model import StateSpace
 from symcheck.symbolic.tuning import EncodingLimits
-from symcheck.syntax.ast import Binary, Call, Expression, Type, Unary
-from symcheck.syntax.operators import Function, Operator, UnaryOperator
+from symcheck.syntax.ast import Expression, Type, Unary
+from symcheck.syntax.operators import Function, Operator, Signature, UnaryOperator
 from symcheck.syntax.parse import parse_expression, parse_model
 from symcheck.syntax.printer import pretty
+from syntax.operations import NUMERIC, applied
 
 MODEL = bind(parse_model("dtmc module m x : [-1..1]; [] true -> true; endmodule"))
 STATES = (-1, 0, 1)
@@ -43,25 +44,19 @@ WAYS = {
     "composed": EncodingLimits(table_bits=0),
     "on the fly": EncodingLimits(table_bits=0, wide_table_bits=0, max_nodes=0, max_leaves=0),
 }
-ARITHMETIC = [*(o for o in Operator if not o.is_logical), *(f for f in Function if f.arity != 1)]
-ROUNDING = [f for f in Function if f.arity in (1, None)]
+FEW = ["x", "3", "x/0", "-0.0", "9007199254740993"]
+"""Operands of which there are so many combinations that all are taken of three."""
 
 
-def applied(operator: Operator | Function, *operands: Expression) -> Expression:
-    return (
-        Binary(operator, *operands) if isinstance(operator, Operator) else Call(operator, operands)
-    )
-
-
-def expressions(operator: UnaryOperator | Operator | Function) -> list[Expression]:
-    """An operator applied to all special values."""
-    texts = [*INTS, *([] if operator is Function.MOD else DOUBLES)]
+def expressions(operator: UnaryOperator | Operator | Function, count: int) -> list[Expression]:
+    """An operator applied to all combinations of special values."""
+    texts = [*INTS, *DOUBLES] if count < 3 else FEW
+    if not isinstance(operator, UnaryOperator) and operator.signature is Signature.INTEGER:
+        texts = [text for text in texts if text in INTS]
     values = [parse_expression(text) for text in texts]
-    if operator is UnaryOperator.MINUS:
+    if isinstance(operator, UnaryOperator):
         return [Unary(operator, v) for v in values]
-    single = [applied(operator, v) for v in values] if operator in ROUNDING else []
-    pairs = product(values, values) if operator in ARITHMETIC else []
-    return single + [applied(operator, *pair) for pair in pairs]
+    return [applied(operator, *operands) for operands in product(values, repeat=count)]
 
 
 def scalar(expression, x: int) -> Value | None:
@@ -78,10 +73,10 @@ def key(value: Value | None) -> tuple[str, object]:
     return type(value).__name__, value
 
 
-@pytest.mark.parametrize("operator", [UnaryOperator.MINUS, *dict.fromkeys(ARITHMETIC + ROUNDING)])
-def test_evaluators_agree(operator: UnaryOperator | Operator | Function) -> None:
+@pytest.mark.parametrize(("operator", "count"), [(UnaryOperator.MINUS, 1), *NUMERIC])
+def test_evaluators_agree(operator: UnaryOperator | Operator | Function, count: int) -> None:
     columns = {"x": np.array(STATES, np.int64)}
-    for expression in expressions(operator):
+    for expression in expressions(operator, count):
         expected = [key(scalar(expression, x)) for x in STATES]
 
         simplified = simplify(expression, types={"x": Type.INT})
@@ -102,22 +97,38 @@ def test_evaluators_agree(operator: UnaryOperator | Operator | Function) -> None
         assert [key(value if ok else None) for ok, value in values] == expected, pretty(expression)
 
 
+@pytest.mark.parametrize(("operator", "count"), [a for a in NUMERIC if a[0].is_total])
+def test_what_is_total_has_finite_values_for_finite_operands(
+    operator: Operator | Function, count: int
+) -> None:
+    texts = ["0", "3", "-2", "x", "0.0", "0.5", "-2.5"]
+    whole = operator.signature is Signature.INTEGER
+    values = [parse_expression(text) for text in texts if not (whole and "." in text)]
+    for operands in product(values, repeat=count):
+        expression = applied(operator, *operands)
+        assert math.isfinite(evaluate(expression, {"x": -1})), pretty(expression)
+
+
 @pytest.mark.parametrize("way", WAYS)
 def test_diagrams_agree(way: str) -> None:
     symbolic = build(MODEL, Options(), limits=WAYS[way])
     everything = symbolic.translator.valid(symbolic.encoding.variables[0])
     space = StateSpace(symbolic, everything, symbolic.manager.false, 3, "none", 0.0, ())
-    operands = ["x", "x/-3", "x/0", "-0.0", "9007199254740993"]
-    shapes = [
-        *(f"{{}} {o} {{}}" for o in Operator if not o.is_logical),
-        *(f"{f}({{}}, {{}})" for f in Function if f.arity != 1),
-        *["1/min({}, {})", "1/max({}, {})", "({} < {} ? 0/x : 1)", "pow({}, {}) * 0"],
+    texts = ["x", "x/-3", "x/0", "-0.0", "9007199254740993"]
+    values = [parse_expression(text) for text in texts]
+    shapes = ["1/min({}, {})", "1/max({}, {})", "({} < {} ? 0/x : 1)", "pow({}, {}) * 0"]
+    combinations = [
+        *(parse_expression(s.format(a, b)) for s in shapes for a, b in product(texts, texts)),
+        *(
+            applied(operation, *operands)
+            for operation, count in NUMERIC
+            for operands in product(values, repeat=count)
+            if operation.signature is not Signature.INTEGER
+            or all(values.index(o) in (0, 4) for o in operands)
+        ),
     ]
-    for shape, a, b in product(shapes, operands, operands):
-        text = shape.format(a, b)
-        if "mod" in text and ("/" in text or "." in text):
-            continue
-        expression = parse_expression(text)
+    for expression in combinations:
+        text = pretty(expression)
         translator = symbolic.translator
         if compile_expression(expression, MODEL).type is Type.BOOL:
             diagram, undefined = (

@@ -13,6 +13,14 @@ from hypothesis import strategies as st
 
 from symcheck.engines.base import bracket
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.errors import ModelFault
+from symcheck.semantics.expressions.evaluate import evaluate_closely
+from symcheck.syntax.ast import Literal, Type
+from symcheck.syntax.operators import Function, Operator, Signature, UnaryOperator
+from syntax.operations import NUMERIC, applied
+
+CONDITIONS = (Signature.EQUALITY, Signature.ORDER)
+NEAR_HALVES = [0.1, 0.5, -2.5, 0.49999999999999994, 4503599627370495.5]
 
 TESTS = {
     ">=": lambda v, t: v >= t,
@@ -65,64 +73,67 @@ def test_rounding_never_decides(operator):
     assert not sure
 
 
-@given(
-    st.sampled_from(["+", "-", "*", "/", "min", "max", "floor", "ceil", "round", "neg"]),
-    *[doubles] * 4,
-    st.booleans(),
-    st.booleans(),
-)
-def test_arithmetic_keeps_the_truth(operator, a, b, c, d, first, second):
-    x, y = values(min(a, b), max(a, b), first), values(min(c, d), max(c, d), second)
-    for p in (Fraction(a), Fraction(b), (Fraction(a) + Fraction(b)) / 2):
-        for q in (Fraction(c), Fraction(d)):
-            low, high = _map(operator, x, y)
-            true = _exact(operator, p, q)
-            # Beyond the greatest double a value rounds to infinity, as everywhere in floating
-            # point.
-            if true is not None and not np.isnan(low) and abs(true) < Fraction(10) ** 300:
-                slack = 1e-9 if first or second else 1e-12
-                assert low - slack * (1 + abs(low)) <= true <= high + slack * (1 + abs(high))
+RESULTS = [(UnaryOperator.MINUS, 1), *((o, n) for o, n in NUMERIC if o.signature not in CONDITIONS)]
 
 
-def _map(operator, x, y):
-    result = (
-        x.map("-")
-        if operator == "neg"
-        else x.map(operator)
-        if operator in ("floor", "ceil", "round")
-        else x.map(operator, y)
-    )
-    return float(result.lower[0]), float(result.upper[0])
+@pytest.mark.parametrize(("operation", "count"), RESULTS)
+@given(st.data())
+def test_arithmetic_keeps_the_truth(operation, count, data):
+    """The exact value for operands at their bounds and between them is within the bounds."""
+    whole = getattr(operation, "signature", None) is Signature.INTEGER
+    numbers = st.integers(-10, 10).map(float) if whole else doubles
+    if operation in (Operator.POWER, Function.POW, Function.LOG):  # exact values take long
+        numbers = st.integers(-20, 20).map(lambda i: i / 4)
+    pairs = [sorted(data.draw(st.tuples(numbers, numbers))) for _ in range(count)]
+    marks = data.draw(st.tuples(*[st.booleans()] * count))
+    first, *others = (values(*p, m) for p, m in zip(pairs, marks, strict=True))
+    result = first.map(operation, *others)
+    low, high = float(result.lower[0]), float(result.upper[0])
+    shares = st.sampled_from([0, 1] if whole else [0, Fraction(1, 2), 1])
+    for _ in range(4):
+        point = [Fraction(a) + data.draw(shares) * (Fraction(b) - Fraction(a)) for a, b in pairs]
+        true = _exact(operation, *point)
+        if true is None or np.isnan(low) or np.isnan(high):
+            continue
+        slack = Fraction(1, 10**9 if any(marks) else 10**12)
+        # Beyond the greatest double a value rounds to infinity, as everywhere in floating point.
+        if abs(true) < Fraction(10) ** 300:
+            assert np.isinf(low) or Fraction(low) - slack * (1 + abs(Fraction(low))) <= true
+            assert np.isinf(high) or true <= Fraction(high) + slack * (1 + abs(Fraction(high)))
 
 
-def _exact(operator, p, q):
-    match operator:
-        case "+":
-            return p + q
-        case "-":
-            return p - q
-        case "*":
-            return p * q
-        case "/":
-            return None if q == 0 else p / q
-        case "min":
-            return min(p, q)
-        case "max":
-            return max(p, q)
-        case "neg":
-            return -p
-        case "floor":
-            return p.__floor__()
-        case "ceil":
-            return p.__ceil__()
-        case "round":
-            return (p + Fraction(1, 2)).__floor__()
+def _exact(operation, *values):
+    """The value, or what is near it; None: there is no number."""
+    if isinstance(operation, UnaryOperator):
+        return -values[0]
+    if operation.signature is Signature.INTEGER:
+        values = [int(v) for v in values]
+    literals = (Literal(v, Type.INT if isinstance(v, int) else Type.DOUBLE) for v in values)
+    try:
+        value = evaluate_closely(applied(operation, *literals), {})
+    except ModelFault:
+        return None
+    return None if isinstance(value, float) else Fraction(value)
+
+
+@pytest.mark.parametrize(("operation", "count"), RESULTS)
+@given(st.data())
+def test_doubles_without_error_are_only_exact_where_the_value_is(operation, count, data):
+    whole = getattr(operation, "signature", None) is Signature.INTEGER
+    few = st.sampled_from([-3.0, 0.0, 1.0, 2.0, 49.0, 2.0**53, *([] if whole else NEAR_HALVES)])
+    operands = [data.draw(few) for _ in range(count)]
+    first, *others = (values(x, x) for x in operands)
+    result = first.map(operation, *others)
+    true = _exact(operation, *map(Fraction, operands))
+    if true is None or result.computed is not None or not result.exact:
+        return
+    assert Fraction(float(result.lower[0])) == true
 
 
 def test_a_difference_of_computed_values_has_their_error():
     """0.3 - (0.1 + 0.2) is not known to be negative, zero or positive."""
     difference = values(0.3, 0.3, computed=True).map(
-        "-", values(0.1 + 0.2, 0.1 + 0.2, computed=True)
+        Operator.MINUS, values(0.1 + 0.2, 0.1 + 0.2, computed=True)
     )
     _, undecided = difference.compare(">", 0)
     assert undecided

@@ -13,7 +13,10 @@ from generate import random_property
 from symcheck.cli import main
 from symcheck.errors import SymcheckError, UnsupportedError, UsageError
 from symcheck.syntax.jani.read import read_jani
-from symcheck.syntax.operators import Function, Operator
+from symcheck.syntax.operators import Operator, Signature
+from symcheck.syntax.parse import parse_expression
+from symcheck.syntax.printer import pretty
+from syntax.operations import APPLICATIONS, applied
 
 MODELS = Path(__file__).parents[2] / "models"
 CASES = [
@@ -134,14 +137,10 @@ def test_random_models_keep_their_values(kind, seed, tmp_path):
     assert_same(found, [expected])
 
 
-@pytest.mark.parametrize("operator", [*Operator, *Function])
-def test_every_operator_is_written(operator, tmp_path):
-    if isinstance(operator, Function):
-        expression = f"{operator.value}({', '.join(['x', '2'][: operator.arity or 2])})"
-    elif operator.is_logical:
-        expression = f"x=1 {operator.value} x=2"
-    else:
-        expression = f"x {operator.value} 2"
+@pytest.mark.parametrize(("operator", "count"), APPLICATIONS)
+def test_every_operator_is_written(operator, count, tmp_path):
+    parts = ["x=1", "x=2"] if operator.signature is Signature.LOGICAL else ["x", "2", "x+1"]
+    expression = pretty(applied(operator, *map(parse_expression, parts[:count])))
     bound = "" if isinstance(operator, Operator) and operator.is_boolean else ">=1"
     model = symcheck.loads(
         f'dtmc module m x : [1..2]; [] true -> (x\'=3-x); endmodule label "a" = ({expression}){bound};'

@@ -11,13 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernels.columns import run_masked
+from semantics.expressions import BOOLS, typed
 from symcheck.errors import ModelFault
 from symcheck.explicit.compile import compile_expression
 from symcheck.explicit.states import StateLayout
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import Variable
-from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
-from symcheck.syntax.operators import Function, Operator, UnaryOperator
+from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type
+from symcheck.syntax.operators import Function, Operator
 
 VARIABLES = (
     Variable("x", Type.INT, -3, 4, 0, "m"),
@@ -27,68 +28,13 @@ VARIABLES = (
     Variable("c", Type.BOOL, 0, 1, False, None),
 )
 
-ints = st.one_of(
+_INTS = st.one_of(
     st.integers(-4, 9).map(lambda v: Literal(v, Type.INT)),
     st.sampled_from([Name("x"), Name("y"), Name("z")]),
     st.sampled_from([2**31, 2**62, -(2**62)]).map(lambda v: Literal(v, Type.INT)),
 )
-doubles = st.sampled_from(
-    [Fraction(0), Fraction(1, 3), Fraction(-5, 2), Fraction(10) ** 30, Fraction(1, 10)]
-).map(lambda v: Literal(v, Type.DOUBLE))
-bools = st.one_of(
-    st.booleans().map(lambda v: Literal(v, Type.BOOL)), st.sampled_from([Name("b"), Name("c")])
-)
-
-
-def _numbers(i, d):
-    return st.one_of(i, d)
-
-
-def _grow(depth: int):
-    if depth == 0:
-        return ints, doubles, bools
-    i, d, b = _grow(depth - 1)
-    n = _numbers(i, d)
-    more_ints = st.one_of(
-        i,
-        st.builds(Binary, st.sampled_from("+-*^").map(Operator), i, i),
-        st.builds(
-            lambda f, *a: Call(f, a),
-            st.sampled_from(["min", "max", "mod", "pow"]).map(Function),
-            i,
-            i,
-        ),
-        st.builds(
-            lambda f, a: Call(f, (a,)), st.sampled_from(["floor", "ceil", "round"]).map(Function), n
-        ),
-        st.builds(lambda a: Unary(UnaryOperator.MINUS, a), i),
-        st.builds(Conditional, b, i, i),
-    )
-    more_doubles = st.one_of(
-        d,
-        st.builds(Binary, st.sampled_from("+-*^").map(Operator), d, n),
-        st.builds(lambda a, c: Binary(Operator.DIVIDE, a, c), n, n),
-        st.builds(
-            lambda f, a, c: Call(f, (a, c)), st.sampled_from(["min", "max"]).map(Function), d, n
-        ),
-        st.builds(
-            lambda f, a, c: Call(f, (a, c)), st.sampled_from(["log", "pow"]).map(Function), n, d
-        ),
-        st.builds(lambda a: Unary(UnaryOperator.MINUS, a), d),
-        st.builds(Conditional, b, d, n),
-    )
-    more_bools = st.one_of(
-        b,
-        st.builds(Binary, st.sampled_from(["=", "!=", "<", "<=", ">", ">="]).map(Operator), n, n),
-        st.builds(Binary, st.sampled_from(["&", "|", "=>", "<=>", "=", "!="]).map(Operator), b, b),
-        st.builds(lambda a: Unary(UnaryOperator.NOT, a), b),
-        st.builds(Conditional, b, b, b),
-    )
-    return more_ints, more_doubles, more_bools
-
-
-_I, _D, _B = _grow(4)
-EXPRESSIONS = st.one_of(_I, _D, _B)
+_BOOLS = st.one_of(BOOLS, st.just(Name("c")))
+EXPRESSIONS = st.one_of(*typed(3, _INTS, b=_BOOLS).values())
 STATES = st.tuples(
     st.integers(-3, 4),
     st.integers(0, 7),

@@ -76,7 +76,8 @@ def test_a_cache_of_another_grammar_or_version_is_not_read(
     longer = {name: grammars.grammar_text(name) + "\n" for name in ("prism", "properties")}
     monkeypatch.setattr(grammars, "grammar_text", longer.__getitem__)
     read_again()
-    assert texts[2:] == [longer["prism"], longer["properties"]]
+    for text, name in zip(texts[2:], longer, strict=True):
+        assert text.startswith(longer[name])
     assert len(list(cache.iterdir())) == 6
 
 

@@ -1,4 +1,4 @@
-"""The operators and functions have an entry in the tables of every package that needs one."""
+"""The table of operators and functions is what parser, printer, types and evaluators read."""
 
 from __future__ import annotations
 
@@ -8,54 +8,37 @@ import numpy as np
 import pytest
 
 from kernels.columns import run_masked
-from symcheck.explicit import code_generation
+from symcheck.errors import TypeFault
 from symcheck.explicit.compile import compile_expression
 from symcheck.semantics.expressions import evaluate, vectorised
 from symcheck.semantics.expressions.simplify import simplify
-from symcheck.semantics.expressions.types import type_of
+from symcheck.semantics.expressions.types import static_type, type_of
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Binary, Call, Literal, Name, Type
-from symcheck.syntax.operators import Function, Operator, connect
-from symcheck.syntax.parse import parse_expression
+from symcheck.syntax.operators import Function, Operator, Signature, complete, connect
+from symcheck.syntax.parse import parse_expression, parse_properties
 from symcheck.syntax.printer import pretty
+from syntax.operations import APPLICATIONS, applied
 
 LOGICAL = [o for o in Operator if o.is_logical]
-OTHERS = {o for o in Operator if not o.is_logical}
-MEANINGS = {
-    "scalar": evaluate.BINARY,
-    "compiled": {**code_generation.ARITHMETIC, **code_generation.COMPARISONS},
-}
-FUNCTIONS = {
-    "scalar": evaluate.FUNCTIONS,
-    "compiled": code_generation.FUNCTIONS,
-}
 BOOLS = (False, True)
 VARIABLES = tuple(Variable(n, Type.BOOL, 0, 1, False, "m") for n in "ab")
 
 
-@pytest.mark.parametrize("table", MEANINGS)
-def test_every_operator_has_a_meaning(table):
-    assert set(MEANINGS[table]) == OTHERS
+def test_a_table_names_the_operators_that_it_lacks():
+    with pytest.raises(TypeError, match="no meaning for min, log"):
+        complete({Function.MAX: 1}, [Function.MIN, Function.MAX, Function.LOG])
 
 
-@pytest.mark.parametrize("table", FUNCTIONS)
-def test_every_function_has_a_meaning(table):
-    assert set(FUNCTIONS[table]) == set(Function)
-
-
-@pytest.mark.parametrize("operation", [*sorted(OTHERS), *Function])
-@pytest.mark.parametrize("operand", ["x", "x*0.5"])
-def test_every_operation_is_vectorised(operation, operand):
-    if operation is Function.MOD and operand != "x":
-        return
-    count = 1 if operation in (Function.FLOOR, Function.CEIL, Function.ROUND) else 2
-    operands = (parse_expression(operand),) * count
-    is_call = isinstance(operation, Function)
-    expression = Call(operation, operands) if is_call else Binary(operation, *operands)
-    lanes = vectorised.evaluate_columns(expression, {"x": np.array([1, 3])})
-    values = [evaluate.evaluate(expression, {"x": x}) for x in (1, 3)]
-    assert lanes.faults is None
-    np.testing.assert_array_equal(lanes.values, values)
+@pytest.mark.parametrize("operation", [*Operator, *Function])
+def test_both_languages_read_every_operation(operation):
+    count = 2 if isinstance(operation, Operator) else operation.arity or 3
+    text = pretty(applied(operation, *(Name(n) for n in "abc"[:count])))
+    assert pretty(parse_expression(text)) == text
+    (formula,) = parse_properties(text).properties
+    assert pretty(formula.formula) == text
+    if isinstance(operation, Function) and operation not in (Function.MIN, Function.MAX):
+        assert parse_expression(operation) == Name(operation)
 
 
 def test_a_logical_operator_has_a_truth_table_and_the_others_have_none():
@@ -95,10 +78,20 @@ def test_the_printer_and_the_parser_agree_on_precedence(outer, inner):
     )
 
 
-@pytest.mark.parametrize("function", Function)
-def test_functions_are_parsed_and_typed(function):
-    arguments = tuple(Literal(i, Type.INT) for i in range(2, 2 + (function.arity or 3)))
-    tree = Call(function, arguments)
+@pytest.mark.parametrize(("function", "count"), [a for a in APPLICATIONS if a[0] in Function])
+def test_functions_are_parsed_and_typed(function, count):
+    tree = Call(function, tuple(Literal(i, Type.INT) for i in range(2, 2 + count)))
     assert parse_expression(pretty(tree)) == tree
-    expected = Type.DOUBLE if function is Function.LOG else Type.INT
-    assert type_of(tree, {}) is expected
+    kind = type_of(tree, {})
+    assert kind is (Type.DOUBLE if function.signature is Signature.DIVISION else Type.INT)
+    assert static_type(tree, {}.__getitem__) is kind
+
+
+@pytest.mark.parametrize("function", Function)
+def test_functions_say_how_many_arguments_they_take(function):
+    for count in (0, 4) if function.arity else (0,):
+        tree = Call(function, (Literal(1, Type.INT),) * count)
+        with pytest.raises(
+            TypeFault, match=f"{function} takes {function.arity or 'at least 1'} arg"
+        ):
+            type_of(tree, {})

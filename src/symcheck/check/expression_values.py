@@ -12,6 +12,7 @@ from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import LARGEST_WHOLE
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Conditional, Expression, Name, Type
+from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import nodes
 
 __all__ = ["expression_values", "in_doubles"]
@@ -51,11 +52,11 @@ def expression_values(context: Context, formula: Expression) -> Values | None:
 
 def in_doubles(engine: Engine, values: Values) -> Values:
     """Values as doubles, for operators whose values are irrational."""
-    return values if engine.exact else engine.constant(0).map("+", values)
+    return values if engine.exact else engine.constant(0).map(Operator.PLUS, values)
 
 
 def _rounded(engine: Engine, values: Values) -> Values:
-    return values.map("+", engine.constant(0, rounded=True))
+    return values.map(Operator.PLUS, engine.constant(0, rounded=True))
 
 
 def _is_whole(context: Context, formula: Expression) -> bool:

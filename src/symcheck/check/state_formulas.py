@@ -121,7 +121,7 @@ def numbers(context: Context, formula: Expression, relevant: StateSet) -> Values
     context = context.relevant_at(relevant)
     match formula:
         case Unary(UnaryOperator.MINUS, operand):
-            return here(operand).map("-")
+            return here(operand).map(UnaryOperator.MINUS)
         case Binary(operator, left, right):
             return _applied(context, operator, [here(left), here(right)])
         case Call(function, (first, *others)):
@@ -150,7 +150,7 @@ def numbers(context: Context, formula: Expression, relevant: StateSet) -> Values
 
 def _applied(context: Context, operator: Operator | Function, operands: Sequence[Values]) -> Values:
     """The values of an operator or function; those that may be irrational are doubles."""
-    if operator in (Operator.POWER, Function.POW, Function.LOG):
+    if not (operator.is_total or operator in (Operator.DIVIDE, Function.MOD)):
         operands = [in_doubles(context.engine, v) for v in operands]
     return operands[0].map(operator, *operands[1:])
 
@@ -158,8 +158,8 @@ def _applied(context: Context, operator: Operator | Function, operands: Sequence
 def _clipped(context: Context, values: Values) -> Values:
     """Probabilities with bounds limited to [0, 1]."""
     if values.minimum(context.engine.all)[0] < 0:
-        values = values.map("max", 0)
-    return values.map("min", 1) if values.maximum(context.engine.all)[1] > 1 else values
+        values = values.map(Function.MAX, 0)
+    return values.map(Function.MIN, 1) if values.maximum(context.engine.all)[1] > 1 else values
 
 
 def states_of(context: Context) -> Callable[[Expression], StateSet]:
@@ -243,7 +243,7 @@ def _comparison(context: Context, formula: Binary, relevant: StateSet) -> StateS
         )
 
     def difference(c: Context) -> Values:
-        return numbers(c, left, relevant).map("-", numbers(c, right, relevant))
+        return numbers(c, left, relevant).map(Operator.MINUS, numbers(c, right, relevant))
 
     return decide(
         context,

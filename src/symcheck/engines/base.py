@@ -25,6 +25,7 @@ from symcheck.numerics.settings import ROUNDING, Settings
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, Type
+from symcheck.syntax.operators import Operation
 
 __all__ = [
     "ROUNDING",
@@ -149,11 +150,8 @@ class ValuesOf(Protocol[S]):
         """
         ...
 
-    def map(self, operator: str, *others: Self | float) -> Self:
-        """Interval arithmetic with an operator or function of the expression language.
-
-        '-' without other operands negates.
-        """
+    def map(self, operation: Operation, *others: Self | float) -> Self:
+        """Interval arithmetic with an operator or function of the expression language."""
         ...
 
     def choose(self, states: S, other: Self) -> Self:

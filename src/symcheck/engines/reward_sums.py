@@ -128,7 +128,7 @@ class RewardSums:
             or (isinstance(node, Name) and node.name in negative)
             or (isinstance(node, Binary) and node.operator is Operator.MINUS)
             or (isinstance(node, Unary) and node.operator is UnaryOperator.MINUS)
-            or (isinstance(node, Call) and node.function is Function.LOG)
+            or (isinstance(node, Call) and node.function not in _NATURAL)
             for node in nodes(item.value)
         )
 
@@ -283,6 +283,15 @@ class RewardSums:
                     f"does not add them: {fault.diagnostics[0].message}"
                 ) from None
         return out
+
+
+_NATURAL = frozenset(
+    {
+        *(Function.MIN, Function.MAX, Function.POW, Function.MOD),
+        *(Function.FLOOR, Function.CEIL, Function.ROUND),
+    }
+)
+"""The functions without negative values for arguments without them."""
 
 
 def _absolute(e: Expression) -> Expression:

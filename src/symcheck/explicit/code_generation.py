@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from functools import partial, reduce
+from functools import partial
 from typing import assert_never, cast
 
 from symcheck.errors import ModelFault, UnsupportedError
@@ -17,8 +17,14 @@ from symcheck.explicit.decider import Decider
 from symcheck.kernels.explore.register_machine import Op
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_signed_float
-from symcheck.semantics.expressions.running_errors import (
+from symcheck.semantics.expressions.operations import (
     DECISIONS,
+    ROUNDINGS,
+    Instruction,
+    compose,
+    is_on_doubles,
+)
+from symcheck.semantics.expressions.running_errors import (
     Enclosed,
     RunningErrors,
     is_accurate,
@@ -37,42 +43,34 @@ from symcheck.syntax.ast import (
     Type,
     Unary,
 )
-from symcheck.syntax.operators import Function, Operator, UnaryOperator, connect
+from symcheck.syntax.operators import (
+    Function,
+    Operator,
+    Signature,
+    UnaryOperator,
+    complete,
+    connect,
+)
 from symcheck.syntax.traversal import Tree, names, nodes
 
-__all__ = ["ARITHMETIC", "COMPARISONS", "FUNCTIONS", "CodeGenerator", "Value"]
+__all__ = ["CodeGenerator", "Value"]
 
 Value = tuple[Register, Type]
 
-Pair = tuple[Op, Op]
+_COMPARISONS: Mapping[Operator, tuple[Op, Op]] = complete(
+    {
+        Operator.EQ: (Op.EQI, Op.EQD),
+        Operator.NE: (Op.NEI, Op.NED),
+        Operator.LT: (Op.LTI, Op.LTD),
+        Operator.LE: (Op.LEI, Op.LED),
+        # The operands of these are swapped.
+        Operator.GT: (Op.LTI, Op.LTD),
+        Operator.GE: (Op.LEI, Op.LED),
+    },
+    [o for o in Operator if o.is_comparison],
+)
 """The instructions for ints and for doubles."""
 
-ARITHMETIC: Mapping[Operator, Pair] = {
-    Operator.PLUS: (Op.ADDI, Op.ADDD),
-    Operator.MINUS: (Op.SUBI, Op.SUBD),
-    Operator.TIMES: (Op.MULI, Op.MULD),
-    Operator.DIVIDE: (Op.DIVD, Op.DIVD),
-    Operator.POWER: (Op.POWI, Op.POWD),
-}
-COMPARISONS: Mapping[Operator, Pair] = {
-    Operator.EQ: (Op.EQI, Op.EQD),
-    Operator.NE: (Op.NEI, Op.NED),
-    Operator.LT: (Op.LTI, Op.LTD),
-    Operator.LE: (Op.LEI, Op.LED),
-    # The operands of these are swapped.
-    Operator.GT: (Op.LTI, Op.LTD),
-    Operator.GE: (Op.LEI, Op.LED),
-}
-FUNCTIONS: Mapping[Function, Pair] = {
-    Function.MIN: (Op.MINI, Op.MIND),
-    Function.MAX: (Op.MAXI, Op.MAXD),
-    Function.FLOOR: (Op.MOVE, Op.FLOOR),
-    Function.CEIL: (Op.MOVE, Op.CEIL),
-    Function.ROUND: (Op.MOVE, Op.ROUND),
-    Function.POW: (Op.POWI, Op.POWD),
-    Function.MOD: (Op.MODI, Op.MODI),
-    Function.LOG: (Op.LOGD, Op.LOGD),
-}
 # Per comparison of doubles: the jumps if it holds and if it does not, which differ for NaN.
 _JUMP_REAL = {
     Op.EQD: (Op.JEQD, Op.JNED),
@@ -81,8 +79,6 @@ _JUMP_REAL = {
     Op.LED: (Op.JLED, Op.JNLED),
 }
 _EXPENSIVE = frozenset({Operator.POWER, Function.POW, Function.LOG})
-_PARTIAL = frozenset({Operator.POWER, Function.POW, Function.MOD})
-"""Operators and functions that have no value for some ints."""
 
 
 class CodeGenerator:
@@ -129,15 +125,15 @@ class CodeGenerator:
                 return self._binary(expression)
             case Conditional():
                 return self._conditional(expression)
-            case Call(Function.FLOOR | Function.CEIL | Function.ROUND as function, (argument,)) if (
-                self.type_of(argument) is Type.DOUBLE
-            ):
+            case Call(function, (argument,)) if function.signature is Signature.ROUNDING:
+                if self.type_of(argument) is not Type.DOUBLE:
+                    return self.value(argument)
                 value, error = self._enclosed(argument)
                 if error is None:
-                    return asm.emit(FUNCTIONS[function][1], value), Type.INT
+                    return asm.emit(ROUNDINGS[function], value), Type.INT
                 return self._ask(DECISIONS[function], value, error, expression), Type.INT
             case Call(function, arguments):
-                return self._call(function, [self.value(a) for a in arguments])
+                return self._emit(function, [self.value(a) for a in arguments])
             case LabelReference() | StateOperator():
                 raise UnsupportedError(
                     f"{type_name(expression)} has no value at a single state by itself: check it "
@@ -237,23 +233,25 @@ class CodeGenerator:
             op, a, b = self._comparison(expression)
             return self.assembler.emit(op, a, b), Type.BOOL
         left, right = self.value(expression.left), self.value(expression.right)
-        match expression.operator:
-            case Operator.DIVIDE:
-                return self._emit_real(Op.DIVD, [left, right])
-            case Operator.POWER:
-                return self._power(left, right)
-            case operator:
-                return self._emit(ARITHMETIC[operator], [left, right])
+        return self._emit(expression.operator, [left, right])
 
-    def _emit(self, ops: Pair, operands: Sequence[Value]) -> Value:
-        """An operation on ints, or on doubles if an operand is one, from the left."""
-        if any(kind is Type.DOUBLE for _, kind in operands):
-            return self._emit_real(ops[1], operands)
-        return reduce(partial(self.assembler.emit, ops[0]), [r for r, _ in operands]), Type.INT
+    def _emit(self, operation: Operator | Function, operands: Sequence[Value]) -> Value:
+        """An operation on ints or on doubles."""
+        if is_on_doubles(operation, [kind is Type.DOUBLE for _, kind in operands]):
+            reals = [self._real(v) for v in operands]
+            return compose(operation, self._on_doubles, reals), Type.DOUBLE
+        return compose(operation, self._on_ints, [r for r, _ in operands]), Type.INT
 
-    def _emit_real(self, op: Op, operands: Sequence[Value]) -> Value:
-        registers = [self._real(v) for v in operands]
-        return reduce(partial(self.assembler.emit, op), registers), Type.DOUBLE
+    def _on_ints(self, instruction: Instruction, a: Register, b: Register) -> Register:
+        asm = self.assembler
+        if instruction is Instruction.POWER and is_constant(b) and asm.bits(b) == 2:
+            return asm.emit(Op.MULI, a, a)
+        assert instruction.ints is not None
+        return asm.emit(instruction.ints, a, b)
+
+    def _on_doubles(self, instruction: Instruction, a: Register, b: Register) -> Register:
+        assert instruction.doubles is not None
+        return self.assembler.emit(instruction.doubles, a, b)
 
     def _comparison(self, expression: Binary) -> tuple[Op, Register, Register]:
         types = self.type_of(expression.left), self.type_of(expression.right)
@@ -264,7 +262,7 @@ class CodeGenerator:
             a, b, real = x.value, y.value, True
         else:
             a, b, real = self._alike(self.value(expression.left), self.value(expression.right))
-        integer_op, real_op = COMPARISONS[expression.operator]
+        integer_op, real_op = _COMPARISONS[expression.operator]
         if expression.operator.is_lower_bound:
             a, b = b, a
         return (real_op if real else integer_op), a, b
@@ -277,31 +275,6 @@ class CodeGenerator:
         assert error is not None
         answer = self._ask(DECISIONS[expression.operator], value, error, expression)
         return Op.EQI, answer, self.assembler.constant(True)
-
-    def _power(self, base: Value, exponent: Value) -> Value:
-        asm = self.assembler
-        squared = (
-            exponent[1] is Type.INT and is_constant(exponent[0]) and asm.bits(exponent[0]) == 2
-        )
-        if squared and base[1] is Type.INT:
-            return asm.emit(Op.MULI, base[0], base[0]), Type.INT
-        return self._emit(ARITHMETIC[Operator.POWER], [base, exponent])
-
-    def _call(self, function: Function, values: list[Value]) -> Value:
-        ops = FUNCTIONS[function]
-        match function:
-            case Function.MIN | Function.MAX:
-                return self._emit(ops, values)
-            case Function.POW:
-                return self._power(*values)
-            case Function.FLOOR | Function.CEIL | Function.ROUND:
-                return values[0][0], Type.INT  # of an int
-            case Function.MOD:
-                return self.assembler.emit(ops[0], values[0][0], values[1][0]), Type.INT
-            case Function.LOG:
-                return self._emit_real(ops[1], values)
-            case _:
-                assert_never(function)
 
     def _logical(self, expression: Binary) -> Register:
         asm, operator = self.assembler, expression.operator
@@ -424,8 +397,6 @@ class CodeGenerator:
         match node:
             case Literal() | Name():
                 return True
-            case Binary(operator) | Call(operator) if operator in _PARTIAL:
-                return False
             case Binary(operator, left, right) if operator.is_comparison:
                 # Enclosures may not decide, and a jump around the decision costs less.
                 return Type.DOUBLE not in (self.type_of(left), self.type_of(right))
@@ -434,9 +405,11 @@ class CodeGenerator:
             case Binary(Operator.PLUS | Operator.MINUS) | Unary(UnaryOperator.MINUS):
                 is_int = self.type_of(node) is Type.INT
                 return not is_int or not any(map(self._is_wide, nodes(node)))
-            case Call(Function.FLOOR | Function.CEIL | Function.ROUND, (argument,)):
+            case Call(function, (argument,)) if function.signature is Signature.ROUNDING:
                 return self.type_of(argument) is Type.INT
-            case Unary() | Binary() | Call() | Conditional():
+            case Binary(operation) | Call(operation):
+                return operation.is_total
+            case Unary() | Conditional():
                 return True
             case _:  # nodes that the machine does not evaluate
                 return False

@@ -32,7 +32,7 @@ from symcheck.syntax.ast import (
     Until,
     WeakUntil,
 )
-from symcheck.syntax.operators import Operator, UnaryOperator
+from symcheck.syntax.operators import Operator, Signature, UnaryOperator
 from symcheck.syntax.printer import pretty
 from symcheck.syntax.traversal import Tree, nodes, transform
 
@@ -41,13 +41,6 @@ __all__ = ["Spelling", "storm_spelling"]
 _FILTERS: tuple[FilterOperator, ...] = (
     "min", "max", "sum", "avg", "count", "range", "forall", "exists", "state",
 )  # fmt: skip
-
-_MIRRORED = {
-    Operator.LT: Operator.GT,
-    Operator.LE: Operator.GE,
-    Operator.GT: Operator.LT,
-    Operator.GE: Operator.LE,
-}
 
 
 @dataclass(frozen=True)
@@ -142,10 +135,10 @@ def _spelled(node: Tree, structures: Sequence[str | None]) -> Tree:
             return _either(_not(left), right)
         case Binary(Operator.IFF, left, right):
             return _either(_both(left, right), _both(_not(left), _not(right)))
-        case Binary(operator, left, right) if operator in _MIRRORED:
+        case Binary(operator, left, right) if operator.signature is Signature.ORDER:
             return (
                 _bounded(node, left, operator, right)
-                or _bounded(node, right, _MIRRORED[operator], left)
+                or _bounded(node, right, operator.mirrored, left)
                 or node
             )
         case Globally(operand, bound) if bound is not None:
@@ -158,7 +151,7 @@ def _spelled(node: Tree, structures: Sequence[str | None]) -> Tree:
             path
         ):
             rest = Binary(Operator.MINUS, Literal(1, Type.INT), threshold)
-            mirrored = Bound(_MIRRORED[operator], rest)
+            mirrored = Bound(operator.mirrored, rest)
             return ProbabilityOperator(_opposite(direction), mirrored, inside, span=node.span)
         case RewardOperator(structure=structure) if isinstance(structure, Literal):
             index = int(structure.value) - 1

@@ -21,6 +21,7 @@ from typing import Any, cast
 
 import lark
 
+from symcheck.syntax.operators import Function, Operator
 from symcheck.syntax.tree_builder import Builder, ModelBuilder, PropertiesBuilder
 
 __all__ = ["Language", "cache_directory", "grammar_text", "load", "load_interactive"]
@@ -81,7 +82,7 @@ def load_interactive(name: str) -> Language:
 
 @cache
 def _load(name: str, compiled: bool) -> Language:
-    text = grammar_text(name)
+    text = grammar_text(name) + _operations()
     path = _cache_file(name, text, compiled)
     parser = None if path is None else _read(path)
     if parser is None:
@@ -105,6 +106,22 @@ def grammar_text(name: str) -> str:
     if packaged.is_file():
         return packaged.read_text(encoding="utf-8")
     return (Path(__file__).parents[3] / "grammar" / f"{name}.lark").read_text(encoding="utf-8")
+
+
+def _operations() -> str:
+    """The rule of the operators, and the terminals of operators and functions.
+
+    The name of a function is a word of its own before a parenthesis only; elsewhere it is a name.
+    `min` and `max` are words everywhere, because they are directions too.
+    """
+    functions = "|".join(f for f in Function if f.name not in ("MIN", "MAX"))
+    return "\n".join(
+        [
+            f"?operator: {' | '.join(Operator.__members__)}",
+            *(f'{operator.name}: "{operator}"' for operator in Operator),
+            rf"FUNCTION.3: /(?:{functions})(?=\s*\()/",
+        ]
+    )
 
 
 def _plugins() -> dict[str, Any]:

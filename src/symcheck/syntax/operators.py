@@ -1,40 +1,64 @@
 """The operators and functions of expressions: one table of what other packages ask of them.
 
 The truth table of a logical operator defines it for evaluators, diagrams, sets of states and LTL.
-The other operators and the functions have one entry each in the tables of the evaluators;
-`tests/syntax/test_operators.py` names missing entries.
+The other operators and the functions have one meaning each in
+`symcheck.semantics.expressions.evaluate` (exact), and one in `operations` beside it (instructions,
+which serve columns, code and values with bounds).
 """
 
 from __future__ import annotations
 
 import operator as python
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from enum import Enum, StrEnum
 from typing import Any, TypeVar
 
 __all__ = [
     "CTL_HINTS",
     "FUNCTION_BY_NAME",
+    "FUNCTION_IN_JANI",
     "OPERATOR_BY_TOKEN",
+    "OPERATOR_IN_JANI",
     "Function",
+    "Operation",
     "Operator",
     "Signature",
     "UnaryOperator",
+    "complete",
     "connect",
     "function_hint",
 ]
 
+K = TypeVar("K")
 T = TypeVar("T")
 
 
 class Signature(Enum):
     """The types of the operands and of the result."""
 
-    LOGICAL = "bool x bool -> bool"
-    EQUALITY = "any x the same -> bool"
-    ORDER = "number x number -> bool"
-    ARITHMETIC = "number x number -> int for ints, else double"
-    DIVISION = "number x number -> double"
+    LOGICAL = "bools -> bool"
+    EQUALITY = "any, the same -> bool"
+    ORDER = "numbers -> bool"
+    ARITHMETIC = "numbers -> int for ints, else double"
+    DIVISION = "numbers -> double"
+    INTEGER = "ints -> int"
+    ROUNDING = "number -> int"
+
+
+_CONDITIONS = (Signature.LOGICAL, Signature.EQUALITY, Signature.ORDER)
+"""The types of what has a bool as its value."""
+
+
+def complete(table: Mapping[K, T], needed: Iterable[K]) -> Mapping[K, T]:
+    """A table of meanings that has an entry for each member that needs one.
+
+    Raises:
+        TypeError: entries are missing, when the module is imported.
+    """
+    missing = [str(member) for member in needed if member not in table]
+    if missing:
+        raise TypeError(f"this table has no meaning for {', '.join(missing)}")
+    return table
 
 
 class UnaryOperator(StrEnum):
@@ -58,43 +82,55 @@ class UnaryOperator(StrEnum):
 class Operator(StrEnum):
     """A binary operator. The value is the token.
 
+    jani: the operator of JANI that has its value; None: there is none, and the writer spells it.
     precedence: how tightly it binds, from 1; equal ones associate to the left, `=>` to the right.
     truth: of a logical operator, its value for the operands ff, ft, tf and tt.
+    compare: of a comparison, its value for two numbers, or arrays of them element by element.
     """
 
+    jani: str | None
     precedence: int
     signature: Signature
     truth: tuple[bool, bool, bool, bool] | None
+    compare: Callable[[Any, Any], Any]
 
     def __new__(
-        cls, token: str, precedence: int, signature: Signature, truth: str | None = None
+        cls,
+        token: str,
+        jani: str | None,
+        precedence: int,
+        signature: Signature,
+        meaning: str | Callable[[Any, Any], Any] | None = None,
     ) -> Operator:
         """A member of the table."""
         self = str.__new__(cls, token)
         self._value_ = token
-        self.precedence, self.signature = precedence, signature
-        if truth is not None:
-            ff, ft, tf, tt = (t == "t" for t in truth)
+        self.jani, self.precedence, self.signature = jani, precedence, signature
+        assert self.is_boolean is (meaning is not None), f"the meaning of {token}"
+        self.truth = None
+        if isinstance(meaning, str):
+            ff, ft, tf, tt = (t == "t" for t in meaning)
             self.truth = ff, ft, tf, tt
-        else:
-            self.truth = None
+        elif meaning is not None:
+            self.compare = meaning
         return self
 
-    IMPLIES = "=>", 1, Signature.LOGICAL, "ttft"
-    IFF = "<=>", 2, Signature.LOGICAL, "tfft"
-    OR = "|", 3, Signature.LOGICAL, "fttt"
-    AND = "&", 4, Signature.LOGICAL, "ffft"
-    EQ = "=", 6, Signature.EQUALITY
-    NE = "!=", 6, Signature.EQUALITY
-    LT = "<", 7, Signature.ORDER
-    LE = "<=", 7, Signature.ORDER
-    GT = ">", 7, Signature.ORDER
-    GE = ">=", 7, Signature.ORDER
-    PLUS = "+", 8, Signature.ARITHMETIC
-    MINUS = "-", 8, Signature.ARITHMETIC
-    TIMES = "*", 9, Signature.ARITHMETIC
-    DIVIDE = "/", 9, Signature.DIVISION
-    POWER = "^", 10, Signature.ARITHMETIC
+    # In JANI, the last one of several with the same name is read.
+    IMPLIES = "=>", "⇒", 1, Signature.LOGICAL, "ttft"
+    IFF = "<=>", "=", 2, Signature.LOGICAL, "tfft"
+    OR = "|", "∨", 3, Signature.LOGICAL, "fttt"
+    AND = "&", "∧", 4, Signature.LOGICAL, "ffft"
+    EQ = "=", "=", 6, Signature.EQUALITY, python.eq
+    NE = "!=", "≠", 6, Signature.EQUALITY, python.ne
+    LT = "<", "<", 7, Signature.ORDER, python.lt
+    LE = "<=", "≤", 7, Signature.ORDER, python.le
+    GT = ">", ">", 7, Signature.ORDER, python.gt
+    GE = ">=", "≥", 7, Signature.ORDER, python.ge
+    PLUS = "+", "+", 8, Signature.ARITHMETIC
+    MINUS = "-", "-", 8, Signature.ARITHMETIC
+    TIMES = "*", "*", 9, Signature.ARITHMETIC
+    DIVIDE = "/", "/", 9, Signature.DIVISION
+    POWER = "^", "pow", 10, Signature.ARITHMETIC
 
     __repr__ = str.__repr__
 
@@ -111,7 +147,12 @@ class Operator(StrEnum):
     @property
     def is_boolean(self) -> bool:
         """Whether the result is a bool."""
-        return self.is_logical or self.is_comparison
+        return self.signature in _CONDITIONS
+
+    @property
+    def is_total(self) -> bool:
+        """As `Function.is_total`."""
+        return self.is_boolean or self in (Operator.PLUS, Operator.MINUS, Operator.TIMES)
 
     @property
     def is_associative(self) -> bool:
@@ -161,34 +202,53 @@ _MIRRORED = {
 
 
 class Function(StrEnum):
-    """A function. The value is its name.
+    """A function with a number as its value. The value of a member is its name.
 
-    arity: how many arguments it takes; None: one or more.
+    jani: the operator of JANI that has its value; None: there is none, and the writer spells it.
+    arity: how many arguments it takes; None: one or more, from the left: `min(a, b, c)` is
+        `min(min(a, b), c)`.
+    is_total: whether it has a finite value wherever its arguments have one, apart from ints beyond
+        64 bits.
     """
 
+    jani: str | None
     arity: int | None
+    signature: Signature
+    is_total: bool
 
-    def __new__(cls, name: str, arity: int | None) -> Function:
+    def __new__(
+        cls,
+        name: str,
+        jani: str | None,
+        arity: int | None,
+        signature: Signature,
+        is_total: bool = False,
+    ) -> Function:
         """A member of the table."""
         self = str.__new__(cls, name)
         self._value_ = name
-        self.arity = arity
+        self.jani, self.arity, self.signature, self.is_total = jani, arity, signature, is_total
+        assert signature not in _CONDITIONS, f"{name} is no number"
+        assert arity == 1 or signature is not Signature.ROUNDING, f"{name} rounds one number"
         return self
 
-    MIN = "min", None
-    MAX = "max", None
-    FLOOR = "floor", 1
-    CEIL = "ceil", 1
-    ROUND = "round", 1
-    POW = "pow", 2
-    MOD = "mod", 2
-    LOG = "log", 2
+    MIN = "min", "min", None, Signature.ARITHMETIC, True
+    MAX = "max", "max", None, Signature.ARITHMETIC, True
+    FLOOR = "floor", "floor", 1, Signature.ROUNDING, True
+    CEIL = "ceil", "ceil", 1, Signature.ROUNDING, True
+    ROUND = "round", None, 1, Signature.ROUNDING, True
+    POW = "pow", "pow", 2, Signature.ARITHMETIC
+    MOD = "mod", "%", 2, Signature.INTEGER
+    LOG = "log", "log", 2, Signature.DIVISION
 
     __repr__ = str.__repr__
 
 
+Operation = UnaryOperator | Operator | Function
 OPERATOR_BY_TOKEN: Mapping[str, Operator] = {o.value: o for o in Operator}
 FUNCTION_BY_NAME: Mapping[str, Function] = {f.value: f for f in Function}
+OPERATOR_IN_JANI: Mapping[str | None, Operator] = {o.jani: o for o in Operator}
+FUNCTION_IN_JANI: Mapping[str | None, Function] = {f.jani: f for f in Function}
 
 
 def connect(

@@ -28,6 +28,7 @@ from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, SparseMatrix, starts_of
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.linear.until import until_bounds
+from symcheck.syntax.operators import Operator
 from symcheck.tables import counted
 
 __all__ = ["conditional_reachability"]
@@ -119,9 +120,9 @@ class _Reset:
         only_target = target - condition
         # On the states where a run is decided: what follows by the target or without it.
         given = after.choose(condition, nothing)
-        without = one.map("-", after).choose(condition, nothing)
+        without = one.map(Operator.MINUS, after).choose(condition, nothing)
         meets_later = meets.choose(only_target, nothing)
-        misses_later = one.map("-", meets).choose(only_target, nothing)
+        misses_later = one.map(Operator.MINUS, meets).choose(only_target, nothing)
         greatest = direction is Direction.MAX
         known = {
             "success": (meets if greatest else nothing).choose(

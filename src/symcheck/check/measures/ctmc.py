@@ -26,6 +26,7 @@ from symcheck.numerics.underflow import enclosed
 from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
+from symcheck.syntax.operators import Operator
 
 __all__ = [
     "bounded_until",
@@ -226,7 +227,7 @@ def _sum_of_signs(
         parts.append(system.lift(lower, upper))
     if not signed:
         return parts[0]
-    difference = parts[0].map("-", parts[1])
+    difference = parts[0].map(Operator.MINUS, parts[1])
     bounds = difference.at(context.relevant_states or engine.all)
     width = largest_width(*bounds, context.options.relative)
     context.warn_if_wide(width, "positive and negative rewards cancel")

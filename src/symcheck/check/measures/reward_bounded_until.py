@@ -211,7 +211,7 @@ def _uneven(context: Context, items: Sequence[BoundReward]) -> StateSet:
         )
         for other, rewards in known:
             if where & other:
-                equal, _ = values.map("-", rewards).compare("=", 0)
+                equal, _ = values.map(Operator.MINUS, rewards).compare("=", 0)
                 result = result | ((where & other) - equal)
         known.append((where, values))
     return result

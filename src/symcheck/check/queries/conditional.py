@@ -19,6 +19,7 @@ from symcheck.numerics import rational_limits
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.semantics.path_formulas import PathFormula, UntilPath
 from symcheck.semantics.query import ProbabilityGiven
+from symcheck.syntax.operators import Operator
 
 __all__ = ["conditional_probability"]
 
@@ -59,7 +60,7 @@ def conditional_probability(
     if direction is None:
         given = probability(inner, condition, None)
         undefined = given.compare("=", 0)[0]
-        values = probability(inner, quantity.both, None).map("/", given)
+        values = probability(inner, quantity.both, None).map(Operator.DIVIDE, given)
     else:
         values, undefined = _of_mdp(inner, path, condition, direction)
         finer = _finer(context, values)

@@ -28,7 +28,7 @@ from symcheck.semantics.path_formulas import (
     negated,
 )
 from symcheck.semantics.time_bounds import Window
-from symcheck.syntax.operators import OPERATOR_BY_TOKEN
+from symcheck.syntax.operators import OPERATOR_BY_TOKEN, Operator
 
 __all__ = ["complement_of", "defined_bounds", "probability", "qualitative"]
 
@@ -39,7 +39,7 @@ def _complement(context: Context, values: Values) -> Values:
     Where the result is so small that the rounding of `values` dominates, it is an interval.
     """
     one = context.engine.constant(1)
-    result = one.map("-", values)
+    result = one.map(Operator.MINUS, values)
     if not result.rounded(context.engine.all):
         return result
     certain, close = result.compare("<=", ROUNDING / max(context.options.epsilon, ROUNDING))
@@ -47,7 +47,10 @@ def _complement(context: Context, values: Values) -> Values:
     # Adding an interval includes the rounding error in the bounds; this one adds nothing else.
     return result.choose(
         zero | ~(certain | close),
-        one.map("-", values.map("+", context.engine.constant(0, LEAST))),
+        one.map(
+            Operator.MINUS,
+            values.map(Operator.PLUS, context.engine.constant(0, LEAST)),
+        ),
     )
 
 

@@ -5,12 +5,12 @@ order.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property, partial
 from math import fsum, isfinite, nan
-from typing import Protocol
+from typing import Protocol, assert_never
 
 import numpy as np
 
@@ -19,6 +19,16 @@ from symcheck.kernels.explore.register_machine import Op, apply_to_doubles
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.expressions.literals import LARGEST_WHOLE, LEAST_NORMAL, to_float
+from symcheck.semantics.expressions.operations import Instruction, compose
+from symcheck.syntax.operators import (
+    OPERATOR_BY_TOKEN,
+    Function,
+    Operation,
+    Operator,
+    Signature,
+    UnaryOperator,
+    complete,
+)
 
 __all__ = ["ArraySet", "ArrayValues", "Known", "total_of"]
 
@@ -137,35 +147,31 @@ class ArrayValues:
         below, above = bracket(threshold)
         low, high = self._margins()
         with np.errstate(invalid="ignore"):
-            yes, no = _COMPARISONS[operator](low, high, below, above)
+            yes, no = _COMPARISONS[OPERATOR_BY_TOKEN[operator]](low, high, below, above)
             nan = np.isnan(low) | np.isnan(high)
         return ArraySet(yes), ArraySet(~(yes | no | nan))
 
-    def map(self, operator: str, *others: ArrayValues | Known | float | Fraction) -> ArrayValues:
-        """Interval arithmetic with an operator of the expression language."""
-        operands = [self, *(_operand(o, len(self.lower)) for o in others)]
-        computed = _any(o.computed for o in operands)
+    def map(
+        self, operation: Operation, *others: ArrayValues | Known | float | Fraction
+    ) -> ArrayValues:
+        """Interval arithmetic with an operator or function of the expression language."""
         with np.errstate(all="ignore"):
-            if operator in _STEPS:
+            if isinstance(operation, UnaryOperator):
+                return self._negative()
+            if operation.signature is Signature.ROUNDING:
                 # A value at a jump of floor or ceil may lie on either side of it: rounding must not
                 # choose.
-                low, high = self._margins()
-                return ArrayValues(*_same(_STEPS[operator](low), _STEPS[operator](high)))
-            slack = _slack(operator, operands)
-            if slack is not None and all(o.exact for o in operands):
-                arguments = [o.lower for o in operands]
-                value = _unsigned(_point(operator, arguments))
-                if computed is None:
-                    computed = _rounded(operator, arguments, value)
-                known = _without_cancellation(ArrayValues(value, value, computed, slack))
-                known = _around(known, _underflow(operator, arguments, value))
-                return _beyond(known, _overflow(operator, arguments, value))
-            low, high = _interval(operator, [o._margins() for o in operands])
-            lowers, uppers = [o.lower for o in operands], [o.upper for o in operands]
-            tiny = _underflow(operator, lowers, low) & _underflow(operator, uppers, high)
-            large = _overflow(operator, lowers, low) | _overflow(operator, uppers, high)
-        between = ArrayValues(*_same(_unsigned(low), _unsigned(high)))
-        return _beyond(_around(between, tiny), large)
+                low, high = map(_ROUNDINGS[operation], self._margins())
+                return ArrayValues(*_same(_unsigned(low), _unsigned(high)))
+            operands = [self, *(_operand(o, len(self.lower)) for o in others)]
+            return compose(operation, _calculated, operands)
+
+    def _negative(self) -> ArrayValues:
+        if self.exact:
+            value = _unsigned(-self.lower)
+            return _without_cancellation(ArrayValues(value, value, self.computed, self.slack))
+        low, high = self._margins()
+        return ArrayValues(*_same(_unsigned(-high), _unsigned(-low)))
 
     def choose(self, states: ArraySet, other: ArrayValues | Known) -> ArrayValues:
         """These values on the set, the other ones elsewhere."""
@@ -255,14 +261,30 @@ def _around(values: ArrayValues, tiny: Bools) -> ArrayValues:
     return ArrayValues(values.lower - error, values.upper + error, computed, values.slack)
 
 
-def _underflow(operator: str, operands: list[Floats], value: Floats) -> Bools:
-    """Where a product, quotient or power of numbers other than 0 is 0, or nearly."""
-    if operator not in ("*", "/", "^", "pow"):
-        return np.zeros(len(value), bool)
-    tiny = np.abs(value) < LEAST_NORMAL
-    for x in operands:
-        tiny = tiny & np.isfinite(x) & ((x != 0) | (x is not operands[0] and operator != "*"))
-    return np.asarray(tiny)
+def _outside(instruction: Instruction, x: Floats, y: Floats, value: Floats) -> tuple[Bools, Bools]:
+    """Where the result for finite numbers is 0 or nearly, and is not 0; and where it is beyond
+    doubles (1/0 is infinite).
+    """
+    finite = np.isfinite(x) & np.isfinite(y)
+    tiny, large = finite & (x != 0) & (np.abs(value) < LEAST_NORMAL), finite & np.isinf(value)
+    match instruction:
+        case Instruction.ADD | Instruction.SUBTRACT:
+            return finite & False, large
+        case Instruction.MULTIPLY:
+            return tiny & (y != 0), large
+        case Instruction.DIVIDE:
+            return tiny, large & (y != 0)
+        case Instruction.POWER:
+            return tiny, large & (x != 0)
+        case (
+            Instruction.REMAINDER
+            | Instruction.LOGARITHM
+            | Instruction.MINIMUM
+            | Instruction.MAXIMUM
+        ):
+            return finite & False, finite & False
+        case _:
+            assert_never(instruction)
 
 
 def _beyond(values: ArrayValues, overflow: Bools) -> ArrayValues:
@@ -274,18 +296,6 @@ def _beyond(values: ArrayValues, overflow: Bools) -> ArrayValues:
     upper = np.where(overflow, np.maximum(values.upper, largest), values.upper)
     computed = None if values.computed is None else values.computed & ~overflow
     return ArrayValues(lower, upper, computed, values.slack)
-
-
-def _overflow(operator: str, operands: list[Floats], value: Floats) -> Bools:
-    """Where an operator applied to finite numbers is beyond doubles; 1/0 is infinite."""
-    beyond = np.isinf(value)
-    for x in operands:
-        beyond = beyond & np.isfinite(x)
-    if operator == "/":
-        return np.asarray(beyond & np.logical_and.reduce([x != 0 for x in operands[1:]]))
-    if operator in ("^", "pow"):
-        return np.asarray(beyond & (operands[0] != 0))
-    return np.asarray(beyond & (operator in ("+", "-", "*")))
 
 
 _LARGEST = sys.float_info.max
@@ -311,71 +321,91 @@ _Decision = tuple[Bools, Bools]
 # Each gives the states where the comparison surely holds, and where it surely fails. For a
 # threshold t that is not a double, `below` < t < `above` are its neighbours, so that v >= t is v >=
 # above, and v > t is v > below.
-_COMPARISONS: dict[str, Callable[[Floats, Floats, float, float], _Decision]] = {
-    ">=": lambda low, high, _, above: (low >= above, high < above),
-    ">": lambda low, high, below, _: (low > below, high <= below),
-    "<=": lambda low, high, below, _: (high <= below, low > below),
-    "<": lambda low, high, _, above: (high < above, low >= above),
-    "=": lambda low, high, below, above: (
-        (low == high) & (low == below) & (below == above),
-        (low > below) | (high < above),
-    ),
-    "!=": lambda low, high, below, above: (
-        (low > below) | (high < above),
-        (low == high) & (low == below) & (below == above),
-    ),
-}
-
-_STEPS: dict[str, Callable[[Floats], Floats]] = {
-    "floor": np.floor,
-    "ceil": np.ceil,
-    "round": lambda x: np.floor(x + 0.5),
-}
+_COMPARISONS: Mapping[Operator, Callable[[Floats, Floats, float, float], _Decision]] = complete(
+    {
+        Operator.GE: lambda low, high, _, above: (low >= above, high < above),
+        Operator.GT: lambda low, high, below, _: (low > below, high <= below),
+        Operator.LE: lambda low, high, below, _: (high <= below, low > below),
+        Operator.LT: lambda low, high, _, above: (high < above, low >= above),
+        Operator.EQ: lambda low, high, below, above: (
+            (low == high) & (low == below) & (below == above),
+            (low > below) | (high < above),
+        ),
+        Operator.NE: lambda low, high, below, above: (
+            (low > below) | (high < above),
+            (low == high) & (low == below) & (below == above),
+        ),
+    },
+    [o for o in Operator if o.is_comparison],
+)
 
 
-def _rounded(operator: str, operands: list[Floats], value: Floats) -> Bools | None:
-    """Where an operator applied to known values may have been rounded; None: nowhere.
+def _calculated(instruction: Instruction, x: ArrayValues, y: ArrayValues) -> ArrayValues:
+    slack = _slack(instruction, x, y)
+    if slack is not None and x.exact and y.exact:
+        value = _unsigned(_POINTS[instruction](x.lower, y.lower))
+        computed = _any((x.computed, y.computed))
+        if computed is None:
+            computed = _rounded(instruction, x.lower, y.lower, value)
+        known = _without_cancellation(ArrayValues(value, value, computed, slack))
+        tiny, large = _outside(instruction, x.lower, y.lower, value)
+        return _beyond(_around(known, tiny), large)
+    low, high = _interval(instruction, x._margins(), y._margins())
+    tiny, large = _outside(instruction, x.lower, y.lower, low)
+    also_tiny, also_large = _outside(instruction, x.upper, y.upper, high)
+    between = ArrayValues(*_same(_unsigned(low), _unsigned(high)))
+    return _beyond(_around(between, tiny & also_tiny), large | also_large)
+
+
+def _rounded(instruction: Instruction, x: Floats, y: Floats, value: Floats) -> Bools | None:
+    """Where the result for known values may have been rounded; None: nowhere.
 
     Arithmetic of whole numbers is exact, and so is anything with infinities.
     """
-    if len(operands) == 1 or operator in ("min", "max"):
-        return None
-    rounded = np.isfinite(value) & ((np.abs(value) > LARGEST_WHOLE) | (value != np.floor(value)))
-    for x in operands:
-        rounded |= np.isfinite(value) & np.isfinite(x) & (x != np.floor(x))
-    if operator in ("+", "-"):
-        rounded &= (operands[0] != 0) & (operands[-1] != 0)
-    if operator in ("*", "/"):
-        rounded &= (operands[0] != 0) & (operands[-1] != 1)
-        rounded &= (operands[0] != 1) | (operator == "/")
-    if operator == "/":  # a quotient may be rounded to a whole number
-        rounded |= np.isfinite(value) & (np.abs(operands[0]) > LARGEST_WHOLE)
-    if operator in ("^", "pow"):
-        rounded |= (value == 0) & (operands[0] != 0)
-    if operator == "log":
-        rounded |= value != 0
+    finite = np.isfinite(value)
+    rounded = finite & ((np.abs(value) >= LARGEST_WHOLE) | (value != np.floor(value)))
+    for operand in (x, y):
+        rounded |= finite & np.isfinite(operand) & (operand != np.floor(operand))
+    match instruction:
+        case Instruction.MINIMUM | Instruction.MAXIMUM:
+            return None
+        case Instruction.ADD | Instruction.SUBTRACT:
+            rounded &= (x != 0) & (y != 0)
+        case Instruction.MULTIPLY:
+            rounded &= (x != 0) & (x != 1) & (y != 1)
+        case Instruction.DIVIDE:
+            rounded &= (x != 0) & (y != 1)
+            rounded |= finite & (np.abs(x) > LARGEST_WHOLE)  # perhaps to a whole number
+        case Instruction.POWER:
+            rounded |= (value == 0) & (x != 0)
+        case Instruction.LOGARITHM:
+            rounded |= value != 0
+        case Instruction.REMAINDER:
+            pass
+        case _:
+            assert_never(instruction)
     return rounded if rounded.any() else None
 
 
-def _slack(operator: str, operands: list[ArrayValues]) -> Floats | float | None:
-    """The absolute error of an operator applied to rounded values.
+def _slack(instruction: Instruction, x: ArrayValues, y: ArrayValues) -> Floats | float | None:
+    """The absolute error of the result for rounded values.
 
     None if interval arithmetic must compute it.
     """
-    slack: Floats | float = 0.0
-    for operand in operands:
-        slack = slack + operand.slack
-    if (
-        all(o.computed is None for o in operands)
-        or len(operands) == 1
-        or operator in ("min", "max")
-    ):
+    slack = x.slack + y.slack
+    if x.computed is None and y.computed is None:
         return slack
-    if operator in ("+", "-"):
-        for operand in operands:
-            slack = slack + ROUNDING * _computed_magnitude(operand)
-        return slack
-    return 0.0 if operator in ("*", "/") and not np.any(slack) else None
+    match instruction:
+        case Instruction.MINIMUM | Instruction.MAXIMUM:
+            return slack
+        case Instruction.ADD | Instruction.SUBTRACT:
+            return slack + ROUNDING * _computed_magnitude(x) + ROUNDING * _computed_magnitude(y)
+        case Instruction.MULTIPLY | Instruction.DIVIDE:
+            return None if np.any(slack) else 0.0
+        case Instruction.POWER | Instruction.REMAINDER | Instruction.LOGARITHM:
+            return None
+        case _:
+            assert_never(instruction)
 
 
 def _computed_magnitude(values: ArrayValues) -> Floats | float:
@@ -407,61 +437,75 @@ def _unsigned(values: Floats) -> Floats:
     return np.asarray(values + 0.0)
 
 
-def _point(operator: str, values: list[Floats]) -> Floats:
-    """An operator applied to known values."""
-    first, *rest = values
-    if operator == "-" and not rest:
-        return np.asarray(-first)
-    for other in rest:
-        first = _POINTS[operator](first, other)
-    return first
-
-
 def _remainder(x: Floats, y: Floats) -> Floats:
     """`mod` as `symcheck.semantics.expressions.evaluate` defines it; NaN for y = 0."""
     remainder = np.fmod(x, y)
     return np.where(remainder < 0, remainder + y, remainder)
 
 
-_POINTS: dict[str, Callable[[Floats, Floats], Floats]] = {
-    "+": np.add,
-    "-": np.subtract,
-    "*": np.multiply,
-    "/": np.divide,
-    "min": np.minimum,
-    "max": np.maximum,
-    "^": partial(apply_to_doubles, Op.POWD),
-    "pow": partial(apply_to_doubles, Op.POWD),
-    "mod": _remainder,
-    "log": partial(apply_to_doubles, Op.LOGD),
-}
+def _round(x: Floats) -> Floats:
+    """The nearest ints, upwards from the middle; x + 0.5 would be rounded."""
+    whole = np.floor(x)
+    return np.where(x - whole >= 0.5, whole + 1, whole)
 
 
-def _interval(operator: str, pairs: list[_Pair]) -> _Pair:
-    first, *rest = pairs
-    if operator == "-" and not rest:
-        return -first[1], -first[0]
-    for other in rest:
-        bounds = _INTERVALS.get(operator, _corners)(operator, first, other)
-        rounded = _is_rounded(operator, first, other, bounds)
-        first = _outward(*bounds, rounded)
-    return first
+_ROUNDINGS: Mapping[Operator | Function, Callable[[Floats], Floats]] = complete(
+    {Function.FLOOR: np.floor, Function.CEIL: np.ceil, Function.ROUND: _round},
+    [f for f in Function if f.signature is Signature.ROUNDING],
+)
+
+_POINTS: Mapping[Instruction, Callable[[Floats, Floats], Floats]] = complete(
+    {
+        Instruction.ADD: np.add,
+        Instruction.SUBTRACT: np.subtract,
+        Instruction.MULTIPLY: np.multiply,
+        Instruction.DIVIDE: np.divide,
+        Instruction.MINIMUM: np.minimum,
+        Instruction.MAXIMUM: np.maximum,
+        Instruction.POWER: partial(apply_to_doubles, Op.POWD),
+        Instruction.REMAINDER: _remainder,
+        Instruction.LOGARITHM: partial(apply_to_doubles, Op.LOGD),
+    },
+    Instruction,
+)
 
 
-def _is_rounded(operator: str, x: _Pair, y: _Pair, bounds: _Pair) -> Bools:
-    """Where an operator may have rounded bounds: of numbers that are known it has the value."""
-    if operator in ("min", "max"):
-        return np.zeros(len(x[0]), bool)
+def _interval(instruction: Instruction, x: _Pair, y: _Pair) -> _Pair:
+    """Bounds of the result for numbers between bounds."""
     wide = (x[0] != x[1]) | (y[0] != y[1])
-    match operator:
-        case "+" | "-":
-            return np.asarray(wide)
-        case "*":
-            return np.asarray(wide & ~_is_zero(x) & ~_is_zero(y))
-        case "/":
-            return np.asarray(wide & ~_is_zero(x))
+    low, high = _corners(instruction, x, y)
+    rounded: Bools = low != high  # of numbers that are known it has the value
+    match instruction:
+        case Instruction.MINIMUM | Instruction.MAXIMUM:
+            return low, high
+        case Instruction.ADD:
+            rounded = wide
+        case Instruction.SUBTRACT:
+            low, high, rounded = x[0] - y[1], x[1] - y[0], wide
+        case Instruction.MULTIPLY:
+            rounded = wide & ~_is_zero(x) & ~_is_zero(y)
+        case Instruction.DIVIDE:
+            low, high = _unless((y[0] <= 0) & (y[1] >= 0) & (y[0] != y[1]), low, high)
+            rounded = wide & ~_is_zero(x)
+        case Instruction.POWER:
+            # With a base that may be negative, or zero under a negative exponent, it is not
+            # monotone: say that nothing is known.
+            below = (x[0] < 0) | ((x[0] == 0) & (y[0] < 0))
+            low, high = _unless(below & wide, low, high)
+            rounded = low != high
+        case Instruction.REMAINDER:
+            low, high = _remainders(x, y)
+            rounded = low != high
+        case Instruction.LOGARITHM:
+            low, high = _unless((y[0] <= 1) & (y[1] >= 1) & (y[0] != y[1]), low, high)
         case _:
-            return np.asarray(bounds[0] != bounds[1])
+            assert_never(instruction)
+    return _outward(low, high, rounded)
+
+
+def _unless(unknown: Bools, low: Floats, high: Floats) -> _Pair:
+    """Bounds that are infinite where nothing is known."""
+    return np.where(unknown, -np.inf, low), np.where(unknown, np.inf, high)
 
 
 def _is_zero(x: _Pair) -> Bools:
@@ -475,40 +519,14 @@ def _outward(low: Floats, high: Floats, rounded: Bools) -> _Pair:
     )
 
 
-def _corners(operator: str, x: _Pair, y: _Pair) -> _Pair:
-    """Extreme values at the corners, for operators that are monotone in each argument."""
-    values = [_POINTS[operator](a, b) for a in x for b in y]
+def _corners(instruction: Instruction, x: _Pair, y: _Pair) -> _Pair:
+    """Extreme values at the corners, for what is monotone in each operand."""
+    values = [_POINTS[instruction](a, b) for a in x for b in y]
     return np.minimum.reduce(values), np.maximum.reduce(values)
 
 
-def _subtract(_: str, x: _Pair, y: _Pair) -> _Pair:
-    return x[0] - y[1], x[1] - y[0]
-
-
-def _divide(_: str, x: _Pair, y: _Pair) -> _Pair:
-    low, high = _corners("/", x, y)
-    across = (y[0] <= 0) & (y[1] >= 0) & (y[0] != y[1])
-    return np.where(across, -np.inf, low), np.where(across, np.inf, high)
-
-
-def _power(_: str, x: _Pair, y: _Pair) -> _Pair:
-    low, high = _corners("^", x, y)
-    # With a base that may be negative, or zero under a negative exponent, it is not monotone: say
-    # that nothing is known.
-    unknown = ((x[0] < 0) | ((x[0] == 0) & (y[0] < 0))) & ((x[0] != x[1]) | (y[0] != y[1]))
-    return np.where(unknown, -np.inf, low), np.where(unknown, np.inf, high)
-
-
-def _modulo(_: str, x: _Pair, y: _Pair) -> _Pair:
+def _remainders(x: _Pair, y: _Pair) -> _Pair:
     point = (y[0] == y[1]) & (np.floor(x[0] / y[0]) == np.floor(x[1] / y[1])) & (y[0] > 0)
-    low, high = np.minimum(2 * y[0], 0.0), np.maximum(np.abs(y[0]), np.abs(y[1]))
+    high = np.where(_is_zero(y), np.nan, np.maximum(np.abs(y[0]), np.abs(y[1])))
+    low = np.where(_is_zero(y), np.nan, np.minimum(2 * y[0], 0.0))
     return np.where(point, np.mod(x[0], y[0]), low), np.where(point, np.mod(x[1], y[0]), high)
-
-
-_INTERVALS: dict[str, Callable[[str, _Pair, _Pair], _Pair]] = {
-    "-": _subtract,
-    "/": _divide,
-    "^": _power,
-    "pow": _power,
-    "mod": _modulo,
-}

@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import reduce
+from functools import partial, reduce
 from math import inf, isfinite, nan, nextafter
-from operator import eq, ge, gt, le, lt, ne
 
 import numpy as np
 
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.matrices.numbers import Rationals, rationals
 from symcheck.matrices.rows import Int64s
-from symcheck.semantics.expressions.evaluate import BINARY, FUNCTIONS
+from symcheck.semantics.expressions.evaluate import apply_exactly
 from symcheck.semantics.expressions.literals import LEAST_NORMAL, to_float
 from symcheck.semantics.model import Value
-from symcheck.syntax.ast import Name
-from symcheck.syntax.operators import FUNCTION_BY_NAME, OPERATOR_BY_TOKEN, Function
+from symcheck.syntax.operators import (
+    OPERATOR_BY_TOKEN,
+    Function,
+    Operation,
+    Operator,
+    Signature,
+    UnaryOperator,
+)
 
 __all__ = ["RationalValues", "enclosure", "in_doubles"]
 
@@ -83,40 +88,41 @@ class RationalValues:
 
     def minimum(self, states: ArraySet) -> tuple[Rational, Rational]:
         """The least value over the set, twice; NaN if there is one."""
-        least = _function("min")(*self.array[states.members])
+        least = _exactly(Function.MIN, *self.array[states.members])
         return least, least
 
     def maximum(self, states: ArraySet) -> tuple[Rational, Rational]:
         """The greatest value over the set, twice; NaN if there is one."""
-        greatest = _function("max")(*self.array[states.members])
+        greatest = _exactly(Function.MAX, *self.array[states.members])
         return greatest, greatest
 
     def total(self, states: ArraySet) -> tuple[Rational, Rational]:
         """The sum over the set, twice."""
         zero: Rational = Fraction(0)
-        total = reduce(_function("+"), self.array[states.members], zero)
+        total = reduce(partial(_exactly, Operator.PLUS), self.array[states.members], zero)
         return total, total
 
     def compare(self, operator: str, threshold: float | Fraction) -> tuple[ArraySet, ArraySet]:
         """The states that satisfy the comparison; nothing is undecided."""
-        test = _COMPARISONS[operator]
-        members = np.fromiter((test(v, threshold) for v in self.array), bool, len(self.array))
+        compare = OPERATOR_BY_TOKEN[operator].compare
+        members = np.fromiter((compare(v, threshold) for v in self.array), bool, len(self.array))
         return ArraySet(members), ArraySet(np.zeros(len(members), bool))
 
     def map(
-        self, operator: str, *others: RationalValues | ArrayValues | float | Fraction
+        self, operation: Operation, *others: RationalValues | ArrayValues | float | Fraction
     ) -> RationalValues | ArrayValues:
-        """An operator of the expression language, applied at each state."""
+        """An operator or function of the expression language, applied at each state."""
         if any(isinstance(o, ArrayValues) for o in others):
-            return self.in_doubles().map(operator, *others)
-        if operator == "-" and not others:
+            return self.in_doubles().map(operation, *others)
+        if isinstance(operation, UnaryOperator):
             return RationalValues(rationals([-v for v in self.array]))
-        apply = _function(operator)
         columns = [
             o.array if isinstance(o, RationalValues) else [o] * len(self.array) for o in others
         ]
         return RationalValues(
-            rationals(apply(*values) for values in zip(self.array, *columns, strict=True))
+            rationals(
+                _exactly(operation, *values) for values in zip(self.array, *columns, strict=True)
+            )
         )
 
     def choose(
@@ -143,45 +149,21 @@ def enclosure(value: Fraction) -> tuple[float, float]:
     return (near, nextafter(near, inf)) if near < value else (nextafter(near, -inf), near)
 
 
-_COMPARISONS: dict[str, Callable[[Rational, Rational], bool]] = {
-    "<": lt,
-    "<=": le,
-    ">": gt,
-    ">=": ge,
-    "=": eq,
-    "!=": ne,
-}
-
-
-def _function(operator: str) -> Callable[..., Rational]:
-    """The exact meaning of an operator, as the scalar evaluator has it.
+def _exactly(operation: Operator | Function, *values: Rational) -> Rational:
+    """The exact value of an operator or function, as the scalar evaluator has it.
 
     Where that is an error, because an int is no infinity and no remainder by zero, the value
     is the operand or NaN: not every state is relevant.
     """
-    if operator in OPERATOR_BY_TOKEN:
-        binary = BINARY[OPERATOR_BY_TOKEN[operator]]
-        return lambda x, y: _rational(binary(x, y, True, _NODE))
-    function = FUNCTION_BY_NAME[operator]
-    meaning = FUNCTIONS[function]
-
-    def apply(*values: Rational) -> Rational:
-        match function:
-            case Function.FLOOR | Function.CEIL | Function.ROUND if not isfinite(values[0]):
-                return values[0]
-            case Function.MOD:
-                if not all(map(isfinite, values)) or values[1] == 0:
-                    return nan
-                return _rational(meaning([int(v) for v in values], True, _NODE))
-            case _:
-                return _rational(meaning(values, True, _NODE))
-
-    return apply
+    operands: Sequence[Value] = values
+    if operation.signature is Signature.ROUNDING and not isfinite(values[0]):
+        return values[0]
+    if operation.signature is Signature.INTEGER:
+        if not all(map(isfinite, values)) or (operation is Function.MOD and values[1] == 0):
+            return nan
+        operands = [int(v) for v in values]
+    return _rational(apply_exactly(operation, *operands))
 
 
 def _rational(value: Value) -> Rational:
     return Fraction(value) if isinstance(value, int) else value
-
-
-_NODE = Name("the value of a property")
-"""Stands for the expression in errors."""

@@ -24,6 +24,7 @@ from symcheck.engines.explicit.base import Numeric
 from symcheck.engines.explicit.rational_values import RationalValues, in_doubles
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.matrices.rows import Bools, Floats
+from symcheck.syntax.operators import Operation, Operator
 
 __all__ = [
     "LazyValues",
@@ -239,7 +240,7 @@ class SymbolicValues:
             (v, count(s, self.diagrams.row_cube) if len(v.lower) == 1 else 1)
             for s, v in self._parts(states)
         ]
-        known = _joined([v.map("*", Fraction(n)) for v, n in parts])
+        known = _joined([v.map(Operator.TIMES, Fraction(n)) for v, n in parts])
         if isinstance(known, RationalValues):
             return known.total(_everywhere(known))
         return total_of([(in_doubles(v), n) for v, n in parts])
@@ -262,8 +263,8 @@ class SymbolicValues:
             return piece.odd.from_mask(members.members)
         return piece.states if members else self.diagrams.manager.false
 
-    def map(self, operator: str, *others: SymbolicValues | float) -> SymbolicValues:
-        """Interval arithmetic with an operator of the expression language."""
+    def map(self, operation: Operation, *others: SymbolicValues | float) -> SymbolicValues:
+        """Interval arithmetic with an operator or function of the expression language."""
         numbers = [o for o in others if not isinstance(o, SymbolicValues)]
         operands = [self, *(o for o in others if isinstance(o, SymbolicValues))]
         pieces = []
@@ -279,7 +280,7 @@ class SymbolicValues:
             arguments = [
                 next(rest) if isinstance(o, SymbolicValues) else next(known) for o in others
             ]
-            pieces.append(Piece(states, arrays[0].map(operator, *arguments), odd))
+            pieces.append(Piece(states, arrays[0].map(operation, *arguments), odd))
         return SymbolicValues(self.diagrams, merged(self.diagrams, pieces))
 
     def _common(self, operands: list[SymbolicValues]) -> list[tuple[Bdd, list[Piece]]]:

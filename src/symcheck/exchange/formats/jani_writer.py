@@ -13,7 +13,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import reduce
+from functools import partial, reduce
 
 from symcheck.errors import Diagnostic, UnsupportedError
 from symcheck.semantics.binding.bind import BoundProperty
@@ -52,7 +52,7 @@ from symcheck.syntax.ast import (
     Until,
     WeakUntil,
 )
-from symcheck.syntax.jani.expressions import FUNCTIONS, OPERATORS, is_boolean, is_literal
+from symcheck.syntax.jani.expressions import is_boolean, is_literal
 from symcheck.syntax.jani.network import UniqueNames
 from symcheck.syntax.jani.properties import FILTERS
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
@@ -65,8 +65,6 @@ LeftOut = Callable[[BoundProperty, Diagnostic], object]
 Value = bool | int | float | str | Sequence["Value"] | Mapping[str, "Value"] | None
 Object = dict[str, Value]
 
-_OPERATORS = {operator: text for text, operator in OPERATORS.items()}
-_FUNCTIONS = {function: text for text, function in FUNCTIONS.items()}
 _FILTERS = {name: text for text, name in FILTERS.items()} | {"printall": "values"}
 _LOCATION = "l"
 _INITIAL: Object = {"op": "initial"}
@@ -302,12 +300,8 @@ class _Writer:
                 return {"op": "¬", "exp": self.expression(operand)}
             case Unary(UnaryOperator.MINUS, operand):
                 return _binary("-", 0, self.expression(operand))
-            case Binary(Operator.IFF, left, right):
-                return _binary("=", self.expression(left), self.expression(right))
-            case Binary(Operator.POWER, left, right):
-                return _binary("pow", self.expression(left), self.expression(right))
-            case Binary(operator, left, right) if operator in _OPERATORS:
-                return _binary(_OPERATORS[operator], self.expression(left), self.expression(right))
+            case Binary(Operator(jani=str(name)), left, right):
+                return _binary(name, self.expression(left), self.expression(right))
             case Conditional(condition, then, otherwise):
                 return {
                     "op": "ite",
@@ -318,13 +312,10 @@ class _Writer:
             case Call(Function.ROUND, (operand,)):
                 half = _binary("+", self.expression(operand), 0.5)
                 return {"op": "floor", "exp": half}
-            case Call(Function.FLOOR | Function.CEIL as function, (operand,)):
-                return {"op": _FUNCTIONS[function], "exp": self.expression(operand)}
-            case Call(function, operands) if function in _FUNCTIONS:
-                name = _FUNCTIONS[function]
-                return reduce(
-                    lambda a, b: _binary(name, a, b), [self.expression(x) for x in operands]
-                )
+            case Call(Function(jani=str(name), arity=1), (operand,)):
+                return {"op": name, "exp": self.expression(operand)}
+            case Call(Function(jani=str(name), arity=2 | None), operands):
+                return reduce(partial(_binary, name), map(self.expression, operands))
             case _:
                 return self._formula(node)
 
@@ -381,8 +372,10 @@ class _Writer:
         value: Object = {"op": f"{letter}{direction}", **members}
         if node.bound is None:
             return value
-        threshold = self.expression(node.bound.threshold)
-        return _binary(_OPERATORS[node.bound.operator], value, threshold)
+        name = node.bound.operator.jani
+        if name is None:
+            raise _NotInJani(node)
+        return _binary(name, value, self.expression(node.bound.threshold))
 
     def _structure(self, node: RewardOperator | RewardBound) -> str:
         match node.structure:

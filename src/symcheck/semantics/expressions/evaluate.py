@@ -63,14 +63,19 @@ from symcheck.syntax.ast import (
     Type,
     Unary,
 )
-from symcheck.syntax.operators import Function, Operator, UnaryOperator
+from symcheck.syntax.operators import (
+    Function,
+    Operator,
+    Signature,
+    UnaryOperator,
+    complete,
+)
 
 __all__ = [
-    "BINARY",
-    "FUNCTIONS",
     "INT_MAX",
     "INT_MIN",
     "KEPT_ERROR",
+    "apply_exactly",
     "evaluate",
     "evaluate_closely",
     "evaluate_constant",
@@ -90,10 +95,8 @@ KEPT_ERROR = 2.0**-42
 Exactness = bool | int
 """Whether arithmetic is exact; an int: it is, but powers of more bits are enclosed."""
 
-Meaning = Callable[[Any, Any, Exactness, Node], Any]
-"""The function of an operator: two values, whether arithmetic is exact, and the node for errors."""
-
-FunctionMeaning = Callable[[Sequence[Any], Exactness, Node], Any]
+Meaning = Callable[..., Any]
+"""Computes an operator or function: whether exactly, the node for errors, and the values."""
 
 _Number = Any
 """A value, or an irrational number within an exact evaluation."""
@@ -163,8 +166,8 @@ def is_rounding(expression: Expression) -> bool:
     match expression:
         case Binary(operator):
             return operator.is_comparison
-        case Call(Function.FLOOR | Function.CEIL | Function.ROUND):
-            return True
+        case Call(function):
+            return function.signature is Signature.ROUNDING
         case _:
             return False
 
@@ -240,10 +243,24 @@ def _note_rounding(
 
 
 def _apply(expression: Binary | Call, values: Sequence[_Number], exact: Exactness) -> _Number:
-    if isinstance(expression, Binary):
-        left, right = values
-        return _MEANINGS[expression.operator](left, right, exact, expression)
-    return _FUNCTION_MEANINGS[expression.function](values, exact, expression)
+    operation = expression.operator if isinstance(expression, Binary) else expression.function
+    return _MEANINGS[operation](exact, expression, *values)
+
+
+_OPERANDS = Name("the operands")
+"""Stands for an expression in errors about values."""
+
+
+def apply_exactly(operation: Operator | Function, *values: Value) -> Value:
+    """The exact value of an operator that is not logical, or of a function.
+
+    Raises:
+        ModelFault: there is none, or an irrational one.
+    """
+    value = _MEANINGS[operation](True, _OPERANDS, *values)
+    if isinstance(value, Irrational):
+        raise ModelFault(value.why)
+    return cast("Value", value)
 
 
 def _evaluate(expression: Expression, valuation: Mapping[str, Value], exact: Exactness) -> _Number:
@@ -323,7 +340,7 @@ def _both_int(a: Value, b: Value) -> bool:
 
 
 def _comparison(compare: Callable[[Value, Value], bool]) -> Meaning:
-    def apply(a: Value, b: Value, exact: Exactness, node: Node) -> bool:  # noqa: ARG001
+    def apply(exact: Exactness, node: Node, a: Value, b: Value) -> bool:  # noqa: ARG001
         if not _both_int(a, b):
             a, b = _double(a, exact), _double(b, exact)
         return compare(a, b)
@@ -332,7 +349,7 @@ def _comparison(compare: Callable[[Value, Value], bool]) -> Meaning:
 
 
 def _arithmetic(operation: Callable[[Value, Value], Value]) -> Meaning:
-    def apply(a: Value, b: Value, exact: Exactness, node: Node) -> Value:
+    def apply(exact: Exactness, node: Node, a: Value, b: Value) -> Value:
         if _both_int(a, b):
             return _checked(operation(a, b), node)
         a, b = _double(a, exact), _double(b, exact)
@@ -348,7 +365,7 @@ def _sign_if_exact(value: Any) -> float:
     return float((value > 0) - (value < 0)) if isinstance(value, _REAL) else float(value)
 
 
-def _divide(a: Value, b: Value, exact: Exactness, node: Node) -> Value:  # noqa: ARG001
+def _divide(exact: Exactness, node: Node, a: Value, b: Value) -> Value:  # noqa: ARG001
     a, b = _double(a, exact), _double(b, exact)
     if isinstance(a, _REAL) and isinstance(b, _REAL) and b != 0:
         return cast("Value", a / b)
@@ -385,7 +402,7 @@ def _fault(node: Node, code: str, message: str, hint: str | None = None) -> Inpu
 # ---------------------------------------------------------------------------- powers and logarithms
 
 
-def _power(a: Value, b: Value, exact: Exactness, node: Node) -> Value | Irrational:
+def _power(exact: Exactness, node: Node, a: Value, b: Value) -> Value | Irrational:
     if isinstance(a, int) and isinstance(b, int):
         if b < 0:
             raise _fault(
@@ -451,7 +468,7 @@ def _float_power(a: float, b: float) -> float:
         return math.nan if a != 0 else math.inf
 
 
-def _logarithm(x: Value, b: Value, exact: Exactness, node: Node) -> Value | Irrational:
+def _logarithm(exact: Exactness, node: Node, x: Value, b: Value) -> Value | Irrational:
     x, b = _double(x, exact), _double(b, exact)
     if not (b > 0 and b != 1 and b != math.inf) or not x >= 0:
         return math.nan
@@ -487,12 +504,12 @@ def _ln(x: Fraction) -> float:
 # ---------------------------------------------------------------------------------------- functions
 
 
-def _extreme(better: Callable[[Any, Any], bool]) -> FunctionMeaning:
+def _extreme(better: Callable[[Any, Any], bool]) -> Meaning:
     """The best of the values; NaN if a value is NaN."""
 
-    def apply(values: Sequence[Value], exact: Exactness, node: Node) -> Value:  # noqa: ARG001
+    def apply(exact: Exactness, node: Node, *values: Value) -> Value:  # noqa: ARG001
         if not all(isinstance(v, int) for v in values):
-            values = [_double(v, exact) for v in values]
+            values = tuple(_double(v, exact) for v in values)
         best = values[0]
         for value in values[1:]:
             a, b = cast("tuple[_Number, _Number]", (value, best))
@@ -506,9 +523,8 @@ def _extreme(better: Callable[[Any, Any], bool]) -> FunctionMeaning:
     return apply
 
 
-def _rounding(function: Function, rounded: Callable[[float | Fraction], int]) -> FunctionMeaning:
-    def apply(values: Sequence[Value], exact: Exactness, node: Node) -> Value:  # noqa: ARG001
-        (x,) = values
+def _rounding(function: Function, rounded: Callable[[float | Fraction], int]) -> Meaning:
+    def apply(exact: Exactness, node: Node, x: Value) -> Value:  # noqa: ARG001
         if isinstance(x, int):
             return x
         if isinstance(x, float) and not math.isfinite(x):
@@ -522,7 +538,7 @@ def _round(x: Any) -> int:
     return math.floor((x if isinstance(x, Irrational) else Fraction(x)) + Fraction(1, 2))
 
 
-def _modulo(i: Value, j: Value, exact: Exactness, node: Node) -> Value:  # noqa: ARG001
+def _modulo(exact: Exactness, node: Node, i: Value, j: Value) -> Value:  # noqa: ARG001
     assert isinstance(i, int)
     assert isinstance(j, int)
     if j == 0:
@@ -531,56 +547,22 @@ def _modulo(i: Value, j: Value, exact: Exactness, node: Node) -> Value:  # noqa:
     return _checked(remainder + j if remainder < 0 else remainder, node)
 
 
-def _of_two(meaning: Meaning) -> FunctionMeaning:
-    def apply(values: Sequence[Value], exact: Exactness, node: Node) -> _Number:
-        a, b = values
-        return meaning(a, b, exact, node)
-
-    return apply
-
-
-_MEANINGS: Mapping[Operator, Meaning] = {
-    Operator.EQ: _comparison(op.eq),
-    Operator.NE: _comparison(op.ne),
-    Operator.LT: _comparison(op.lt),
-    Operator.LE: _comparison(op.le),
-    Operator.GT: _comparison(op.gt),
-    Operator.GE: _comparison(op.ge),
-    Operator.PLUS: _arithmetic(op.add),
-    Operator.MINUS: _arithmetic(op.sub),
-    Operator.TIMES: _arithmetic(op.mul),
-    Operator.DIVIDE: _divide,
-    Operator.POWER: _power,
-}
-
-_FUNCTION_MEANINGS: Mapping[Function, FunctionMeaning] = {
-    Function.MIN: _extreme(op.lt),
-    Function.MAX: _extreme(op.gt),
-    Function.FLOOR: _rounding(Function.FLOOR, math.floor),
-    Function.CEIL: _rounding(Function.CEIL, math.ceil),
-    Function.ROUND: _rounding(Function.ROUND, _round),
-    Function.POW: _of_two(_power),
-    Function.MOD: _of_two(_modulo),
-    Function.LOG: _of_two(_logarithm),
-}
-
-
-def _without_irrationals(meaning: Callable[..., Any]) -> Callable[..., Value]:
-    def apply(*arguments: Any) -> Value:
-        value = meaning(*arguments)
-        if isinstance(value, Irrational):
-            raise ModelFault(value.why)
-        return cast("Value", value)
-
-    return apply
-
-
-BINARY: Mapping[Operator, Callable[[Value, Value, bool, Node], Value]] = {
-    operator: _without_irrationals(meaning) for operator, meaning in _MEANINGS.items()
-}
-"""The function of each operator that is not logical."""
-
-FUNCTIONS: Mapping[Function, Callable[[Sequence[Value], bool, Node], Value]] = {
-    function: _without_irrationals(meaning) for function, meaning in _FUNCTION_MEANINGS.items()
-}
-"""The Python function of each function of the language."""
+_MEANINGS: Mapping[Operator | Function, Meaning] = complete(
+    {
+        **{o: _comparison(o.compare) for o in Operator if o.is_comparison},
+        Operator.PLUS: _arithmetic(op.add),
+        Operator.MINUS: _arithmetic(op.sub),
+        Operator.TIMES: _arithmetic(op.mul),
+        Operator.DIVIDE: _divide,
+        Operator.POWER: _power,
+        Function.MIN: _extreme(op.lt),
+        Function.MAX: _extreme(op.gt),
+        Function.FLOOR: _rounding(Function.FLOOR, math.floor),
+        Function.CEIL: _rounding(Function.CEIL, math.ceil),
+        Function.ROUND: _rounding(Function.ROUND, _round),
+        Function.POW: _power,
+        Function.MOD: _modulo,
+        Function.LOG: _logarithm,
+    },
+    [*(o for o in Operator if not o.is_logical), *Function],
+)

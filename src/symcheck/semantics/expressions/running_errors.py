@@ -15,30 +15,18 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
 from math import e, inf, isfinite
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar, assert_never
 
 from symcheck.kernels.explore.register_machine import Op
 from symcheck.semantics.expressions.literals import to_float, to_signed_float
+from symcheck.semantics.expressions.operations import Instruction, compose
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary
 from symcheck.syntax.operators import Function, Operator
 from symcheck.syntax.traversal import children
 
-__all__ = ["DECISIONS", "Enclosed", "RunningErrors", "is_accurate", "literal_error"]
+__all__ = ["Enclosed", "RunningErrors", "is_accurate", "literal_error"]
 
 R = TypeVar("R")
-
-DECISIONS = {
-    Operator.EQ: Op.ZERO,
-    Operator.NE: Op.NONZERO,
-    Operator.LT: Op.NEGATIVE,
-    Operator.GE: Op.NONNEGATIVE,
-    Operator.GT: Op.POSITIVE,
-    Operator.LE: Op.NONPOSITIVE,
-    Function.FLOOR: Op.FLOORS,
-    Function.CEIL: Op.CEILS,
-    Function.ROUND: Op.ROUNDS,
-}
-"""The decision that gives the value of a comparison (on left - right) or of a rounding."""
 
 _LIBRARY = 2.0**-45
 """A bound on the relative errors of C's pow and log."""
@@ -166,26 +154,31 @@ class RunningErrors(Generic[R]):
         return Enclosed(self.emit(op, x.value, y.value), error)
 
     def apply(self, operation: Operator | Function, *operands: Enclosed[R]) -> Enclosed[R]:
-        """An operation on doubles that gives a double, from the left."""
-        match operation:
-            case Operator.PLUS:
-                return reduce(self.add, operands)
-            case Operator.MINUS:
-                x, y = operands
+        """An operation on doubles that gives a double."""
+        return compose(operation, self._execute, operands)
+
+    def _execute(self, instruction: Instruction, x: Enclosed[R], y: Enclosed[R]) -> Enclosed[R]:
+        match instruction:
+            case Instruction.ADD:
+                return self.add(x, y)
+            case Instruction.SUBTRACT:
                 return self.add(x, self.negative(y))
-            case Operator.TIMES:
-                return reduce(self.multiply, operands)
-            case Operator.DIVIDE:
-                return reduce(self.divide, operands)
-            case Operator.POWER | Function.POW:
-                return reduce(self.power, operands)
-            case Function.LOG:
-                return reduce(self.log, operands)
-            case Function.MIN | Function.MAX:
-                op = Op.MIND if operation is Function.MIN else Op.MAXD
-                return reduce(lambda x, y: self.extreme(op, x, y), operands)
+            case Instruction.MULTIPLY:
+                return self.multiply(x, y)
+            case Instruction.DIVIDE:
+                return self.divide(x, y)
+            case Instruction.POWER:
+                return self.power(x, y)
+            case Instruction.LOGARITHM:
+                return self.log(x, y)
+            case Instruction.MINIMUM:
+                return self.extreme(Op.MIND, x, y)
+            case Instruction.MAXIMUM:
+                return self.extreme(Op.MAXD, x, y)
+            case Instruction.REMAINDER:
+                raise TypeError("doubles have no remainder")
             case _:
-                raise KeyError(operation)  # as from the tables of operations
+                assert_never(instruction)
 
 
 def literal_error(value: Fraction | int) -> float:

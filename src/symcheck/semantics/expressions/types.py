@@ -107,20 +107,31 @@ def static_type(expression: Expression, name: Callable[[str], Type]) -> Type:
             return Type.BOOL
         case Unary(_, operand):
             return common(operand)
-        case Binary(operator) if operator.is_boolean:
-            return Type.BOOL
-        case Binary(Operator.DIVIDE) | Call(Function.LOG):
-            return Type.DOUBLE
-        case Binary(_, left, right) | Conditional(_, left, right):
+        case Binary(operator, left, right):
+            return _result(operator.signature, lambda: common(left, right))
+        case Call(function, arguments):
+            return _result(function.signature, lambda: common(*arguments))
+        case Conditional(_, left, right):
             return common(left, right)
-        case Call(Function.MIN | Function.MAX | Function.POW, arguments):
-            return common(*arguments)
-        case Call():
-            return Type.INT
         case LabelReference() | StateOperator():
             raise TypeError(f"not an arithmetic expression: {type(expression).__name__}")
         case _:
             assert_never(expression)
+
+
+def _result(signature: Signature, common: Callable[[], Type]) -> Type:
+    """The type of the result of a signature, given the common type of the operands."""
+    match signature:
+        case Signature.LOGICAL | Signature.EQUALITY | Signature.ORDER:
+            return Type.BOOL
+        case Signature.ARITHMETIC:
+            return common()
+        case Signature.DIVISION:
+            return Type.DOUBLE
+        case Signature.INTEGER | Signature.ROUNDING:
+            return Type.INT
+        case _:
+            assert_never(signature)
 
 
 class Typer:
@@ -199,13 +210,17 @@ class Typer:
                     )
                     else None
                 )
-            case Binary():
-                return self._binary(expression)
+            case Binary(operator, left, right):
+                return self._applied(operator, (left, right), expression.span)
             case Conditional(condition, then, otherwise):
                 self.boolean(condition, "the condition of ?:")
                 return self._common(expression.span, self.state(then), self.state(otherwise))
-            case Call():
-                return self._call(expression)
+            case Call(function, arguments):
+                if arguments and function.arity in (None, len(arguments)):
+                    return self._applied(function, arguments, expression.span)
+                count, plural = function.arity or "at least 1", "s" * ((function.arity or 1) > 1)
+                self._report.type(f"{function} takes {count} argument{plural}", expression.span)
+                return None
             case LabelReference():
                 if self._label is not None:
                     return self._label(expression)
@@ -230,25 +245,31 @@ class Typer:
             case _:
                 assert_never(expression)
 
-    def _binary(self, node: Binary) -> Type | None:
-        operator, left, right = node.operator, node.left, node.right
+    def _applied(
+        self, operator: Operator | Function, operands: tuple[Expression, ...], span: Span
+    ) -> Type | None:
         match operator.signature:
-            case Signature.LOGICAL:
-                self.boolean(left, f"the left operand of {operator}")
-                self.boolean(right, f"the right operand of {operator}")
+            case Signature.LOGICAL | Signature.ORDER as signature:
+                check = self.boolean if signature is Signature.LOGICAL else self.numeric
+                for side, operand in zip(("left", "right"), operands, strict=True):
+                    check(operand, f"the {side} operand of {operator}")
                 return Type.BOOL
             case Signature.EQUALITY:
-                self._common(node.span, self.state(left), self.state(right))
-                return Type.BOOL
-            case Signature.ORDER:
-                self.numeric(left, f"the left operand of {operator}")
-                self.numeric(right, f"the right operand of {operator}")
+                self._common(span, *map(self.state, operands))
                 return Type.BOOL
             case Signature.ARITHMETIC:
-                return self._arithmetic(operator, (left, right))
+                return self._arithmetic(operator, operands)
             case Signature.DIVISION:
-                self._arithmetic(operator, (left, right))
+                self._arithmetic(operator, operands)
                 return Type.DOUBLE
+            case Signature.INTEGER:
+                for operand in operands:
+                    self.integer(operand, f"an argument of {operator}")
+                return Type.INT
+            case Signature.ROUNDING:
+                for operand in operands:
+                    self.numeric(operand, f"the argument of {operator}")
+                return Type.INT
             case _:
                 assert_never(operator.signature)
 
@@ -274,32 +295,6 @@ class Typer:
             self._report.type(f"{article(left)} and {article(right)} have no common type", span)
             return None
         return Type.DOUBLE
-
-    def _call(self, node: Call) -> Type | None:
-        function, arguments = node.function, node.arguments
-        count = function.arity
-        if (count is not None and len(arguments) != count) or not arguments:
-            self._report.type(
-                f"{function} takes {count or 'at least 1'} "
-                f"argument{'' if count in (1, None) else 's'}",
-                node.span,
-            )
-            return None
-        match function:
-            case Function.MIN | Function.MAX | Function.POW:
-                return self._arithmetic(function, arguments)
-            case Function.MOD:
-                for argument in arguments:
-                    self.integer(argument, "an argument of mod")
-                return Type.INT
-            case Function.LOG:
-                self._arithmetic(function, arguments)
-                return Type.DOUBLE
-            case Function.FLOOR | Function.CEIL | Function.ROUND:
-                self.numeric(arguments[0], f"the argument of {function}")
-                return Type.INT
-            case _:
-                assert_never(function)
 
     # ------------------------------------------------------------------------------------ operators
 

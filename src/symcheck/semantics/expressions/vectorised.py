@@ -33,8 +33,13 @@ from symcheck.semantics.expressions.evaluate import (
     is_int64,
 )
 from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_signed_float
-from symcheck.semantics.expressions.running_errors import (
+from symcheck.semantics.expressions.operations import (
     DECISIONS,
+    Instruction,
+    compose,
+    is_on_doubles,
+)
+from symcheck.semantics.expressions.running_errors import (
     Enclosed,
     RunningErrors,
     literal_error,
@@ -51,15 +56,21 @@ from symcheck.syntax.ast import (
     Type,
     Unary,
 )
-from symcheck.syntax.operators import Function, Operator, UnaryOperator, connect
+from symcheck.syntax.operators import (
+    Function,
+    Operator,
+    Signature,
+    UnaryOperator,
+    complete,
+    connect,
+)
 from symcheck.syntax.traversal import names
 
-__all__ = ["INTS", "Column", "Lanes", "evaluate_columns"]
+__all__ = ["Column", "Lanes", "evaluate_columns"]
 
 Column = NDArray[Any]
 """Values of one expression in many states: bool, int64 or float64 by its type."""
 Bools = NDArray[np.bool_]
-Operation = Callable[..., "Lanes"]
 _BITS = 63
 """The largest exponent for which a power of an int other than -1, 0 and 1 can have a value."""
 
@@ -189,12 +200,13 @@ def _evaluate(expression: Expression, columns: Mapping[str, Column]) -> Lanes:
             return _logical(operator, _evaluate(left, columns), _evaluate(right, columns))
         case Binary(operator, left, right):
             operands = _evaluate(left, columns), _evaluate(right, columns)
-            if operator.is_comparison and any(o.values.dtype.kind == "f" for o in operands):
-                x, y = map(_enclosed, operands)
-                difference = _ERRORS.difference(x, y)
-                faults = _union(*(o.faults for o in operands))
-                return _decided(operator, expression, columns, difference, faults)
-            return _apply(operator, *operands)
+            if not operator.is_comparison:
+                return _apply(operator, *operands)
+            faults = _union(*(o.faults for o in operands))
+            if all(o.values.dtype.kind != "f" for o in operands):
+                return Lanes(np.asarray(operator.compare(*(o.values for o in operands))), faults)
+            difference = _ERRORS.difference(*map(_enclosed, operands))
+            return _decided(operator, expression, columns, difference, faults)
         case Conditional(condition, then, otherwise):
             chosen, a, b = (_evaluate(e, columns) for e in (condition, then, otherwise))
             faults = _union(
@@ -210,7 +222,7 @@ def _evaluate(expression: Expression, columns: Mapping[str, Column]) -> Lanes:
                 bounds = (np.asarray(0.0) if e is None else e for e in (x.error, y.error))
                 errors = np.where(chosen.values, *bounds)
             return Lanes(np.where(chosen.values, x.value, y.value), faults, errors)
-        case Call(Function.FLOOR | Function.CEIL | Function.ROUND as function, (argument,)):
+        case Call(function, (argument,)) if function.signature is Signature.ROUNDING:
             lanes = _evaluate(argument, columns)
             if lanes.values.dtype.kind != "f":
                 return lanes
@@ -264,13 +276,16 @@ def _decided(
 
 
 def _apply(operation: Operator | Function, *operands: Lanes) -> Lanes:
-    """Apply an operation to values; a lane is faulty if the operation or an operand is."""
-    inherited = [o.faults for o in operands]
-    if operation in INTS and all(o.values.dtype.kind != "f" for o in operands):
-        values, faults, _ = INTS[operation](*(o.values for o in operands))
-        return Lanes(values, _union(faults, *inherited))
+    """Apply an operation to numbers; a lane is faulty if the operation or an operand is."""
+    if not is_on_doubles(operation, [o.values.dtype.kind == "f" for o in operands]):
+        return compose(operation, _on_ints, operands)
     value, error = _ERRORS.apply(operation, *map(_enclosed, operands))
-    return Lanes(value, _union(*inherited), error)
+    return Lanes(value, _union(*(o.faults for o in operands)), error)
+
+
+def _on_ints(instruction: Instruction, x: Lanes, y: Lanes) -> Lanes:
+    values, faults, _ = _INTS[instruction](x.values, y.values)
+    return Lanes(values, _union(faults, x.faults, y.faults))
 
 
 def _union(*faults: Bools | None) -> Bools | None:
@@ -337,25 +352,15 @@ def _modulo(dividend: Column, divisor: Column) -> Lanes:
     return Lanes(values, _union(zero, beyond))
 
 
-def _total(operation: Callable[..., Column]) -> Operation:
-    """A total operation; more than two operands are combined from the left."""
-    return lambda *operands: Lanes(np.asarray(reduce(operation, operands)))
-
-
-INTS: Mapping[Operator | Function, Operation] = {
-    Operator.PLUS: _add,
-    Operator.MINUS: _subtract,
-    Operator.TIMES: _arithmetic(op.mul),
-    Operator.POWER: _power,
-    Operator.EQ: _total(op.eq),
-    Operator.NE: _total(op.ne),
-    Operator.LT: _total(op.lt),
-    Operator.LE: _total(op.le),
-    Operator.GT: _total(op.gt),
-    Operator.GE: _total(op.ge),
-    Function.MIN: _total(np.minimum),
-    Function.MAX: _total(np.maximum),
-    Function.POW: _power,
-    Function.MOD: _modulo,
-}
-"""Operations on ints and bools."""
+_INTS: Mapping[Instruction, Callable[[Column, Column], Lanes]] = complete(
+    {
+        Instruction.ADD: _add,
+        Instruction.SUBTRACT: _subtract,
+        Instruction.MULTIPLY: _arithmetic(op.mul),
+        Instruction.POWER: _power,
+        Instruction.REMAINDER: _modulo,
+        Instruction.MINIMUM: lambda x, y: Lanes(np.minimum(x, y)),
+        Instruction.MAXIMUM: lambda x, y: Lanes(np.maximum(x, y)),
+    },
+    [i for i in Instruction if i.ints is not None],
+)

@@ -187,21 +187,13 @@ def int_bounds(value: Expression, variables: Sequence[Variable]) -> Interval:
     return _interval(value, {v.name: v for v in variables})
 
 
-_DEFINED = frozenset(
-    {
-        *(o for o in Operator if o.is_boolean),
-        *(Operator.PLUS, Operator.MINUS, Operator.TIMES),
-        *(Function.MIN, Function.MAX, Function.FLOOR, Function.CEIL, Function.ROUND),
-    }
-)
-"""Operators and functions that have a finite value if their operands have one."""
-
-
 def may_be_undefined(node: object) -> bool:
-    """Whether a node may have no finite value for some operands; True for unknown operators."""
-    return (isinstance(node, Binary) and node.operator not in _DEFINED) or (
-        isinstance(node, Call) and node.function not in _DEFINED
-    )
+    """Whether a node may have no finite value for some operands."""
+    match node:
+        case Binary(operation) | Call(operation):
+            return not operation.is_total
+        case _:
+            return False
 
 
 Interval = tuple[float, float]

@@ -40,7 +40,6 @@ from symcheck.syntax.traversal import Tree, children, names, nodes, substitute
 __all__ = ["Symmetry", "find_symmetries", "observed_symmetries"]
 
 _COMMUTATIVE = {Operator.EQ, Operator.NE, Operator.IFF}
-_MIRRORED = {Operator.GT, Operator.GE}
 _UNORDERED_FUNCTIONS = {Function.MIN, Function.MAX}
 
 
@@ -351,7 +350,7 @@ class _NormalForms:
                 )
             case Binary(operator) if operator in _COMMUTATIVE or operator.is_associative:
                 kind, below = operator, sorted(below)
-            case Binary(operator) if operator in _MIRRORED:
+            case Binary(operator) if operator.is_lower_bound:
                 kind, below = operator.mirrored, below[::-1]
             case Binary(operator) | Unary(operator):
                 kind = (type(node).__name__, operator)

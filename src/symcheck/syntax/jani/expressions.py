@@ -20,13 +20,17 @@ from symcheck.syntax.ast import (
     Unary,
 )
 from symcheck.syntax.jani.json_tree import Json
-from symcheck.syntax.operators import Function, Operator, UnaryOperator
+from symcheck.syntax.operators import (
+    FUNCTION_IN_JANI,
+    OPERATOR_IN_JANI,
+    Function,
+    Operator,
+    UnaryOperator,
+)
 from symcheck.syntax.traversal import Tree, transform
 
 __all__ = [
-    "FUNCTIONS",
     "ONE",
-    "OPERATORS",
     "TRUE",
     "ZERO",
     "ExpressionReader",
@@ -43,35 +47,6 @@ ZERO = Literal(0, Type.INT)
 ONE = Literal(1, Type.INT)
 _LARGEST_INT = 2**63 - 1
 
-OPERATORS: Mapping[str, Operator] = {
-    "∨": Operator.OR,
-    "∧": Operator.AND,
-    "⇒": Operator.IMPLIES,
-    "=": Operator.EQ,
-    "≠": Operator.NE,
-    "<": Operator.LT,
-    "≤": Operator.LE,
-    ">": Operator.GT,
-    "≥": Operator.GE,
-    "+": Operator.PLUS,
-    "-": Operator.MINUS,
-    "*": Operator.TIMES,
-    "/": Operator.DIVIDE,
-}
-"""The binary operators of JANI that the PRISM language has too."""
-
-FUNCTIONS: Mapping[str, Function] = {
-    "min": Function.MIN,
-    "max": Function.MAX,
-    "pow": Function.POW,
-    "log": Function.LOG,
-    "%": Function.MOD,
-    "floor": Function.FLOOR,
-    "ceil": Function.CEIL,
-}
-"""The operators of JANI that are functions of the PRISM language."""
-
-_UNARY = (Function.FLOOR, Function.CEIL)
 _CONSTANTS = {"π": math.pi, "e": math.e}
 _MISSING = {
     **dict.fromkeys(("aa", "ac", "av"), "arrays"),
@@ -145,13 +120,13 @@ class ExpressionReader:
 
     def operation(self, node: Json, operator: str) -> Expression:
         """The expression of an object with an "op". Raises SyntaxFault, UnsupportedError."""
-        if operator in OPERATORS:
-            left, right = self.read(node["left"]), self.read(node["right"])
-            return Binary(OPERATORS[operator], left, right, span=node.span)
-        if operator in FUNCTIONS:
-            function = FUNCTIONS[operator]
-            keys = ("exp",) if function in _UNARY else ("left", "right")
+        if operator in FUNCTION_IN_JANI:
+            function = FUNCTION_IN_JANI[operator]
+            keys = ("exp",) if function.arity == 1 else ("left", "right")
             return Call(function, tuple(self.read(node[k]) for k in keys), span=node.span)
+        if operator in OPERATOR_IN_JANI:
+            left, right = self.read(node["left"]), self.read(node["right"])
+            return Binary(OPERATOR_IN_JANI[operator], left, right, span=node.span)
         match operator:
             case "¬":
                 return Unary(UnaryOperator.NOT, self.read(node["exp"]), span=node.span)

@@ -37,7 +37,6 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.declarations import Label, Property
 from symcheck.syntax.jani.expressions import (
-    OPERATORS,
     ExpressionReader,
     is_boolean,
     is_literal,
@@ -46,7 +45,7 @@ from symcheck.syntax.jani.expressions import (
 from symcheck.syntax.jani.json_tree import Json
 from symcheck.syntax.jani.network import Network
 from symcheck.syntax.jani.rewards import RewardRequest, has_branching_rewards, is_additive
-from symcheck.syntax.operators import Operator
+from symcheck.syntax.operators import OPERATOR_IN_JANI, Operator
 from symcheck.syntax.traversal import names, nodes, substitute
 
 __all__ = ["FILTERS", "PropertyReader", "default_requests", "state_labels"]
@@ -137,10 +136,10 @@ class PropertyReader(ExpressionReader):
 
     def operation(self, node: Json, operator: str) -> Expression:
         """The formula of an object with an "op". Raises SyntaxFault, UnsupportedError."""
-        if operator in OPERATORS and OPERATORS[operator].is_comparison:
+        if (comparison := OPERATOR_IN_JANI.get(operator)) and comparison.is_comparison:
             for side, other in (("left", "right"), ("right", "left")):
                 if _operator(node[side]) in _MEASURES:
-                    sign, threshold = OPERATORS[operator], self.read(node[other])
+                    sign, threshold = comparison, self.read(node[other])
                     if sign in (Operator.EQ, Operator.NE) or _has_measure(threshold):
                         break  # the two values are compared
                     sign = sign if side == "left" else sign.mirrored
