@@ -266,12 +266,15 @@ class SystemOf(Protocol[S, V]):
         *,
         probability: bool,
         allow_stay: bool = False,
+        infinite: S | None = None,
     ) -> EquationsOf[S, V]:
         """The equations x = A x + constant (bounds: up to `upper`); rates are divided by exit
         rates.
 
         `allow_stay`: a strategy may stay for ever where that costs and earns nothing, with value 0
         (greatest rewards); or it must not (least probabilities of what is met outside).
+        `infinite`: other states, whose value is infinite; choices that may lead there never
+        minimise, and where others may, the value is no unknown.
         """
         ...
 
@@ -340,7 +343,7 @@ class EquationsOf(Protocol[S_contra, V_co]):
         settings: Settings,
         observer: Observer | None = None,
     ) -> SolvedValues[V_co]:
-        """The solution on all states; `known`: constants on other sets, 0 elsewhere."""
+        """The solution on all states; `known`: finite constants on other sets, 0 elsewhere."""
         ...
 
 
