@@ -102,9 +102,10 @@ def check(
     if isinstance(formula, Property):
         formula = formula.formula
     log = CheckLog(warnings=list(engine.model.warnings))
+    options = options or Options()
     context = Context(
         engine,
-        options or Options(),
+        options,
         labels or {},
         properties or {},
         log,
@@ -112,15 +113,20 @@ def check(
         observer=observer,
     )
     kind = context.type(formula)
-    if context.options.strategy and engine.model.type.has_choices:
-        from symcheck.check.strategies.to_explicit import check_rows_fit
+    if options.strategy and engine.model.type.has_choices:
+        from symcheck.check.strategies.to_explicit import check_rows_fit, to_explicit
 
         check_rows_fit(
             engine,
             "a strategy, which has a choice for every state, needs",
             "without -exportstrat (strategy=True) the value is computed",
         )
-    lifted = _check_on_quotient(context, formula, kind, shared) if context.options.bisim else None
+        context = to_explicit(context)
+        engine = context.engine
+        if options.bisim:
+            log.warn("checked without -bisim: a strategy has a choice for every state")
+            options = replace(options, bisim=False)
+    lifted = _check_on_quotient(context, formula, kind, shared) if options.bisim else None
     if lifted is not None:
         result = lifted
     elif isinstance(formula, Filter | StateFilter):
@@ -136,7 +142,7 @@ def check(
         result = _numeric(context, formula, kind)
     if isinstance(formula, Filter | StateFilter) or not isinstance(formula, StateOperator):
         _warn_of_amplified_errors(context, result.accuracy)
-    strategies = _strategies(context, formula) if context.options.strategy else ()
+    strategies = _strategies(context, formula) if options.strategy else ()
     return replace(
         result,
         strategies=strategies,

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypeVar, cast
+
+import numpy as np
 
 from symcheck.check.result import Line, SolverRun
 from symcheck.engines.base import Engine, Equations, StateSet, Values
-from symcheck.errors import Diagnostic, NameFault
+from symcheck.errors import Diagnostic, NameFault, UnsupportedError
+from symcheck.matrices.rows import Int64s
 from symcheck.numerics.linear.problem import Observer
 from symcheck.options import Options
 from symcheck.semantics.expressions.types import type_of
@@ -16,7 +20,24 @@ from symcheck.semantics.model import BoundModel
 from symcheck.semantics.state_faults import describe_state
 from symcheck.syntax.ast import Expression, LabelReference, Type
 
-__all__ = ["CheckLog", "Context"]
+__all__ = ["CheckLog", "Chosen", "Context"]
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Chosen:
+    """The choices that came with a solution.
+
+    Attributes:
+        engine: the model, or a product.
+        states: the unknowns.
+        choices: the choice of each, numbered within its state, int64[n]; -1: any choice does.
+    """
+
+    engine: Engine
+    states: StateSet
+    choices: Int64s
 
 
 @dataclass
@@ -30,6 +51,8 @@ class CheckLog:
         wide: whether a warning tells that bounds are further apart than requested.
         witness: a path that explains the result, as the values of the variables in each state.
         exact_engine: the model explored in rational arithmetic, once a comparison needed it.
+        chosen: the choices that came with the solutions, if a strategy is asked for.
+        kept: what else a strategy needs of the computation of a value (see `Context.once`).
     """
 
     runs: list[SolverRun] = field(default_factory=list)
@@ -38,6 +61,8 @@ class CheckLog:
     wide: bool = False
     witness: Sequence[Mapping[str, int | bool]] | None = None
     exact_engine: Engine | None = None
+    chosen: list[Chosen] = field(default_factory=list)
+    kept: list[tuple[tuple[object, ...], object]] = field(default_factory=list)
 
     def warn(self, text: str) -> None:
         """Add a warning unless it is there already."""
@@ -108,6 +133,27 @@ class Context:
         """A context with another requested accuracy and the same log."""
         return replace(self, options=replace(self.options, epsilon=epsilon))
 
+    def without_strategy(self) -> Context:
+        """The context of what needs no strategy, such as formulas within an operator."""
+        if not self.options.strategy:
+            return self
+        return replace(self, options=replace(self.options, strategy=False))
+
+    def once(self, key: Sequence[object], make: Callable[[], T]) -> T:
+        """What a value and its strategy both need: made once for each engine and key.
+
+        It is kept only where a strategy is asked for.
+        """
+        if not self.options.strategy:
+            return make()
+        whole = (id(self.engine), *key)
+        for known, value in self.log.kept:
+            if known == whole:
+                return cast(T, value)
+        made = make()
+        self.log.kept.append((whole, made))
+        return made
+
     def solve(self, equations: Equations, known: Sequence[tuple[StateSet, float]]) -> Values:
         """Solve equations, and log the run.
 
@@ -119,6 +165,8 @@ class Context:
             Values of all states.
         """
         solved = equations.solve(known, self.options, self.observer)
+        if solved.choices is not None:
+            self.log.chosen.append(Chosen(self.engine, equations.states, solved.choices))
         if solved.unknowns:
             self.warn_if_wide(solved.width, solved.explanation)
             self.log.runs.append(
@@ -132,6 +180,32 @@ class Context:
                 )
             )
         return solved.values
+
+    def choices(self, equations: Equations, known: Sequence[tuple[StateSet, float]] = ()) -> Int64s:
+        """The choices of a solution: of the one that gave the value, or if graph analysis gave it,
+        of one that is found now.
+
+        Args:
+            equations, known: see `solve`; the value may come from other equations for these states.
+
+        Raises:
+            UnsupportedError: the method finds no choices.
+        """
+        if not equations.states:
+            return np.empty(0, np.int64)
+        found = self._chosen(equations.states)
+        if found is None:
+            self.solve(equations, known)
+            found = self._chosen(equations.states)
+        if found is None:
+            raise UnsupportedError("this numerical method computes no strategy")
+        return found
+
+    def _chosen(self, states: StateSet) -> Int64s | None:
+        for chosen in reversed(self.log.chosen):
+            if chosen.engine is self.engine and chosen.states == states:
+                return chosen.choices
+        return None
 
     def warn_if_wide(self, width: float, explanation: str) -> None:
         """Warn if bounds are further apart than requested."""

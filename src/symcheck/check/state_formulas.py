@@ -168,7 +168,8 @@ def _clipped(context: Context, values: Values) -> Values:
 
 def states_of(context: Context) -> StatesOf:
     """A function from formulas to their states, for formulas within an operator."""
-    return lambda formula: satisfying(context, formula, context.engine.all)
+    inner = context.without_strategy()
+    return lambda formula: satisfying(inner, formula, inner.engine.all)
 
 
 def applied_filter(

@@ -309,6 +309,9 @@ class SolvedValues(Generic[V_co]):
     """The solution of equations, and how it was found.
 
     width: the greatest distance of certified bounds, relative or absolute as the settings say.
+    choices: the choice of each unknown, numbered within its state, int64[n], that together attain
+        the lower bounds of a maximum, the upper ones of a minimum (-1: any choice does); None in a
+        chain, and unless the settings ask for a strategy.
     """
 
     values: V_co
@@ -318,10 +321,16 @@ class SolvedValues(Generic[V_co]):
     explanation: str = ""
     certified: bool = True
     width: float = 0.0
+    choices: Int64s | None = None
 
 
-class EquationsOf(Protocol[S_contra, V_co]):
+class EquationsOf(Protocol[S, V_co]):
     """Equations over the states of a system, ready to be solved."""
+
+    @property
+    def states(self) -> S:
+        """The states that are unknowns."""
+        ...
 
     @property
     def n(self) -> int:
@@ -339,7 +348,7 @@ class EquationsOf(Protocol[S_contra, V_co]):
 
     def solve(
         self,
-        known: Sequence[tuple[S_contra, float]],
+        known: Sequence[tuple[S, float]],
         settings: Settings,
         observer: Observer | None = None,
     ) -> SolvedValues[V_co]:

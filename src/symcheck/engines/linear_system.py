@@ -256,6 +256,11 @@ class BaseEquations(EquationsOf[S, V]):
     infinite: S | None = field(default=None, kw_only=True)
 
     @property
+    def states(self) -> S:
+        """The states that are unknowns."""
+        return self.system.states
+
+    @property
     def n(self) -> int:
         """Number of unknowns."""
         return self.system.n
@@ -301,9 +306,19 @@ class BaseEquations(EquationsOf[S, V]):
         if self.infinite:
             known = [*known, (self.infinite, np.inf)]
         if self.system.states:
-            return self._solved(known, settings, observer)
+            solved = self._solved(known, settings, observer)
+            return replace(solved, choices=self._choices(solved.choices, settings))
         values = self.system.lift(self.system.full(0), None, known)
         return SolvedValues(values, "", 0, 0)
+
+    def _choices(self, rows: Int64s | None, settings: Settings) -> Int64s | None:
+        """The rows of a strategy, which are among the usable ones, as choices of their states."""
+        groups = self.system.groups
+        if rows is None or groups is None or not settings.strategy:
+            return None
+        if self.usable_rows is not None:
+            rows = np.where(rows < 0, -1, np.flatnonzero(self.usable_rows)[rows])
+        return np.where(rows < 0, -1, rows - groups[:-1])
 
     def _solved(
         self, known: Sequence[tuple[S, float]], settings: Settings, observer: Observer | None
@@ -507,6 +522,7 @@ def _lifted(
         solution.explanation,
         solution.certified,
         solution.width(settings.relative) if solution.certified else 0.0,
+        solution.strategy,
     )
 
 

@@ -37,7 +37,7 @@ def product_export(
     state first.
 
     Args:
-        engine: the engine of the model; another engine than the explicit one explores it again.
+        engine: the engine of the model; the rows of diagrams are listed.
         formula: the bound property.
         options: those of the model.
         labels: those that the property may refer to.

@@ -164,7 +164,8 @@ def _terms(
             read = temporal(path, states_of, context.engine.model)
             lifted = tuple((e, products.lift(s)) for e, s in read.sets)
             read = TemporalPath(read.form, lifted, negative=objective.sign < 0)
-            product, pairs = linear_product(replace(context, engine=engine), read)
+            inner = replace(context, engine=engine).without_strategy()
+            product, pairs = linear_product(inner, read)
             return product, _Terms(accepted=[[avoid, *visits] for avoid, visits in pairs])
         case SteadyState(formula=inner):
             return None, _Terms(Steps(), products.lift(states_of(inner)))

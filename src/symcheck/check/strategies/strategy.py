@@ -27,7 +27,6 @@ from symcheck.check.path_formulas import (
 from symcheck.check.queries.rewards import discount_of, reward_of
 from symcheck.check.strategies.bounded import first_steps, within_rewards
 from symcheck.check.strategies.builder import StrategyBuilder
-from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet
 from symcheck.engines.explicit.strategy import Strategy
@@ -69,7 +68,8 @@ def strategy_of(
     it: the minimum for >=, the maximum for <=.
 
     Args:
-        context: the model, and the accuracy of the value.
+        context: the model as rows, the log of the check that found the value, and its options,
+            which ask for a strategy.
         formula: the formula.
         states_of: gives the states that satisfy a state formula.
 
@@ -85,7 +85,6 @@ def strategy_of(
         raise UnsupportedError(
             "strategies are supported for P, R, T and S formulas, without conditions (||)"
         )
-    context = to_explicit(context)
     optimum: str | None = formula.direction
     if optimum is None and formula.bound is not None:
         optimum = "min" if formula.bound.operator in (">", ">=") else "max"
@@ -144,13 +143,10 @@ def temporal_strategy(
         The strategy, and the states of its product from which it is accepted almost surely because
         they belong to an accepting end component.
     """
-    from symcheck.automata.acceptance import degeneralize
     from symcheck.check.omega_regular.ltl import linear_product
     from symcheck.engines.explicit.product import ExplicitProduct
 
-    product, pairs = linear_product(
-        context, replace(path, negative=direction is Direction.MIN), degeneralize
-    )
+    product, pairs = linear_product(context, replace(path, negative=direction is Direction.MIN))
     assert isinstance(product, ExplicitProduct)
     inner = replace(context, engine=product.engine, relevant_states=None)
     builder = StrategyBuilder(inner, Direction.MAX)

@@ -29,10 +29,11 @@ def solve_linear(
     """Solve a linear problem with the method that the settings name.
 
     Args:
-        problem: the equations. 'topological' returns no policy for a masked problem.
+        problem: the equations.
         settings: accuracy, limits and the method. 'auto' is 'topological', or without rows
             'interval' (probabilities of chains) or 'optimistic'. Problems over the rationals are
-            always solved by 'rational'.
+            always solved by 'rational'. If they ask for a strategy, masked problems have one, and
+            estimates collapse end components, in which a strategy could stay for ever.
         observer: receives the progress.
 
     Returns:
@@ -51,7 +52,7 @@ def solve_linear(
         none = problem.constant[:0]
         return Solution(none, none, method.name, exact=True, explanation="nothing to solve")
     quotient = None
-    if method.sound and problem.matrix is not None and not problem.exact:
+    if (method.sound or settings.strategy) and problem.matrix is not None and not problem.exact:
         quotient = collapse(problem)
     if quotient is None:
         solution = method.solve(problem, settings, observer)
