@@ -11,7 +11,7 @@ import numpy as np
 
 from symcheck.check.result import Line, SolverRun
 from symcheck.engines.base import Engine, Equations, StateSet, Values
-from symcheck.errors import Diagnostic, NameFault, UnsupportedError
+from symcheck.errors import Diagnostic, NameFault
 from symcheck.matrices.rows import Int64s
 from symcheck.numerics.linear.problem import Observer
 from symcheck.options import Options
@@ -182,30 +182,17 @@ class Context:
         return solved.values
 
     def choices(self, equations: Equations, known: Sequence[tuple[StateSet, float]] = ()) -> Int64s:
-        """The choices of a solution: of the one that gave the value, or if graph analysis gave it,
-        of one that is found now.
+        """The choices of a solution: of the one that gave the value, or if the value came without
+        one, by graph analysis or step by step, of one that is found now.
 
         Args:
             equations, known: see `solve`; the value may come from other equations for these states.
-
-        Raises:
-            UnsupportedError: the method finds no choices.
         """
-        if not equations.states:
-            return np.empty(0, np.int64)
-        found = self._chosen(equations.states)
-        if found is None:
-            self.solve(equations, known)
-            found = self._chosen(equations.states)
-        if found is None:
-            raise UnsupportedError("this numerical method computes no strategy")
-        return found
-
-    def _chosen(self, states: StateSet) -> Int64s | None:
         for chosen in reversed(self.log.chosen):
-            if chosen.engine is self.engine and chosen.states == states:
+            if chosen.engine is self.engine and chosen.states == equations.states:
                 return chosen.choices
-        return None
+        found = equations.solve(known, replace(self.options, method="auto"), self.observer)
+        return np.empty(0, np.int64) if found.choices is None else found.choices
 
     def warn_if_wide(self, width: float, explanation: str) -> None:
         """Warn if bounds are further apart than requested."""

@@ -110,7 +110,11 @@ def strategy_of(
 def _probability(
     context: Context, formula: ProbabilityOperator, states_of: StatesOf, direction: Direction
 ) -> Strategy:
+    from symcheck.check.omega_regular.ltl import as_until
+
     path = resolve(formula.path, states_of, context.engine)
+    if isinstance(path, TemporalPath):
+        path = as_until(context, path) or path
     towards = direction
     if isinstance(path, NextPath | UntilPath | RewardPath) and path.negative:
         path, towards = negated(path), direction.dual
