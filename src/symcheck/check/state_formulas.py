@@ -169,7 +169,11 @@ def _clipped(context: Context, values: Values) -> Values:
 def states_of(context: Context) -> StatesOf:
     """A function from formulas to their states, for formulas within an operator."""
     inner = context.without_strategy()
-    return lambda formula: satisfying(inner, formula, inner.engine.all)
+
+    def find(formula: Expression) -> StateSet:
+        return context.once((formula,), lambda: satisfying(inner, formula, inner.engine.all))
+
+    return find
 
 
 def applied_filter(
