@@ -15,8 +15,7 @@ from symcheck.engines.registry import build
 from symcheck.errors import SymcheckError
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind, bind_properties, split_constants
-from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Expression, ModelType
+from symcheck.syntax.ast import ModelType
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_properties
 
@@ -64,13 +63,7 @@ def ask(
 ) -> Result:
     """The result of one property of a file."""
     bound = bind_properties(file, engine.model, constants)
-
-    def rebind(model: BoundModel) -> Expression:
-        return bind_properties(file, model, constants).properties[index].formula
-
-    return check(
-        engine, bound.properties[index].formula, options, labels=bound.labels, rebind=rebind
-    )
+    return check(engine, bound.properties[index].formula, options, labels=bound.labels)
 
 
 @dataclass(frozen=True)

@@ -576,7 +576,6 @@ class Model:
             bound.formula,
             options or self.options,
             labels=labels,
-            rebind=instance.formula,
             observer=observer,
             shared=shared,
         )

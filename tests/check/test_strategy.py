@@ -226,8 +226,11 @@ def test_unsupported_strategies_leave_the_result(text):
 
 @pytest.mark.parametrize("engine", ["sparse", "mtbdd"])
 def test_engines_on_diagrams(engine):
-    result = check_text(engine_of(ROUND, engine), "Pmax=? [ F s=2 ]", strategy=True)
+    built = engine_of(ROUND, engine)
+    result = check_text(built, "Pmax=? [ F s=2 ]", strategy=True)
     assert result.strategy.actions[:2] == ["go", "out"]
+    assert result.engine is built
+    assert result.values.of_engine.at(built.initial)[0] == 0.5
 
 
 LOSSY = """mdp

@@ -9,11 +9,11 @@ import pytest
 
 from kernels.columns import run_masked
 from symcheck.check.context import Context
-from symcheck.check.queries.rewards import reward_values
 from symcheck.check.state_formulas import is_plain, numbers, satisfying
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.compile import compile_expression
 from symcheck.options import Options
+from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.diagnostics import DiagnosticCollector
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.simplify import simplify
@@ -21,11 +21,10 @@ from symcheck.semantics.expressions.types import Typer
 from symcheck.semantics.expressions.vectorised import evaluate_columns
 from symcheck.semantics.model import Variable
 from symcheck.semantics.path_normal_form import StateFormula, normal_form
+from symcheck.semantics.query import query_of
 from symcheck.semantics.reduction.live_variables import may_be_undefined
 from symcheck.semantics.reduction.reset_dead_variables import reads_rewards
 from symcheck.semantics.reduction.stutter_reduction import counts_steps
-from symcheck.semantics.rewards import Steps
-from symcheck.simulate.monitors import reward_monitor
 from symcheck.syntax.ast import (
     Binary,
     Expression,
@@ -38,6 +37,7 @@ from symcheck.syntax.ast import (
     Type,
 )
 from symcheck.syntax.operators import Operator, Signature, connect
+from symcheck.syntax.parse import parse_model
 from symcheck.syntax.printer import pretty
 
 VARIABLES = (
@@ -70,6 +70,7 @@ class DummyQuery(Node):
 
 DUMMY = Dummy(Literal(True, Type.BOOL))
 CONTEXT = Context(None, Options())
+MODEL = bind(parse_model("dtmc module m a : bool; [] true -> true; endmodule"))
 X = Name("x")
 
 
@@ -90,18 +91,9 @@ def test_an_unknown_state_operator_is_named(ask) -> None:
         ask(DUMMY)
 
 
-@pytest.mark.parametrize(
-    "ask",
-    [
-        lambda node: reward_monitor(node, None),
-        lambda node: reward_values(
-            CONTEXT, RewardOperator(None, None, None, node), Steps(), None, None
-        ),
-    ],
-)
-def test_an_unknown_reward_query_is_named(ask) -> None:
+def test_an_unknown_reward_query_is_named() -> None:
     with pytest.raises(AssertionError, match="DummyQuery"):
-        ask(DummyQuery())
+        query_of(RewardOperator(None, None, None, DummyQuery()), MODEL)
 
 
 def test_an_unknown_state_operator_is_taken_for_the_worst() -> None:

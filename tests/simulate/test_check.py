@@ -25,8 +25,9 @@ from symcheck.errors import (
 )
 from symcheck.parallel.workers import Workers
 from symcheck.semantics.binding.bind import bind, bind_properties
+from symcheck.semantics.query import query_of
 from symcheck.simulate.check import check_by_sampling
-from symcheck.simulate.monitors import path_monitor
+from symcheck.simulate.monitors import monitor_of
 from symcheck.simulate.samples import SampledProperty
 from symcheck.simulate.statistics import Plan
 from symcheck.syntax.ast import ProbabilityOperator
@@ -259,7 +260,7 @@ def test_values_of_paths_do_not_depend_on_their_batch() -> None:
     bound = bind_properties(parse_properties("P=? [ F d=6 ]"), model, {})
     operator = bound.properties[0].formula
     assert isinstance(operator, ProbabilityOperator)
-    monitor = path_monitor(operator.path, model)
+    monitor = monitor_of(query_of(operator, model).quantity, model)
     sampled = SampledProperty(model, None, monitor, None, {}, 5, 10_000, True)
     whole = sampled.sampler().sample(0, 100).values
     parts = [sampled.sampler().sample(b, min(7, 100 - b)).values for b in range(0, 100, 7)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -17,7 +17,6 @@ import numpy as np
 from symcheck.check.context import CheckLog, Context
 from symcheck.check.filters import AppliedFilter, Bounds, Condition, Numeric
 from symcheck.check.omega_regular import ctl
-from symcheck.check.path_formulas import negated, resolve
 from symcheck.check.result import (
     NO_STRATEGY,
     Accuracy,
@@ -30,7 +29,7 @@ from symcheck.check.result import (
     SolverRun,
     Statistical,
 )
-from symcheck.check.state_formulas import applied_filter, numbers, satisfying, states_of
+from symcheck.check.state_formulas import applied_filter, numbers, path_of, satisfying
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.engines.capabilities import RepresentsOrbits
 from symcheck.engines.explicit.rational_values import enclosure
@@ -41,6 +40,7 @@ from symcheck.options import Options
 from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.expressions.rounding_notes import notes_about
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.path_formulas import negated
 from symcheck.syntax.ast import (
     Expression,
     Filter,
@@ -70,7 +70,6 @@ def check(
     *,
     labels: Mapping[str, Expression] | None = None,
     properties: Mapping[str, Expression] | None = None,
-    rebind: Callable[[BoundModel], Expression] | None = None,
     observer: Observer | None = None,
     shared: SharedQuotient | None = None,
 ) -> Result:
@@ -86,8 +85,6 @@ def check(
         options: how it is checked.
         labels: those of the properties file.
         properties: the named properties to which the formula may refer.
-        rebind: gives the formula bound to an exactly bound model, for a comparison that only
-            rational arithmetic decides.
         observer: is told of each iteration of a numerical method, and may raise to end it.
         shared: a quotient for several formulas (`bisimulation.on_quotient.shared_quotient`), used
             with the option `bisim` if it preserves this formula.
@@ -109,7 +106,7 @@ def check(
         labels or {},
         properties or {},
         log,
-        rebind,
+        formula,
         observer=observer,
     )
     kind = context.type(formula)
@@ -122,7 +119,6 @@ def check(
             "without -exportstrat (strategy=True) the value is computed",
         )
         context = to_explicit(context)
-        engine = context.engine
         if options.bisim:
             log.warn("checked without -bisim: a strategy has a choice for every state")
             options = replace(options, bisim=False)
@@ -135,11 +131,13 @@ def check(
     elif isinstance(formula, MultiObjective):
         from symcheck.check.multi_objective.query import check_multi
 
-        result = check_multi(context, formula, states_of)
+        result = check_multi(context, formula)
     elif kind is Type.BOOL:
         result = _boolean(context, formula)
     else:
         result = _numeric(context, formula, kind)
+    if context.engine is not engine:
+        result, engine = _lift_from_rows(result, context.engine, engine)
     if isinstance(formula, Filter | StateFilter) or not isinstance(formula, StateOperator):
         _warn_of_amplified_errors(context, result.accuracy)
     strategies = _strategies(context, formula) if options.strategy else ()
@@ -205,6 +203,21 @@ def _check_on_quotient(
     return replace(result, explanation=f"{result.explanation}; {size} by bisimulation")
 
 
+def _lift_from_rows(result: Result, rows: Engine, engine: Engine) -> tuple[Result, Engine]:
+    """A result on rows for the engine that they are those of, and this engine.
+
+    Rows of a model that was built anew are not in its order, and keep the result.
+    """
+    from symcheck.check.bisimulation.quotient import Quotient
+    from symcheck.engines.explicit.engine import ExplicitEngine
+    from symcheck.engines.symbolic.engine import SymbolicEngine
+
+    explicit, source = rows.capability(ExplicitEngine), rows.capability(SymbolicEngine)
+    if explicit is None or source is None:
+        return result, rows
+    return _lift_result(result, Quotient.of_rows(explicit, source), engine), engine
+
+
 def _lift_result(result: Result, smaller: Quotient, engine: Engine) -> Result:
     """A result on the quotient, lifted to the states of the model."""
     satisfied = None
@@ -238,10 +251,10 @@ def _strategies(context: Context, formula: Expression) -> tuple[Strategy, ...]:
         if isinstance(formula, MultiObjective):
             from symcheck.check.multi_objective.strategies import multi_strategies
 
-            return multi_strategies(context, formula, states_of)
+            return multi_strategies(context, formula)
         from symcheck.check.strategies.strategy import strategy_of
 
-        return (strategy_of(context, formula, states_of),)
+        return (strategy_of(context, formula),)
     except UnsupportedError as error:
         context.log.warn(f"{NO_STRATEGY}{error}")
         return ()
@@ -261,7 +274,7 @@ def _boolean(context: Context, formula: Expression) -> Result:
 def _explain(context: Context, formula: PathQuantifier, value: bool) -> None:
     """Look for a path that shows why E holds, or why A does not."""
     if value == (formula.quantifier == "E"):
-        path = resolve(formula.path, states_of(context), context.engine)
+        path = path_of(context, formula)
         context.log.witness = ctl.witness(context, path if value else negated(path))
 
 

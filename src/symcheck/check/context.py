@@ -16,7 +16,6 @@ from symcheck.matrices.rows import Int64s
 from symcheck.numerics.linear.problem import Observer
 from symcheck.options import Options
 from symcheck.semantics.expressions.types import type_of
-from symcheck.semantics.model import BoundModel
 from symcheck.semantics.state_faults import describe_state
 from symcheck.syntax.ast import Expression, LabelReference, Type
 
@@ -80,8 +79,7 @@ class Context:
         labels: the labels of the properties file; those of the model are stored with the model.
         properties: the named properties.
         log: the log, shared by all contexts of a check.
-        rebind: binds the formula that is checked to the same model in rational arithmetic, where
-            thresholds such as 1/6 are rationals.
+        formula: the formula that is checked; None: any.
         open: the properties that are being expanded, to detect one that refers to itself.
         relevant_states: the states at which values need the requested accuracy (None: all); at
             other states, bounds may be wider.
@@ -93,7 +91,7 @@ class Context:
     labels: Mapping[str, Expression] = field(default_factory=dict)
     properties: Mapping[str, Expression] = field(default_factory=dict)
     log: CheckLog = field(default_factory=CheckLog)
-    rebind: Callable[[BoundModel], Expression] | None = None
+    formula: Expression | None = None
     open: frozenset[str] = frozenset()
     relevant_states: StateSet | None = None
     observer: Observer | None = None

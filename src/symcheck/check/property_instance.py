@@ -73,10 +73,6 @@ class PropertyInstance:
         """The property bound to a model, and the labels that it may use. Raises InputError."""
         return bind_property(self.file, self.index, model, self.constants)
 
-    def formula(self, model: BoundModel) -> Expression:
-        """The formula bound to a model: what `check` takes as `rebind`. Raises InputError."""
-        return self.bind(model)[0].formula
-
 
 def property_instances(
     program: Program,

@@ -8,28 +8,25 @@ from functools import partial
 from typing import assert_never
 
 from symcheck.check.context import Context
+from symcheck.check.exact_twin import exact_twin
 from symcheck.check.expression_values import expression_values, in_doubles
 from symcheck.check.filters import AppliedFilter
 from symcheck.check.omega_regular import ctl
-from symcheck.check.path_formulas import StatesOf, resolve
-from symcheck.check.queries.path_probabilities import probability, qualitative
-from symcheck.check.queries.rewards import expected_time, reward_of, reward_values
-from symcheck.check.queries.steady_state import steady_values
-from symcheck.check.rebind_exact import exact_twin
+from symcheck.check.queries.path_probabilities import qualitative
+from symcheck.check.queries.values import values
 from symcheck.check.thresholds import decide
-from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
-from symcheck.errors import Diagnostic, InputError, UnsupportedError
+from symcheck.errors import NO_SPAN, Diagnostic, InputError, UnsupportedError
 from symcheck.matrices.numbers import Numbers
-from symcheck.semantics.expressions.evaluate import evaluate_constant
+from symcheck.semantics.path_formulas import PathFormula, over_leaves, path_formula
+from symcheck.semantics.query import PathProbability, Query
+from symcheck.semantics.query import query_of as resolve
 from symcheck.syntax.ast import (
     AnyMeasure,
     Binary,
     Bound,
     Call,
     Conditional,
-    ConditionalProbability,
-    ExpectedTime,
     Expression,
     Filter,
     FilterOperator,
@@ -39,12 +36,9 @@ from symcheck.syntax.ast import (
     MultiObjective,
     Name,
     PathQuantifier,
-    ProbabilityOperator,
     Quantile,
-    RewardOperator,
     StateFilter,
     StateOperator,
-    SteadyState,
     Type,
     Unary,
 )
@@ -55,9 +49,10 @@ __all__ = [
     "is_plain",
     "modern_filter",
     "numbers",
+    "path_of",
+    "query_of",
     "satisfying",
     "states_of",
-    "threshold_of",
 ]
 
 
@@ -81,7 +76,7 @@ def is_plain(expression: Expression) -> bool:
 
 
 def satisfying(context: Context, formula: Expression, relevant: StateSet) -> StateSet:
-    """The states that satisfy a boolean formula; right at the states that `matter`.
+    """The states that satisfy a boolean formula; right at the `relevant` states.
 
     Raises NumericalError where a comparison cannot be decided at such a state, UnsupportedError and
     InputError.
@@ -101,11 +96,11 @@ def satisfying(context: Context, formula: Expression, relevant: StateSet) -> Sta
             return (chosen & here(then)) | (here(otherwise) - chosen)
         case LabelReference():
             return _reference(context, formula, relevant)
-        case Measure(_, Bound() as bound):
-            return _bounded(context, formula, bound, relevant)
-        case PathQuantifier(quantifier, path):
-            read = resolve(path, states_of(context), context.engine)
-            return ctl.forall(context, read) if quantifier == "A" else ctl.exists(context, read)
+        case Measure(_, Bound()):
+            return _bounded(context, formula, relevant)
+        case PathQuantifier():
+            path = path_of(context, formula)
+            return (ctl.forall if formula.quantifier == "A" else ctl.exists)(context, path)
         case Filter() | StateFilter():
             return applied_filter(context, formula, relevant).condition().per_state
         case MultiObjective():
@@ -136,8 +131,9 @@ def numbers(context: Context, formula: Expression, relevant: StateSet) -> Values
         case LabelReference():
             return numbers(context.inside(formula), context.referred(formula), relevant)
         case Measure():
-            values = _measured(context, formula, _direction(context, formula, None))(context)
-            return _clipped(context, values) if formula.is_probability else values
+            query = query_of(context, formula)
+            found = values(context, query, partial(_rationals, context, formula))
+            return _clipped(context, found) if formula.is_probability else found
         case Filter() | StateFilter():
             return applied_filter(context, formula, relevant).number().per_state
         case Quantile():
@@ -166,14 +162,33 @@ def _clipped(context: Context, values: Values) -> Values:
     return values.map("min", 1) if values.maximum(context.engine.all)[1] > 1 else values
 
 
-def states_of(context: Context) -> StatesOf:
-    """A function from formulas to their states, for formulas within an operator."""
-    inner = context.without_strategy()
+def states_of(context: Context) -> Callable[[Expression], StateSet]:
+    """A function from formulas to their states, for formulas within an operator.
+
+    Each formula is evaluated once, and operators that the normal form of a path formula adds are
+    operations on sets.
+    """
+    known: dict[Expression, StateSet] = {}
 
     def find(formula: Expression) -> StateSet:
-        return context.once((formula,), lambda: satisfying(inner, formula, inner.engine.all))
+        if formula not in known:
+            match formula:
+                case Unary(UnaryOperator.NOT, operand):
+                    known[formula] = ~find(operand)
+                case Binary(operator, left, right) if (
+                    operator.is_logical and formula.span is NO_SPAN
+                ):
+                    known[formula] = connect(operator, find(left), find(right))
+                case _:
+                    known[formula] = satisfying(context, formula, context.engine.all)
+        return known[formula]
 
     return find
+
+
+def path_of(context: Context, formula: PathQuantifier) -> PathFormula[StateSet]:
+    """The path formula of A or E over the sets of the engine."""
+    return over_leaves(path_formula(formula.path, context.engine.model), states_of(context))
 
 
 def applied_filter(
@@ -240,47 +255,42 @@ def _comparison(context: Context, formula: Binary, relevant: StateSet) -> StateS
     )
 
 
-def _bounded(context: Context, formula: AnyMeasure, bound: Bound, relevant: StateSet) -> StateSet:
+def query_of(context: Context, formula: AnyMeasure) -> Query[StateSet]:
+    """What a measure asks for, over the sets of the engine.
+
+    Raises:
+        InputError, UnsupportedError: see `symcheck.semantics.query.query_of`.
+        UnsupportedError: the quantity is not defined over fair strategies, which are asked for.
+    """
+    query = resolve(formula, context.engine.model)
+    quantity, direction = query.quantity, query.direction
+    if context.options.fairness and direction not in (None, *quantity.fair_directions):
+        raise UnsupportedError(
+            f"{quantity.called} over fair strategies only are not supported; without -fair they are"
+        )
+    return context.once((formula,), lambda: query.over(states_of(context.without_strategy())))
+
+
+def _bounded(context: Context, formula: AnyMeasure, relevant: StateSet) -> StateSet:
     """The states that satisfy a measure with a bound, by graph analysis where it decides."""
-    operator, threshold = bound.operator.value, threshold_of(bound)
-    direction = _direction(context, formula, operator)
-    compute: Callable[[Context], Values]
-    if isinstance(formula, ProbabilityOperator):
-        path = resolve(formula.path, states_of(context), context.engine)
-        by_graph = qualitative(context.relevant_at(relevant), path, operator, threshold, direction)
+    query = query_of(context, formula)
+    threshold = query.threshold
+    assert threshold is not None
+    context = context.relevant_at(relevant)
+    if isinstance(query.quantity, PathProbability):
+        path = query.quantity.path
+        operator, value = threshold.operator.value, threshold.value
+        by_graph = qualitative(context, path, operator, value, query.direction)
         if by_graph is not None:
             return by_graph
-        compute = partial(probability, path=path, direction=direction)
-    else:
-        compute = _measured(context, formula, direction)
-    exactly = partial(_exactly, context, formula, relevant)
-    return decide(context.relevant_at(relevant), compute, operator, threshold, relevant, exactly)
-
-
-def _measured(
-    context: Context, formula: AnyMeasure, direction: Direction | None
-) -> Callable[[Context], Values]:
-    """How to compute the values of a measure, with the accuracy of a context."""
-    match formula:
-        case ProbabilityOperator(_, _, path):
-            read = resolve(path, states_of(context), context.engine)
-            return lambda c: probability(c, read, direction)
-        case ConditionalProbability():
-            from symcheck.check.queries.conditional import conditional_probability
-
-            return lambda c: conditional_probability(
-                c, formula, states_of(c), direction, partial(_by_rationals, c, formula, direction)
-            )
-        case ExpectedTime(_, _, path):
-            return lambda c: expected_time(c, path, states_of(c), direction)
-        case RewardOperator():
-            reward = reward_of(context, formula)
-            return lambda c: reward_values(c, formula, reward, states_of(c), direction)
-        case SteadyState(_, _, inner):
-            states = states_of(context)(inner)
-            return lambda c: steady_values(c, states, direction)
-        case _:
-            assert_never(formula)
+    return decide(
+        context,
+        lambda c: values(c, query, partial(_rationals, c, formula)),
+        threshold.operator.value,
+        threshold.value,
+        relevant,
+        partial(_exactly, context, formula, relevant),
+    )
 
 
 def _exactly(context: Context, formula: Expression, relevant: StateSet) -> StateSet:
@@ -290,60 +300,19 @@ def _exactly(context: Context, formula: Expression, relevant: StateSet) -> State
 
     Raises UnsupportedError where the formula cannot be evaluated exactly.
     """
-    exact, twin = exact_twin(context, formula)
+    exact = exact_twin(context)
     states = exact.engine.from_bools(context.engine.to_bools(relevant))
-    return context.engine.from_bools(exact.engine.to_bools(satisfying(exact, twin, states)))
+    return context.engine.from_bools(exact.engine.to_bools(satisfying(exact, formula, states)))
 
 
-def _by_rationals(
-    context: Context,
-    formula: ConditionalProbability,
-    direction: Direction | None,
-    states: StateSet,
-) -> Numbers:
-    """A conditional probability at some states in rational arithmetic, in their order.
+def _rationals(context: Context, formula: AnyMeasure, states: StateSet) -> Numbers:
+    """The values of a measure at some states in rational arithmetic, in their order.
 
     Raises UnsupportedError where the formula cannot be evaluated exactly.
     """
-    from symcheck.check.queries.conditional import conditional_probability
-
-    exact, twin = exact_twin(context, formula)
+    exact = exact_twin(context)
     members = exact.engine.from_bools(context.engine.to_bools(states))
-    assert isinstance(twin, ConditionalProbability)
-    values = conditional_probability(exact.relevant_at(members), twin, states_of(exact), direction)
-    return values.at(members)[0]
-
-
-def threshold_of(bound: Bound) -> Fraction:
-    """The threshold of a bound. Raises InputError if it is infinite."""
-    value = evaluate_constant(bound.threshold)
-    if isinstance(value, float):
-        raise InputError(
-            Diagnostic("a threshold must be a finite number", bound.threshold.span, "threshold")
-        )
-    return Fraction(value)
-
-
-def _direction(context: Context, formula: Measure, operator: str | None) -> Direction | None:
-    """The direction of an operator; None if the model has no choices.
-
-    A bound without a direction must hold under all strategies.
-    """
-    if not context.engine.model.type.has_choices:
-        return None
-    given, letter = formula.direction, formula.letter
-    if given in ("min", "max"):
-        return Direction(given)
-    if given is not None:
-        raise UnsupportedError(
-            f"{letter}{given} is not supported on an mdp; {letter}min and {letter}max are"
-        )
-    if operator is None:
-        message = f"{letter}=? has no single value in an mdp"
-        raise InputError(
-            Diagnostic(message, formula.span, "direction", f"use {letter}min=? or {letter}max=?")
-        )
-    return Direction.MIN if operator in (">", ">=") else Direction.MAX
+    return values(exact.relevant_at(members), query_of(exact, formula)).at(members)[0]
 
 
 def _wrong_type(formula: Expression, actual: str) -> InputError:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from math import inf, nextafter
 from time import perf_counter
 from typing import NamedTuple, assert_never
@@ -22,34 +21,40 @@ from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.transient.poisson import poisson
 from symcheck.options import Options
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.path_normal_form import (
-    Connected,
-    Negated,
-    NextState,
-    NormalForm,
-    StateFormula,
-    UntilReached,
-    normal_form,
-    only_window,
+from symcheck.semantics.path_formulas import (
+    LtlPathFormula,
+    NextPath,
+    PathFormula,
+    RewardPath,
+    StatePath,
+    UntilPath,
 )
-from symcheck.semantics.rewards import Reward, Time, operator_reward
+from symcheck.semantics.path_normal_form import reward_bound_refused
+from symcheck.semantics.query import PathProbability, Query, ReachReward, query_of
+from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
-from symcheck.syntax.ast import (
-    Eventually,
-    ExpectedTime,
-    Expression,
-    ProbabilityOperator,
-    RewardOperator,
-)
-from symcheck.syntax.operators import Operator
+from symcheck.syntax.ast import AnyMeasure, Expression, Literal, Type
 from symcheck.syntax.printer import pretty
 
-__all__ = ["Bounds", "Measures", "decided"]
+__all__ = ["Bounds", "Measures", "supported"]
 
 _SUPPORTED = (
     "a distributed model is checked for P [ … ] with F, G, U, W or R, without a bound or with an "
     "upper bound on steps or time, and for R [ F … ] and T [ F … ]"
 )
+_TRUE = Literal(True, Type.BOOL)
+
+
+def supported(formula: Expression, model: BoundModel) -> Query[Expression]:
+    """What a bound formula asks for.
+
+    Raises:
+        UnsupportedError: a distributed model is not checked for it.
+    """
+    query = query_of(formula, model) if isinstance(formula, AnyMeasure) else None
+    if query is None or not isinstance(query.quantity, PathProbability | ReachReward):
+        raise UnsupportedError(f"{_SUPPORTED}, not for '{pretty(formula)}'")
+    return query
 
 
 class Bounds(NamedTuple):
@@ -78,67 +83,53 @@ class Measures:
     _saving: float = field(default=0.0, init=False)
     _is_least_reward: bool = field(default=False, init=False)
 
-    def bounds(self, formula: Expression, labels: Mapping[str, Expression]) -> Bounds:
-        """Bounds on the value of an operator.
+    def bounds(self, query: Query[Expression], labels: Mapping[str, Expression]) -> Bounds:
+        """Bounds on the value of a query.
 
         Args:
-            formula: an operator; its own bound is not read.
+            query: what is asked for; its threshold is not read.
             labels: state formulas by name.
 
         Raises:
-            UnsupportedError: another formula.
+            UnsupportedError: another quantity (see `supported`).
             NumericalError: no bounds are proved.
         """
-        match formula:
-            case ProbabilityOperator(given, bound, path):
-                direction = self._direction(given, None if bound is None else bound.operator)
-                return self._probability(normal_form(path, self.model), direction, labels)
-            case RewardOperator(given, bound, _, Eventually() as path):
-                reward = operator_reward(formula, self.model)
-            case ExpectedTime(given, bound, Eventually() as path):
-                reward = Time()
-            case _:
-                raise UnsupportedError(f"{_SUPPORTED}, not for '{pretty(formula)}'")
-        direction = self._direction(given, None if bound is None else bound.operator)
-        return self._reward(reward, normal_form(path, self.model), direction, labels)
-
-    def _direction(self, given: str | None, operator: Operator | None) -> Direction | None:
-        if not self.model.type.has_choices:
-            return None
-        match given, operator:
-            case (("min" | "max"), _):
-                return Direction(given)
-            case None, None:
-                raise UnsupportedError("a direction is missing: Pmin=? or Pmax=? in an mdp")
-            case None, (Operator.GT | Operator.GE):
-                return Direction.MIN
-            case None, _:
-                return Direction.MAX
+        match query.quantity:
+            case PathProbability(path):
+                return self._probability(path, query.direction, labels)
+            case ReachReward(reward, target):
+                return self._reward(reward, target, query.direction, labels)
             case _:
                 raise UnsupportedError(_SUPPORTED)
 
     # ------------------------------------------------------------------------ probabilities
 
     def _probability(
-        self, form: NormalForm, direction: Direction | None, labels: Mapping[str, Expression]
+        self,
+        path: PathFormula[Expression],
+        direction: Direction | None,
+        labels: Mapping[str, Expression],
     ) -> Bounds:
-        match form:
-            case Negated(operand):
+        match path:
+            case StatePath() | NextPath() | LtlPathFormula():
+                raise UnsupportedError(_SUPPORTED)
+            case RewardPath():
+                raise reward_bound_refused()
+            case UntilPath(negative=True):
                 dual = None if direction is None else direction.dual
-                lower, upper, method = self._probability(operand, dual, labels)
+                lower, upper, method = self._probability(
+                    replace(path, negative=False), dual, labels
+                )
                 return Bounds(_complement(upper, 0.0), _complement(lower, 1.0), method)
-            case UntilReached(StateFormula(left), StateFormula(right), extent):
-                window = only_window(extent)
-                if window.lower or window.lower_strict:
+            case UntilPath(left, right, window):
+                if not window.at_once:
                     raise UnsupportedError(f"{_SUPPORTED}; not with lower bounds")
                 self._evaluate(left, right, labels)
                 if window.upper is None:
                     return self._until(direction)
                 return self._bounded_until(window, direction)
-            case StateFormula() | NextState() | Connected() | UntilReached():
-                raise UnsupportedError(_SUPPORTED)
             case _:
-                assert_never(form)
+                assert_never(path)
 
     def _evaluate(
         self, left: Expression, right: Expression, labels: Mapping[str, Expression]
@@ -265,17 +256,11 @@ class Measures:
     def _reward(
         self,
         reward: Reward,
-        form: NormalForm,
+        target: Expression,
         direction: Direction | None,
         labels: Mapping[str, Expression],
     ) -> Bounds:
-        match form:
-            case UntilReached(StateFormula(left), StateFormula(target), extent):
-                if not only_window(extent).trivial:
-                    raise UnsupportedError(_SUPPORTED)
-                self._evaluate(left, target, labels)
-            case _:
-                raise UnsupportedError(_SUPPORTED)
+        self._evaluate(_TRUE, target, labels)
         if direction is Direction.MIN:
             self._prob1_of_some_strategy()
         else:
@@ -474,19 +459,3 @@ def _complement(bound: float, towards: float) -> float:
 
 def _any_messages(outgoing: list[list[Message]]) -> bool:
     return any(places is None or len(places) > 0 for messages in outgoing for places, _ in messages)
-
-
-def decided(lower: float, upper: float, operator: Operator, threshold: Fraction) -> bool | None:
-    """Whether a value between the bounds satisfies a comparison; None if they do not decide."""
-    match operator:
-        case Operator.LT:
-            found = {lower < threshold, upper < threshold}
-        case Operator.LE:
-            found = {lower <= threshold, upper <= threshold}
-        case Operator.GT:
-            found = {lower > threshold, upper > threshold}
-        case Operator.GE:
-            found = {lower >= threshold, upper >= threshold}
-        case _:
-            raise UnsupportedError(_SUPPORTED)
-    return found.pop() if len(found) == 1 else None

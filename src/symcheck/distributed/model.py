@@ -10,10 +10,9 @@ from time import perf_counter
 from typing import Any, Protocol
 
 from symcheck.check.result import Certified, Exact, Result
-from symcheck.check.state_formulas import threshold_of
 from symcheck.check.tuning import REFINED_ACCURACIES
 from symcheck.distributed.checkpoints import Folder
-from symcheck.distributed.measures import Measures, decided
+from symcheck.distributed.measures import Measures, supported
 from symcheck.distributed.part import Counts, Part
 from symcheck.distributed.partition import choose_partition
 from symcheck.distributed.parts import Cluster, PartLost, Parts
@@ -23,7 +22,8 @@ from symcheck.options import Options
 from symcheck.semantics import state_faults
 from symcheck.semantics.binding.bind import bind_properties
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Bound, Expression, Measure
+from symcheck.semantics.query import Query, Threshold
+from symcheck.syntax.ast import Expression
 from symcheck.syntax.parse import parse_properties
 from symcheck.syntax.printer import pretty
 
@@ -235,34 +235,17 @@ class DistributedModel:
         """
         if self.initial != 1:
             raise UnsupportedError("a distributed model is checked from one initial state")
-        started = perf_counter()
-        if isinstance(formula, Measure) and formula.bound is not None:
-            return self._verdict(formula, labels, formula.bound, started)
-        lower, upper, method = self._bounds(formula, labels, self.options.epsilon)
-        return Result(
-            (lower + upper) / 2 if lower < upper < float("inf") else lower,
-            Exact() if lower == upper else Certified(lower, upper),
-            f"on {len(self.parts)} workers; {method}",
-            seconds=perf_counter() - started,
-        )
-
-    def _verdict(
-        self,
-        formula: Expression,
-        labels: Mapping[str, Expression],
-        bound: Bound,
-        started: float,
-    ) -> Result:
-        """The verdict of a comparison, with bounds that are as close as it needs."""
-        threshold = threshold_of(bound)
-        finer = [e for e in REFINED_ACCURACIES if e < self.options.epsilon]
+        started, query = perf_counter(), supported(formula, self.model)
+        finer = [e for e in REFINED_ACCURACIES if query.threshold and e < self.options.epsilon]
         for epsilon in (self.options.epsilon, *finer):
-            lower, upper, method = self._bounds(formula, labels, epsilon)
-            verdict = decided(lower, upper, bound.operator, threshold)
-            if verdict is not None:
+            text = f"{pretty(formula)} {epsilon}"
+            lower, upper, method = self._bounds(query, labels, epsilon, text)
+            value = _value(lower, upper, query.threshold)
+            if value is not None:
+                verdict = query.threshold is not None or lower == upper
                 return Result(
-                    verdict,
-                    Exact(),
+                    value,
+                    Exact() if verdict else Certified(lower, upper),
                     f"on {len(self.parts)} workers; {method}",
                     seconds=perf_counter() - started,
                 )
@@ -273,15 +256,22 @@ class DistributedModel:
         )
 
     def _bounds(
-        self, formula: Expression, labels: Mapping[str, Expression], epsilon: float
+        self, query: Query[Expression], labels: Mapping[str, Expression], epsilon: float, text: str
     ) -> tuple[float, float, str]:
-        """Bounds, by another attempt from the checkpoints if workers are lost."""
-        text = f"{pretty(formula)} {epsilon}"
+        """Bounds, by another attempt from the checkpoints, named `text`, if workers are lost."""
         while True:
             measures = Measures(self.model, self.options, self.parts, epsilon, text)
             try:
-                return measures.bounds(formula, labels)
+                return measures.bounds(query, labels)
             except PartLost as error:
                 if self.parts.folder is None:
                     raise
                 self.parts.recover(error)
+
+
+def _value(lower: float, upper: float, threshold: Threshold | None) -> float | bool | None:
+    """The value between two bounds, or the verdict; None if they do not decide the threshold."""
+    if threshold is None:
+        return (lower + upper) / 2 if lower < upper < float("inf") else lower
+    verdict = threshold.admits(lower)
+    return verdict if verdict is threshold.admits(upper) else None

@@ -9,9 +9,9 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.omega_regular.ltl import labelled_automaton
-from symcheck.check.path_formulas import TemporalPath, resolve
-from symcheck.check.state_formulas import states_of
+from symcheck.check.state_formulas import query_of
 from symcheck.check.strategies.to_explicit import to_explicit
+from symcheck.direction import Direction
 from symcheck.engines.base import Engine
 from symcheck.engines.transition_actions import state_columns, state_order
 from symcheck.errors import UnsupportedError
@@ -19,6 +19,8 @@ from symcheck.exchange.explicit_export import ExplicitExport, explicit_export
 from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.options import Options
 from symcheck.semantics.model import Variable
+from symcheck.semantics.path_formulas import LtlPathFormula
+from symcheck.semantics.query import PathProbability
 from symcheck.syntax.ast import Expression, ProbabilityOperator, Type
 
 __all__ = ["product_export"]
@@ -48,10 +50,14 @@ def product_export(
     context = to_explicit(Context(engine, options, labels, {}))
     if not isinstance(formula, ProbabilityOperator):
         raise _no_automaton()
-    path = resolve(formula.path, states_of(context), context.engine)
-    if not isinstance(path, TemporalPath):
+    query = query_of(context, formula)
+    assert isinstance(query.quantity, PathProbability)
+    path = query.quantity.path
+    if not isinstance(path, LtlPathFormula):
         raise _no_automaton()
-    if _is_minimum(formula):  # the least probability is that of the negation, subtracted from 1
+    if (
+        query.direction is Direction.MIN
+    ):  # the least probability is that of the negation, subtracted from 1
         path = replace(path, negative=not path.negative)
     sets, automaton = labelled_automaton(context, path)
     letters = np.zeros(context.engine.states, np.int64)
@@ -68,12 +74,6 @@ def _no_automaton() -> UnsupportedError:
         "this property is checked without an automaton, so there is no product"
         "\n  hint: P=? [ G F a ], for example, has one"
     )
-
-
-def _is_minimum(formula: ProbabilityOperator) -> bool:
-    if formula.direction is None and formula.bound is not None:
-        return formula.bound.operator.is_lower_bound
-    return formula.direction == "min"
 
 
 def _product(

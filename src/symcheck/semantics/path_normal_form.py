@@ -1,15 +1,16 @@
 """The normal form of path formulas: state formulas, negation, logical operators, next and until.
 
-Checking, automata and simulation read this form. The dualities are applied only here: F a = true U
-a, G a = !(true U !a), a R b = !(!a U !b), a W b = !((a & !b) U (!a & !b)), each with its bound.
+A normal form is generic in its leaves: state formulas, or numbers of them. The dualities are
+applied only here: F a = true U a, G a = !(true U !a), a R b = !(!a U !b),
+a W b = !((a & !b) U (!a & !b)), each with its bound.
 Source: Baier & Katoen (2008), 5.1.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import assert_never
+from typing import Generic, TypeVar, assert_never
 
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.model import BoundModel
@@ -46,57 +47,62 @@ __all__ = [
     "UntilReached",
     "normal_form",
     "only_window",
+    "reward_bound_refused",
     "state_formulas",
+    "with_leaves",
 ]
+
+L = TypeVar("L")
+M = TypeVar("M")
 
 Extent = Window | tuple[RewardWindow, ...]
 """The times at which a target must be reached, or the rewards that may accumulate until then."""
 
 
 @dataclass(frozen=True, slots=True)
-class StateFormula:
+class StateFormula(Generic[L]):
     """The first state satisfies a formula."""
 
-    formula: Expression
+    formula: L
 
 
 @dataclass(frozen=True, slots=True)
-class Negated:
+class Negated(Generic[L]):
     """The path does not satisfy `operand`."""
 
-    operand: NormalForm
+    operand: NormalForm[L]
 
 
 @dataclass(frozen=True, slots=True)
-class Connected:
+class Connected(Generic[L]):
     """A logical operator between path formulas."""
 
     operator: Operator
-    left: NormalForm
-    right: NormalForm
+    left: NormalForm[L]
+    right: NormalForm[L]
 
 
 @dataclass(frozen=True, slots=True)
-class NextState:
+class NextState(Generic[L]):
     """The suffix from the second state satisfies `operand`, and the step is within the extent."""
 
-    operand: NormalForm
+    operand: NormalForm[L]
     extent: Extent
 
 
 @dataclass(frozen=True, slots=True)
-class UntilReached:
+class UntilReached(Generic[L]):
     """`right` holds at a time within the extent, and `left` at all times before."""
 
-    left: NormalForm
-    right: NormalForm
+    left: NormalForm[L]
+    right: NormalForm[L]
     extent: Extent
 
 
-NormalForm = StateFormula | Negated | Connected | NextState | UntilReached
+NormalForm = StateFormula[L] | Negated[L] | Connected[L] | NextState[L] | UntilReached[L]
 
 
-def normal_form(path: PathFormula, model: BoundModel) -> NormalForm:
+def normal_form(path: PathFormula, model: BoundModel) -> NormalForm[Expression]:
     """The normal form of a bound path formula.
 
     Raises:
@@ -105,7 +111,7 @@ def normal_form(path: PathFormula, model: BoundModel) -> NormalForm:
     Source: Baier & Katoen (2008), 5.1.
     """
 
-    def inner(part: PathFormula) -> NormalForm:
+    def inner(part: PathFormula) -> NormalForm[Expression]:
         return normal_form(part, model)
 
     match path:
@@ -150,7 +156,7 @@ def normal_form(path: PathFormula, model: BoundModel) -> NormalForm:
             assert_never(path)
 
 
-def state_formulas(form: NormalForm) -> Iterator[Expression]:
+def state_formulas(form: NormalForm[L]) -> Iterator[L]:
     """The state formulas of a normal form, from left to right."""
     match form:
         case StateFormula(formula):
@@ -164,20 +170,42 @@ def state_formulas(form: NormalForm) -> Iterator[Expression]:
             assert_never(form)
 
 
+def with_leaves(form: NormalForm[L], leaf: Callable[[L], M]) -> NormalForm[M]:
+    """The normal form with `leaf` of each state formula in its place."""
+    match form:
+        case StateFormula(formula):
+            return StateFormula(leaf(formula))
+        case Negated(operand):
+            return Negated(with_leaves(operand, leaf))
+        case Connected(operator, left, right):
+            return Connected(operator, with_leaves(left, leaf), with_leaves(right, leaf))
+        case NextState(operand, extent):
+            return NextState(with_leaves(operand, leaf), extent)
+        case UntilReached(left, right, extent):
+            return UntilReached(with_leaves(left, leaf), with_leaves(right, leaf), extent)
+        case _:
+            assert_never(form)
+
+
 def only_window(extent: Extent) -> Window:
     """The extent as a time interval. Raises UnsupportedError for a bound on a reward."""
     if isinstance(extent, Window):
         return extent
-    raise UnsupportedError(
+    raise reward_bound_refused()
+
+
+def reward_bound_refused() -> UnsupportedError:
+    """The error of a bound on a reward where only bounds on time are supported."""
+    return UnsupportedError(
         "a bound on a reward is supported for X, F, G, U, W and R over state formulas, checked "
         "numerically; not in formulas with several temporal operators, in A and E, or by simulation"
     )
 
 
-_TRUE = StateFormula(Literal(True, Type.BOOL))
+_TRUE: StateFormula[Expression] = StateFormula(Literal(True, Type.BOOL))
 
 
-def _negation(form: NormalForm) -> NormalForm:
+def _negation(form: NormalForm[Expression]) -> NormalForm[Expression]:
     match form:
         case Negated(operand):
             return operand
@@ -189,7 +217,9 @@ def _negation(form: NormalForm) -> NormalForm:
             assert_never(form)
 
 
-def _conjunction(left: NormalForm, right: NormalForm) -> NormalForm:
+def _conjunction(
+    left: NormalForm[Expression], right: NormalForm[Expression]
+) -> NormalForm[Expression]:
     if isinstance(left, StateFormula) and isinstance(right, StateFormula):
         return StateFormula(Binary(Operator.AND, left.formula, right.formula))
     return Connected(Operator.AND, left, right)

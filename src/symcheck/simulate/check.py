@@ -7,40 +7,34 @@ uniformly at random: the result is the value of that strategy, between the minim
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from fractions import Fraction
 from functools import partial
 from math import inf, isinf
 from time import perf_counter
-from typing import assert_never
 
 from symcheck.check.result import Exact, Result, Statistical
 from symcheck.engines.base import Engine
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
 from symcheck.parallel.workers import Workers
 from symcheck.semantics.binding.probability_sums import normalised_at
-from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.rewards import Reward, Time, operator_reward
+from symcheck.semantics.query import (
+    LongRunProbability,
+    PathProbability,
+    ProbabilityGiven,
+    Threshold,
+    query_of,
+)
 from symcheck.semantics.state_faults import AlmostOne
 from symcheck.simulate.intervals import IntervalEstimate
 from symcheck.simulate.moments import Moments
-from symcheck.simulate.monitors import Monitor, path_monitor, reward_monitor
+from symcheck.simulate.monitors import monitor_of
 from symcheck.simulate.path import used_seed
 from symcheck.simulate.samples import SampledProperty, Samples
 from symcheck.simulate.statistics import Plan, estimate, interval_so_far, sequential_test
-from symcheck.syntax.ast import (
-    Bound,
-    ConditionalProbability,
-    ExpectedTime,
-    Expression,
-    ExpressionNode,
-    ProbabilityOperator,
-    RewardOperator,
-)
+from symcheck.syntax.ast import AnyMeasure, Expression
 from symcheck.syntax.printer import pretty
 
 __all__ = ["SampledSoFar", "SamplesObserver", "check_by_sampling"]
@@ -111,8 +105,15 @@ def check_by_sampling(
     """
     started = perf_counter()
     plan = plan or Plan()
-    monitor, reward, bound = _read_operator(model, formula)
-    if model.type.has_choices and bound is not None:
+    if not isinstance(formula, AnyMeasure):
+        raise UnsupportedError(
+            f"sampling supports a single P, R or T operator, not '{pretty(formula)}'; "
+            "without sampling it is checked numerically"
+        )
+    query = query_of(formula, model)
+    quantity, threshold = query.quantity, query.threshold
+    monitor = monitor_of(quantity, model)
+    if model.type.has_choices and threshold is not None:
         raise UnsupportedError(
             "sampling does not decide thresholds of an mdp: a threshold must hold for all "
             "strategies, and sampling follows one, the uniform strategy; without sampling it is "
@@ -124,6 +125,11 @@ def check_by_sampling(
             "two has to go"
         )
     seed = used_seed(plan.seed)
+    match quantity:
+        case PathProbability() | ProbabilityGiven() | LongRunProbability():
+            reward = None
+        case _:
+            reward = quantity.reward
     sampled = SampledProperty(
         model, table, monitor, reward, labels or {}, seed, plan.max_steps, fix_deadlocks
     )
@@ -138,9 +144,9 @@ def check_by_sampling(
     samples = Samples(sampled, workers or Workers(), None if observer is None else report)
     try:
         result = (
-            _decide_by_test(samples, plan, bound, probability)
+            _decide_by_test(samples, plan, threshold, probability)
             if plan.method == "sprt"
-            else _estimate_by_interval(samples, plan, bound, probability)
+            else _estimate_by_interval(samples, plan, threshold, probability)
         )
     except AlmostOne as fault:
         return check_by_sampling(
@@ -166,53 +172,29 @@ def check_by_sampling(
     )
 
 
-def _read_operator(
-    model: BoundModel, formula: Expression
-) -> tuple[Monitor, Reward | None, Bound | None]:
-    match formula:
-        case ProbabilityOperator(_, bound, path):
-            return path_monitor(path, model), None, bound
-        case RewardOperator(_, bound, _, query):
-            return reward_monitor(query, model), operator_reward(formula, model), bound
-        case ExpectedTime(_, bound, path):
-            return reward_monitor(path, model), Time(), bound
-        case ConditionalProbability():
-            raise UnsupportedError(
-                "sampling does not estimate conditional probabilities; without it they are "
-                "computed numerically"
-            )
-        case ExpressionNode():
-            raise UnsupportedError(
-                f"sampling supports a single P, R or T operator, not '{pretty(formula)}'; "
-                "without sampling it is checked numerically"
-            )
-        case _:
-            assert_never(formula)
-
-
 def _estimate_by_interval(
-    samples: Samples, plan: Plan, bound: Bound | None, probability: bool
+    samples: Samples, plan: Plan, threshold: Threshold | None, probability: bool
 ) -> Result:
     if samples.support.low == inf:
-        return _infinite("paths that never reach the target have a positive probability", bound)
+        return _infinite("paths that never reach the target have a positive probability", threshold)
     interval = estimate(samples, plan, probability=probability)
     method = f"estimated by {plan.method.upper()}"
     if isinf(interval.mean):
-        return _infinite("a sampled path never reaches the target", bound)
+        return _infinite("a sampled path never reaches the target", threshold)
     accuracy = _accuracy(interval)
-    if bound is None:
+    if threshold is None:
         return Result(interval.mean, accuracy, method, warnings=interval.warnings)
     return Result(
-        _verdict(interval, bound),
+        _verdict(interval, threshold),
         accuracy,
         f"{method}: {format_value(interval.mean)} ({accuracy})",
         warnings=interval.warnings,
     )
 
 
-def _infinite(explanation: str, bound: Bound | None) -> Result:
+def _infinite(explanation: str, threshold: Threshold | None) -> Result:
     """The result of a reward that some paths accumulate without end."""
-    return Result(_compare(inf, bound) if bound else inf, Exact(), explanation)
+    return Result(threshold.admits(inf) if threshold else inf, Exact(), explanation)
 
 
 def _accuracy(interval: IntervalEstimate) -> Statistical:
@@ -226,24 +208,12 @@ def _accuracy(interval: IntervalEstimate) -> Statistical:
     )
 
 
-def _compare(value: float, bound: Bound) -> bool:
-    comparison = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}[
-        bound.operator
-    ]
-    return bool(comparison(value, _threshold(bound)))
-
-
-def _threshold(bound: Bound) -> Fraction | float:
-    value = evaluate(bound.threshold, {}, exact=True)
-    return value if isinstance(value, float) else Fraction(value)
-
-
-def _verdict(interval: IntervalEstimate, bound: Bound) -> bool:
+def _verdict(interval: IntervalEstimate, threshold: Threshold) -> bool:
     """Compare the interval with the threshold. Raises NumericalError if it does not decide."""
-    verdict = _compare(interval.lower, bound)
-    if verdict != _compare(interval.upper, bound):
+    verdict = threshold.admits(interval.lower)
+    if verdict != threshold.admits(interval.upper):
         raise NumericalError(
-            f"the threshold {float(_threshold(bound)):g} lies within the interval "
+            f"the threshold {float(threshold.value):g} lies within the interval "
             f"[{interval.lower:.6g}, {interval.upper:.6g}] estimated from {interval.samples} "
             "samples, so it is not decided; take more samples ('samples'), or check without "
             "sampling"
@@ -251,23 +221,25 @@ def _verdict(interval: IntervalEstimate, bound: Bound) -> bool:
     return verdict
 
 
-def _decide_by_test(samples: Samples, plan: Plan, bound: Bound | None, probability: bool) -> Result:
-    if bound is None or not probability:
+def _decide_by_test(
+    samples: Samples, plan: Plan, threshold: Threshold | None, probability: bool
+) -> Result:
+    if threshold is None or not probability:
         raise UnsupportedError(
             "the method sprt decides thresholds on probabilities only (P>=0.5 [ … ]); ci, aci and "
             "apmc estimate values"
         )
-    threshold = float(_threshold(bound))
-    above, used = sequential_test(samples, plan, threshold)
+    value = float(threshold.value)
+    above, used = sequential_test(samples, plan, value)
     width, error = plan.width or 0.05, plan.error or 0.01
     explanation = (
         f"decided by SPRT after {used} samples; correct with probability {1 - error:g} unless the "
-        f"value is within {width:g} of {threshold:g}"
+        f"value is within {width:g} of {value:g}"
     )
     # Within the indifference region the test may decide either way.
-    lower, upper = (threshold - width, 1.0) if above else (0.0, threshold + width)
+    lower, upper = (value - width, 1.0) if above else (0.0, value + width)
     return Result(
-        above is (bound.operator in (">", ">=")),
+        above is threshold.operator.is_lower_bound,
         Statistical(1 - error, lower, upper, used, "Wald's test"),
         explanation,
     )

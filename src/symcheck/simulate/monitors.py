@@ -15,38 +15,37 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Bools, Floats, Int32s
 from symcheck.numerics.graph import backward_reachable
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.path_normal_form import (
-    Connected,
-    Negated,
-    NextState,
-    NormalForm,
-    StateFormula,
-    UntilReached,
-    normal_form,
-    only_window,
+from symcheck.semantics.path_formulas import (
+    LtlPathFormula,
+    NextPath,
+    PathFormula,
+    RewardPath,
+    StatePath,
+    UntilPath,
 )
-from symcheck.semantics.time_bounds import Window, bound_value, window
+from symcheck.semantics.path_normal_form import reward_bound_refused
+from symcheck.semantics.query import (
+    CoSafeReward,
+    CostBoundedReward,
+    CumulativeReward,
+    DiscountedReward,
+    InstantaneousReward,
+    LongRunProbability,
+    LongRunReward,
+    PathProbability,
+    ProbabilityGiven,
+    Quantity,
+    ReachReward,
+    TotalReward,
+)
+from symcheck.semantics.time_bounds import Window
 from symcheck.simulate import tuning
 from symcheck.simulate.intervals import Range
 from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.simulate.reward_range import StepRewards
-from symcheck.syntax.ast import (
-    BinaryTemporal,
-    CostBoundedReward,
-    CumulativeReward,
-    DiscountedReward,
-    Eventually,
-    Expression,
-    ExpressionNode,
-    InstantaneousReward,
-    PathFormula,
-    RewardQuery,
-    SteadyStateReward,
-    TotalReward,
-    UnaryTemporal,
-)
+from symcheck.syntax.ast import Expression
 
-__all__ = ["Decision", "Goal", "Monitor", "Paths", "path_monitor", "reward_monitor"]
+__all__ = ["Decision", "Goal", "Monitor", "Paths", "monitor_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,37 +235,78 @@ class _ReachabilityMonitor(Monitor):
         return rewards.before(0)
 
 
-# --------------------------------------------------------------------------------- reading formulas
+# ---------------------------------------------------------------------------------- reading queries
 
 
-def path_monitor(path: PathFormula, model: BoundModel) -> Monitor:
-    """The monitor of a path formula.
+def monitor_of(quantity: Quantity[Expression], model: BoundModel) -> Monitor:
+    """The monitor of a quantity.
 
     Raises:
-        UnsupportedError: the formula has several temporal operators.
-        InputError: a bound is negative or cannot be satisfied.
+        UnsupportedError: paths do not decide it: it depends on infinite paths, or on another path
+            formula than one of one temporal operator without rewards.
+        InputError: a bound on steps is not an integer.
     """
-    return _monitor(normal_form(path, model), model, negative=False)
+    match quantity:
+        case PathProbability(path):
+            return _path_monitor(path, model)
+        case ProbabilityGiven():
+            raise UnsupportedError(
+                "sampling does not estimate conditional probabilities; without it they are "
+                "computed numerically"
+            )
+        case CumulativeReward(_, times):
+            _, upper = _time_bounds(times, model)
+            assert upper is not None
+            return _CumulativeMonitor(upper)
+        case InstantaneousReward(_, time):
+            return _InstantaneousMonitor(_time_bounds(Window(time, time), model)[0])
+        case ReachReward(_, target):
+            return _ReachabilityMonitor(target)
+        case DiscountedReward() | CostBoundedReward():
+            raise UnsupportedError(
+                "sampling does not estimate discounted rewards and rewards within a cost; without "
+                "sampling they are computed numerically"
+            )
+        case LongRunReward() | TotalReward():
+            raise UnsupportedError(
+                "sampling does not estimate R [ "
+                f"{'S' if isinstance(quantity, LongRunReward) else 'C'} ], which depends on "
+                "infinite paths; C<=k or I=k with a large k approximates it, and without sampling "
+                "it is computed numerically"
+            )
+        case CoSafeReward():
+            raise UnsupportedError(
+                "sampling estimates expectations with C<=k, with I=k and until states are reached "
+                "(F states); without it, those until a path formula is satisfied are computed "
+                "numerically"
+            )
+        case LongRunProbability():
+            raise UnsupportedError(
+                "sampling does not estimate long-run averages, which depend on infinite paths; "
+                "without sampling they are computed numerically"
+            )
+        case _:
+            assert_never(quantity)
 
 
-def _monitor(form: NormalForm, model: BoundModel, *, negative: bool) -> Monitor:
-    match form:
-        case StateFormula(formula):
-            return _StepMonitor(formula, 0, 0.0, None, negative)
-        case Negated(operand):
-            return _monitor(operand, model, negative=not negative)
-        case NextState(StateFormula(target), extent):
-            return _StepMonitor(target, 1, *_time_bounds(only_window(extent), model), negative)
-        case UntilReached(StateFormula(left), StateFormula(right), extent):
-            return _UntilMonitor(left, right, *_time_bounds(only_window(extent), model), negative)
-        case Connected() | NextState() | UntilReached():
+def _path_monitor(path: PathFormula[Expression], model: BoundModel) -> Monitor:
+    match path:
+        case StatePath(states, negative):
+            return _StepMonitor(states, 0, 0.0, None, negative)
+        case NextPath(target, window, negative):
+            return _StepMonitor(target, 1, *_time_bounds(window, model), negative)
+        case UntilPath(left, right, window, negative):
+            return _UntilMonitor(left, right, *_time_bounds(window, model), negative)
+        case RewardPath():
+            raise reward_bound_refused()
+        case LtlPathFormula():
             raise UnsupportedError(
                 "sampling does not support path formulas with several temporal operators (general "
                 "LTL); it supports X, F, G, U, W and R over state formulas, with or without "
                 "bounds; without sampling the formula is checked numerically"
             )
         case _:
-            assert_never(form)
+            assert_never(path)
 
 
 def _time_bounds(times: Window, model: BoundModel) -> tuple[float, float | None]:
@@ -274,47 +314,3 @@ def _time_bounds(times: Window, model: BoundModel) -> tuple[float, float | None]
         return times.times()
     steps = times.steps()
     return float(steps.lower), None if steps.upper is None else float(steps.upper)
-
-
-def reward_monitor(query: RewardQuery, model: BoundModel) -> Monitor:
-    """The monitor of a reward operator.
-
-    Raises:
-        UnsupportedError: R [ S ], R [ C ] without a bound, or a reward until an LTL formula.
-        InputError: a bound is negative or cannot be satisfied.
-    """
-    match query:
-        case CumulativeReward(bound):
-            lower, upper = _time_bounds(window(bound), model)
-            if upper is None or lower:
-                raise UnsupportedError("a cumulative reward takes an upper bound only: C<=k")
-            return _CumulativeMonitor(upper)
-        case InstantaneousReward(time):
-            value = bound_value(time)
-            return _InstantaneousMonitor(
-                _time_bounds(Window(value, value, span=time.span), model)[0]
-            )
-        case Eventually(operand, None) if isinstance(
-            target := normal_form(operand, model), StateFormula
-        ):
-            return _ReachabilityMonitor(target.formula)
-        case DiscountedReward() | CostBoundedReward():
-            raise UnsupportedError(
-                "sampling does not estimate discounted rewards and rewards within a cost; without "
-                "sampling they are computed numerically"
-            )
-        case SteadyStateReward() | TotalReward():
-            raise UnsupportedError(
-                "sampling does not estimate R [ "
-                f"{'S' if isinstance(query, SteadyStateReward) else 'C'} ], which depends on "
-                "infinite paths; C<=k or I=k with a large k approximates it, and without sampling "
-                "it is computed numerically"
-            )
-        case ExpressionNode() | UnaryTemporal() | BinaryTemporal():
-            raise UnsupportedError(
-                "sampling estimates expectations with C<=k, with I=k and until states are reached "
-                "(F states); without it, those until a path formula is satisfied are computed "
-                "numerically"
-            )
-        case _:
-            assert_never(query)

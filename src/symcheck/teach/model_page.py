@@ -8,25 +8,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, Unpack
 
 from symcheck.check.context import Context
-from symcheck.check.path_formulas import UntilPath, resolve
 from symcheck.check.property_instance import PropertyInstance
-from symcheck.check.queries.rewards import reward_of
 from symcheck.check.result import Result, show_value
-from symcheck.check.state_formulas import states_of
+from symcheck.check.state_formulas import query_of
 from symcheck.constant_values import GivenConstants, constant_values
 from symcheck.direction import Direction
 from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import MemoryLimitError, SymcheckError, UnsupportedError, UsageError
 from symcheck.options import MethodName, Options, OptionValues
 from symcheck.page.document import JsonObject, JsonValue, document, fragment
-from symcheck.semantics.model import BoundModel
+from symcheck.semantics.path_formulas import UntilPath
+from symcheck.semantics.query import PathProbability, ReachReward
+from symcheck.semantics.rewards import Reward
 from symcheck.symbolic.matrix.transitions import transitions
-from symcheck.syntax.ast import (
-    Eventually,
-    Measure,
-    ProbabilityOperator,
-    RewardOperator,
-)
+from symcheck.syntax.ast import ProbabilityOperator, RewardOperator
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.parse import parse_properties, parse_properties_file
 from symcheck.syntax.printer import pretty
@@ -306,16 +301,17 @@ class _Writer:
         """The stages of a property `P [ left U right ]` or `R [ F target ]`."""
         bound, labels = instance.bind(self.model.bound)
         context = Context(self._explicit, self.model.options, labels)
+        if not isinstance(bound.formula, ProbabilityOperator | RewardOperator):
+            return  # other formulas have no stages to show
         try:
-            match bound.formula:
-                case ProbabilityOperator() as formula:
-                    yield from self._until(context, formula, symbolic)
-                case RewardOperator(query=Eventually() as path) as formula:
-                    target = resolve(path, states_of(context), self._explicit)
-                    if isinstance(target, UntilPath) and target.window.trivial:
-                        yield from self._reward(context, formula, target.right)
+            query = query_of(context, bound.formula)
+            match query.quantity:
+                case PathProbability(UntilPath() as path) if path.window.trivial:
+                    yield from self._until(path, query.direction, symbolic)
+                case ReachReward(reward, target):
+                    yield from self._reward(reward, target, query.direction)
                 case _:
-                    pass  # other formulas have no stages to show
+                    pass
         except SymcheckError as error:
             frame = {"title": "This trace ended with an error.", "note": str(error)}
             yield self._on_states("Trace", "", frame)
@@ -326,14 +322,13 @@ class _Writer:
         return self.board.engine
 
     def _until(
-        self, context: Context, formula: ProbabilityOperator, symbolic: SymbolicEngine | None
+        self,
+        path: UntilPath[StateSet],
+        direction: Direction | None,
+        symbolic: SymbolicEngine | None,
     ) -> Iterator[Show]:
         """prob0, prob1, value and policy iteration."""
         explicit, of = self._explicit, ""
-        direction = _direction(formula, self.model.bound)
-        path = resolve(formula.path, states_of(context), explicit)
-        if not isinstance(path, UntilPath) or not path.window.trivial:
-            return
         if path.negative:
             direction = direction and direction.dual
             of = " of the complement"
@@ -354,11 +349,9 @@ class _Writer:
         )
 
     def _reward(
-        self, context: Context, formula: RewardOperator, target: StateSet
+        self, reward: Reward, target: StateSet, direction: Direction | None
     ) -> Iterator[Show]:
         """Value and policy iteration of the expected reward until a target."""
-        direction = _direction(formula, self.model.bound)
-        reward = reward_of(context, formula)
         yield from self._iterations(
             {"optimistic": "Optimistic value iteration", "policy": "Policy iteration"},
             direction,
@@ -381,17 +374,6 @@ class _Writer:
             yield equations_show(title, seen, self.board)
             if not seen.unknown:
                 break
-
-
-def _direction(formula: Measure, model: BoundModel) -> Direction | None:
-    """The direction of an operator; that of a bound is the one that decides it."""
-    if not model.type.has_choices:
-        return None
-    if formula.direction is not None:
-        return Direction(formula.direction)
-    if formula.bound is None:
-        return None
-    return Direction.MIN if formula.bound.operator in (">", ">=") else Direction.MAX
 
 
 def _title(program: Program) -> str:

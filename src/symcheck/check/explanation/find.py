@@ -15,7 +15,7 @@ from symcheck.check.context import Context
 from symcheck.check.counterexample import Counterexample
 from symcheck.check.explanation.command_sets import command_set
 from symcheck.check.explanation.named_paths import named_paths
-from symcheck.check.explanation.question import Number, Question, question_of
+from symcheck.check.explanation.path_search import Number, PathSearch, path_search
 from symcheck.check.strategies.to_explicit import check_rows_fit, to_explicit
 from symcheck.numerics.likeliest_paths import FoundPath, likeliest_paths
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
@@ -48,22 +48,24 @@ def find_counterexample(
     check_rows_fit(context.engine, "a counterexample needs")
     options = replace(context.options, strategy=True)
     context = to_explicit(replace(context, options=options, relevant_states=None))
-    question = question_of(context, formula)
+    search = path_search(context, formula)
     limit = tuning.COUNTEREXAMPLE_PATHS if paths is None else paths
     chosen: list[FoundPath] = []
-    total: Number = Fraction(0) if question.engine.exact else 0.0
-    complete = _reached(total, chosen, question)
-    for path in islice(likeliest_paths(question.problem, question.initial), limit):
+    total: Number = Fraction(0) if search.engine.exact else 0.0
+    complete = _reached(total, chosen, search)
+    for path in islice(likeliest_paths(search.problem, search.initial), limit):
         if complete:
             break
         counted = path
-        if question.share is not None:
-            counted = replace(path, probability=float(path.probability) * question.share(path))
+        if search.probability_in_time is not None:
+            counted = replace(
+                path, probability=float(path.probability) * search.probability_in_time(path)
+            )
         chosen.append(counted)
-        total += _weight(counted, question)
-        complete = _reached(total, chosen, question)
+        total += _weight(counted, search)
+        complete = _reached(total, chosen, search)
     chosen.sort(key=lambda path: -path.probability)
-    notes = [question.note] if question.note else []
+    notes = [search.note] if search.note else []
     if not complete:
         notes.append(
             f"the limit of {limit} paths was reached before the threshold"
@@ -72,38 +74,38 @@ def find_counterexample(
         )
     sums = (
         [sum((p.probability for p in chosen), Fraction(0)), total]
-        if question.engine.exact
-        else [fsum(p.probability for p in chosen), fsum(_weight(p, question) for p in chosen)]
+        if search.engine.exact
+        else [fsum(p.probability for p in chosen), fsum(_weight(p, search) for p in chosen)]
     )
     result = Counterexample(
         " ".join((formula.span.text or pretty(formula)).split()),
-        question.refutes,
-        question.satisfies,
-        question.need,
-        question.strict,
-        named_paths(question, chosen),
+        search.refutes,
+        search.satisfies,
+        search.threshold,
+        search.strict,
+        named_paths(search, chosen),
         sums[0],
         complete,
-        reward=None if question.reward is None else sums[1],
+        reward=None if search.reward is None else sums[1],
         note="; ".join(notes),
     )
-    return result.with_commands(*command_set(question)) if commands else result
+    return result.with_commands(*command_set(search)) if commands else result
 
 
-def _weight(path: FoundPath, question: Question) -> Number:
+def _weight(path: FoundPath, search: PathSearch) -> Number:
     """What a path adds to the sum: its probability, times what it earns."""
-    return path.probability if question.reward is None else path.probability * question.reward(path)
+    return path.probability if search.reward is None else path.probability * search.reward(path)
 
 
-def _reached(total: Number, chosen: list[FoundPath], question: Question) -> bool:
+def _reached(total: Number, chosen: list[FoundPath], search: PathSearch) -> bool:
     """Whether the sum is proved to reach what is needed.
 
     total: the sum; of doubles, a rough one, which is computed again near the threshold.
     """
-    if not question.engine.exact and total > question.need * _NEARLY:
+    if not search.engine.exact and total > search.threshold * _NEARLY:
         slack = _ROUNDINGS * UNIT_ROUNDOFF
-        total = fsum(_weight(p, question) * (1 - slack * len(p.states)) for p in chosen)
+        total = fsum(_weight(p, search) * (1 - slack * len(p.states)) for p in chosen)
         total *= 1 - 2 * UNIT_ROUNDOFF
-    elif not question.engine.exact:
-        return question.need <= 0 and not question.strict
-    return total > question.need if question.strict else total >= question.need
+    elif not search.engine.exact:
+        return search.threshold <= 0 and not search.strict
+    return total > search.threshold if search.strict else total >= search.threshold

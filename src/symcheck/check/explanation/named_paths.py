@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from symcheck.check.counterexample import LikelyPath
-from symcheck.check.explanation.question import Question
+from symcheck.check.explanation.path_search import PathSearch
 from symcheck.engines.base import erased
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
@@ -22,13 +22,11 @@ from symcheck.semantics.interpreter import choices
 __all__ = ["named_paths"]
 
 
-def named_paths(question: Question, paths: Sequence[FoundPath]) -> tuple[LikelyPath, ...]:
+def named_paths(search: PathSearch, paths: Sequence[FoundPath]) -> tuple[LikelyPath, ...]:
     """The paths with the valuations of their states and the actions of their steps."""
-    engine, strategy = question.engine, question.rows
+    engine, strategy = search.engine, search.rows
     of_model = [
-        path.states
-        if question.origin is None
-        else tuple(question.origin[list(path.states)].tolist())
+        path.states if search.origin is None else tuple(search.origin[list(path.states)].tolist())
         for path in paths
     ]
     numbers = sorted({s for path in of_model for s in path})
@@ -48,9 +46,9 @@ def named_paths(question: Question, paths: Sequence[FoundPath]) -> tuple[LikelyP
                 )
             ),
             path.probability,
-            None if question.reward is None else question.reward(path),
+            None if search.reward is None else search.reward(path),
             tuple(
-                _step(question.problem.matrix, row, target)
+                _step(search.problem.matrix, row, target)
                 for row, target in zip(path.rows, path.states[1:], strict=True)
             ),
         )

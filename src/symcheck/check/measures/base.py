@@ -16,9 +16,9 @@ from fractions import Fraction
 from typing import Protocol
 
 from symcheck.check.context import Context
-from symcheck.check.path_formulas import UntilPath
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
+from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
 
@@ -37,7 +37,7 @@ class TimedMeasures(Protocol):
     def bounded_until(
         self,
         context: Context,
-        path: UntilPath,
+        path: UntilPath[StateSet],
         direction: Direction | None,
         unbounded: Callable[[Context], Values],
     ) -> Values:
@@ -50,7 +50,7 @@ class TimedMeasures(Protocol):
     def prob_greater_zero(
         self,
         context: Context,
-        path: UntilPath,
+        path: UntilPath[StateSet],
         direction: Direction | None,
         unbounded: Callable[[Context], Values],
     ) -> StateSet | None:

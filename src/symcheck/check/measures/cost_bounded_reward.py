@@ -46,8 +46,6 @@ def cost_bounded_reward(
     engine, window = context.engine, count.window
     if window.upper is None or window.lower or window.lower_strict:
         raise UnsupportedError('a cumulative reward has an upper bound only: C{"c"}<=k')
-    if context.options.fairness and direction is not None:
-        raise UnsupportedError("expected rewards over fair strategies are not supported")
     system = engine.system(engine.all)
     bound = scale_bound(context, system, row_rewards(context, system, count), count)
     if bound.upper is None or bound.empty:

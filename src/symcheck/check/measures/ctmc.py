@@ -15,7 +15,6 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.measures.signed_steps import REWARD_ERROR
 from symcheck.check.measures.step_bounded import lift_bounds
-from symcheck.check.path_formulas import UntilPath
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
@@ -24,6 +23,7 @@ from symcheck.matrices.rows import Floats
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.numerics.underflow import enclosed
+from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
 
@@ -71,7 +71,7 @@ def next_probability(
 
 def bounded_until(
     context: Context,
-    path: UntilPath,
+    path: UntilPath[StateSet],
     direction: Direction | None,
     unbounded: Callable[[Context], Values],
 ) -> Values:
@@ -98,7 +98,7 @@ def bounded_until(
 
 def prob_greater_zero(
     context: Context,
-    path: UntilPath,
+    path: UntilPath[StateSet],
     direction: Direction | None,
     unbounded: Callable[[Context], Values],
 ) -> StateSet | None:
@@ -153,7 +153,7 @@ def _refuse_rationals(context: Context) -> None:
 
 
 def _within(
-    context: Context, path: UntilPath, time: float, unbounded: Callable[[Context], Values]
+    context: Context, path: UntilPath[StateSet], time: float, unbounded: Callable[[Context], Values]
 ) -> Values:
     """Probability of `left U<=t right`, or of its complement, which `unbounded` computes for t
     without end.

@@ -84,10 +84,6 @@ def _solved_averages(
     from symcheck.numerics.linear.methods import solve_linear
     from symcheck.numerics.long_run.mean_payoff import component_gains, mec_quotient
 
-    if context.options.fairness:
-        raise UnsupportedError(
-            "long-run averages over fair strategies only are not supported; without -fair they are"
-        )
     if is_infinite(rewards).any():
         raise UnsupportedError("long-run averages of infinite rewards are not supported")
     options, observer = context.options, context.observer

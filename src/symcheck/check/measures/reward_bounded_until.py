@@ -68,7 +68,6 @@ def reward_bounded_until(
 
     """
     engine = context.engine
-    _supported(context, direction)
     trivial = [c for c in counts if c.window.trivial]
     counts = [c for c in counts if c not in trivial]
     if not counts:
@@ -104,7 +103,6 @@ def reward_bounded_next(
 ) -> Values:
     """Probability that the next state is in `target` and the reward of the step in its bounds."""
     engine = context.engine
-    _supported(context, direction)
     system = engine.system(engine.all)
     allowed = np.ones(len(system.row_sums()), np.bool_)
     for count in counts:
@@ -126,13 +124,6 @@ def reward_bounded_next(
         return system.lift(values, None)
     rounding_error = 0.25 * ROUNDING * np.where((values == 0) | (values == 1), 0.0, values)
     return _lift(context, system, values - rounding_error, np.minimum(values + rounding_error, 1.0))
-
-
-def _supported(context: Context, direction: Direction | None) -> None:
-    if context.options.fairness and direction is not None:
-        raise UnsupportedError(
-            "bounds on rewards over fair strategies only are not supported; without -fair they are"
-        )
 
 
 def row_rewards(context: Context, system: System, count: RewardWindow) -> Numbers:

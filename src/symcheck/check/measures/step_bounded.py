@@ -25,7 +25,6 @@ from symcheck.check.measures.signed_steps import (
     is_signed,
     signed_steps,
 )
-from symcheck.check.path_formulas import UntilPath
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
@@ -34,6 +33,7 @@ from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.linear.problem import Progress, largest_width
 from symcheck.numerics.tuning import LIMIT_STEPS, UNIT_ROUNDOFF
 from symcheck.numerics.underflow import enclosed, may_underflow
+from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
 
@@ -68,7 +68,7 @@ def next_probability(
 
 def bounded_until(
     context: Context,
-    path: UntilPath,
+    path: UntilPath[StateSet],
     direction: Direction | None,
     unbounded: Callable[[Context], Values],
 ) -> Values:
@@ -105,7 +105,7 @@ def bounded_until(
 
 def prob_greater_zero(
     context: Context,
-    path: UntilPath,
+    path: UntilPath[StateSet],
     direction: Direction | None,
     unbounded: Callable[[Context], Values],
 ) -> StateSet:

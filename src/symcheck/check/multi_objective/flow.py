@@ -12,60 +12,54 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.omega_regular.ltl import linear_product
-from symcheck.check.path_formulas import StatesOf, TemporalPath, UntilPath, resolve, temporal
-from symcheck.check.queries.rewards import reward_of
 from symcheck.engines.base import Engine, Number, Product, StateSet
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, full, is_infinite
 from symcheck.matrices.rows import Bools, Int32s
 from symcheck.numerics.graph import Incidence
 from symcheck.numerics.multi_objective import linear_program as numerics
-from symcheck.semantics.rewards import Reward, Steps, Time
-from symcheck.semantics.time_bounds import window
-from symcheck.syntax.ast import (
-    BinaryTemporal,
+from symcheck.semantics.path_formulas import as_ltl
+from symcheck.semantics.query import (
+    CoSafeReward,
     CostBoundedReward,
     CumulativeReward,
     DiscountedReward,
-    Eventually,
-    ExpectedTime,
-    ExpressionNode,
     InstantaneousReward,
-    PathFormula,
-    ProbabilityOperator,
-    RewardOperator,
-    SteadyState,
-    SteadyStateReward,
+    LongRunProbability,
+    LongRunReward,
+    PathProbability,
+    ProbabilityGiven,
+    Quantity,
+    ReachReward,
     TotalReward,
-    UnaryTemporal,
 )
+from symcheck.semantics.rewards import Reward, Steps
 
 __all__ = ["Objective", "ProductFlow", "flow_of"]
 
 
-ObjectiveFormula = ProbabilityOperator | RewardOperator | ExpectedTime | SteadyState
-
-
 @dataclass(frozen=True)
 class Objective:
-    """One objective. sign: 1 to maximise, -1 to minimise. bound: None if there is none."""
+    """One objective.
 
-    formula: ObjectiveFormula
+    text: how it is written. quantity: what it is about, over the sets of the engine. sign: 1 to
+    maximise, -1 to minimise. bound: None if there is none.
+    """
+
+    text: str
+    quantity: Quantity[StateSet]
     sign: int
     bound: Fraction | None
 
     @property
     def probability(self) -> bool:
         """Whether it is a P operator."""
-        return isinstance(self.formula, ProbabilityOperator)
+        return isinstance(self.quantity, PathProbability)
 
     @property
     def long_run(self) -> bool:
         """Whether it is a long-run average."""
-        formula = self.formula
-        return isinstance(formula, SteadyState) or (
-            isinstance(formula, RewardOperator) and isinstance(formula.query, SteadyStateReward)
-        )
+        return isinstance(self.quantity, LongRunProbability | LongRunReward)
 
     def internal(self, value: Number) -> Number:
         """A value for maximisation: a probability becomes that of the negation. Its own inverse."""
@@ -81,7 +75,8 @@ class Objective:
     def shown(self, value: Number) -> Number:
         """A value as it is reported; never -0."""
         value = self.internal(value)
-        return (min(max(value, 0), 1) if self.formula.is_probability else value) + 0
+        limited = isinstance(self.quantity, PathProbability | LongRunProbability)
+        return (min(max(value, 0), 1) if limited else value) + 0
 
 
 @dataclass(frozen=True)
@@ -129,7 +124,7 @@ class ProductFlow:
     engine: Engine
 
 
-def flow_of(context: Context, objectives: Sequence[Objective], states_of: StatesOf) -> ProductFlow:
+def flow_of(context: Context, objectives: Sequence[Objective]) -> ProductFlow:
     """The flow of the product with all that objectives must remember.
 
     That is a step counter for C<=k, whether F has been reached, and the automaton of P.
@@ -143,7 +138,7 @@ def flow_of(context: Context, objectives: Sequence[Objective], states_of: States
         products = products.extended(counter)
     terms: list[_Terms] = []
     for o, limit in zip(objectives, limits, strict=True):
-        product, parts = _terms(products, o, states_of)
+        product, parts = _terms(products, o)
         if limit is not None and counter is not None:
             within = counter.automaton_states(frozenset(range(limit)))
             parts = replace(parts, earning=products.lift(within, since=1))
@@ -154,36 +149,29 @@ def flow_of(context: Context, objectives: Sequence[Objective], states_of: States
     return _equations(products, objectives, terms)
 
 
-def _terms(
-    products: _Products, objective: Objective, states_of: StatesOf
-) -> tuple[Product | None, _Terms]:
+def _terms(products: _Products, objective: Objective) -> tuple[Product | None, _Terms]:
     """What an objective is about, and the product that it needs."""
-    context, formula, engine = products.context, objective.formula, products.engine
-    match formula:
-        case ProbabilityOperator(path=path):
-            read = temporal(path, states_of, context.engine.model)
-            lifted = tuple((e, products.lift(s)) for e, s in read.sets)
-            read = TemporalPath(read.form, lifted, negative=objective.sign < 0)
-            inner = replace(context, engine=engine).without_strategy()
-            product, pairs = linear_product(inner, read)
+    quantity, engine = objective.quantity, products.engine
+    match quantity:
+        case PathProbability(path):
+            ltl = as_ltl(path)
+            atoms = tuple(map(products.lift, ltl.atoms))
+            ltl = replace(ltl, atoms=atoms, negative=objective.sign < 0)
+            inner = replace(products.context, engine=engine).without_strategy()
+            product, pairs = linear_product(inner, ltl)
             return product, _Terms(accepted=[[avoid, *visits] for avoid, visits in pairs])
-        case SteadyState(formula=inner):
-            return None, _Terms(Steps(), products.lift(states_of(inner)))
-        case ExpectedTime(path=path):
-            return _until(products, Time(), path, states_of)
-        case RewardOperator(query=query):
-            reward = reward_of(context, formula)
-            match query:
-                case TotalReward() | CumulativeReward() | SteadyStateReward():
-                    return None, _Terms(reward, engine.all)
-                case InstantaneousReward() | DiscountedReward() | CostBoundedReward():
-                    raise _unsupported()
-                case ExpressionNode() | UnaryTemporal() | BinaryTemporal():
-                    return _until(products, reward, query, states_of)
-                case _:
-                    assert_never(query)
+        case LongRunProbability(states):
+            return None, _Terms(Steps(), products.lift(states))
+        case ReachReward(reward, target):
+            return _until(products, reward, target)
+        case TotalReward(reward) | CumulativeReward(reward) | LongRunReward(reward):
+            return None, _Terms(reward, engine.all)
+        case InstantaneousReward() | DiscountedReward() | CostBoundedReward() | CoSafeReward():
+            raise _unsupported()
+        case ProbabilityGiven():
+            raise _unsupported()
         case _:
-            assert_never(formula)
+            assert_never(quantity)
 
 
 def _unsupported() -> UnsupportedError:
@@ -193,15 +181,9 @@ def _unsupported() -> UnsupportedError:
     )
 
 
-def _until(
-    products: _Products, reward: Reward, path: PathFormula, states_of: StatesOf
-) -> tuple[Product | None, _Terms]:
+def _until(products: _Products, reward: Reward, target: StateSet) -> tuple[Product | None, _Terms]:
     """The reward that is earned until states are reached, or for ever if they are not."""
-    context, engine = products.context, products.engine
-    read = resolve(path, states_of, context.engine) if isinstance(path, Eventually) else None
-    if not isinstance(read, UntilPath) or not read.window.trivial:
-        raise _unsupported()
-    target = products.lift(read.right)
+    engine, target = products.engine, products.lift(target)
     if target <= engine.graph.all_successors_in(target):
         return None, _Terms(reward, ~target)
     product: Product = engine.product((target,), _SEEN)
@@ -262,13 +244,8 @@ def _equations(
 
 def _limit(objective: Objective) -> int | None:
     """The number of steps of C<=k."""
-    query = objective.formula.query if isinstance(objective.formula, RewardOperator) else None
-    if not isinstance(query, CumulativeReward):
-        return None
-    steps = window(query.bound).steps()
-    if steps.upper is None or steps.lower:
-        raise UnsupportedError("a cumulative reward has an upper bound only: C<=k")
-    return steps.upper
+    quantity = objective.quantity
+    return quantity.window.steps().upper if isinstance(quantity, CumulativeReward) else None
 
 
 def _counter(limit: int) -> _TableAutomaton:

@@ -8,7 +8,6 @@ from fractions import Fraction
 from symcheck.check.multi_objective.flow import Objective
 from symcheck.check.pareto_front import Halfspace, Number, ParetoFront
 from symcheck.numerics.multi_objective.pareto import Front
-from symcheck.syntax.printer import pretty
 
 __all__ = ["front_of"]
 
@@ -36,7 +35,7 @@ def front_of(objectives: Sequence[Objective], front: Front, *, exact: bool) -> P
         weights = (plain(o.sign * w) for o, w in zip(objectives, facet.weights, strict=True))
         halfspaces.append(Halfspace(tuple(weights), plain(facet.bound - shift)))
     return ParetoFront(
-        tuple(pretty(o.formula) for o in objectives),
+        tuple(o.text for o in objectives),
         tuple(
             tuple(plain(o.shown(x)) for o, x in zip(objectives, point, strict=True))
             for point in front.vertices.tolist()

@@ -16,7 +16,7 @@ within the rounding error is an error.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf, isfinite, nan
@@ -28,16 +28,15 @@ from symcheck.check.context import Context
 from symcheck.check.multi_objective.flow import Objective, flow_of
 from symcheck.check.multi_objective.linear_query import LinearQuery, is_cost
 from symcheck.check.pareto_front import ParetoFront, rounded
-from symcheck.check.path_formulas import StatesOf
 from symcheck.check.result import Answer, Estimate, Exact, Number, Result, SolverRun
+from symcheck.check.state_formulas import query_of
 from symcheck.check.strategies.to_explicit import to_explicit
+from symcheck.direction import Direction
 from symcheck.engines.capabilities import RepresentsOrbits
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
 from symcheck.matrices.numbers import numbers
 from symcheck.numerics.multi_objective.exact_lp import ROWS
-from symcheck.semantics.expressions.evaluate import evaluate_constant
 from symcheck.syntax.ast import (
-    Bound,
     ExpectedTime,
     Expression,
     MultiObjective,
@@ -45,10 +44,9 @@ from symcheck.syntax.ast import (
     RewardOperator,
     SteadyState,
 )
+from symcheck.syntax.printer import pretty
 
 __all__ = ["check_multi", "check_supported", "solve_query"]
-
-Pick = Callable[[Context], StatesOf]
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ class QueryResult:
     query: LinearQuery | None = None
 
 
-def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> Result:
+def check_multi(context: Context, formula: MultiObjective) -> Result:
     """The result of a multi-objective query.
 
     A linear program needs rows: those of a model on diagrams are listed for it.
@@ -81,15 +79,15 @@ def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> R
     """
     check_supported(context, formula)
     if context.engine.exact:
-        return _result(context, solve_query(context, formula, states_of(context)))
+        return _result(context, solve_query(context, formula))
     explored = to_explicit(context)
-    result = solve_query(explored, formula, states_of(explored))
+    result = solve_query(explored, formula)
     if (
         result.equations <= (ROWS if result.close else tuning.PROVED_EQUATIONS)
         and explored.engine.states <= tuning.RATIONAL_STATES
     ):
         try:
-            result = _by_rationals(explored, formula, states_of)
+            result = _by_rationals(explored, formula)
         except (NumericalError, UnsupportedError) as error:
             if result.close:
                 raise _undecided(error) from error
@@ -99,13 +97,11 @@ def check_multi(context: Context, formula: MultiObjective, states_of: Pick) -> R
     return _result(context, replace(result, about=result.about + remark))
 
 
-def _by_rationals(context: Context, formula: MultiObjective, states_of: Pick) -> QueryResult:
+def _by_rationals(context: Context, formula: MultiObjective) -> QueryResult:
     """The result on the model explored exactly, with numbers as doubles."""
-    from symcheck.check.rebind_exact import exact_twin
+    from symcheck.check.exact_twin import exact_twin
 
-    exact, twin = exact_twin(context, formula)
-    assert isinstance(twin, MultiObjective)
-    result = solve_query(exact, twin, states_of(exact))
+    result = solve_query(exact_twin(context), formula)
     front = None if result.front is None else result.front.rounded()
     return replace(result, value=_doubles(result.value), front=front)
 
@@ -148,18 +144,18 @@ def _result(context: Context, result: QueryResult) -> Result:
     return Result(result.value, accuracy, result.about, front_or_none=result.front)
 
 
-def solve_query(context: Context, formula: MultiObjective, states_of: StatesOf) -> QueryResult:
+def solve_query(context: Context, formula: MultiObjective) -> QueryResult:
     """The result on an explicit engine, without a proof of what doubles leave open."""
-    objectives = [_objective(o) for o in formula.objectives]
+    objectives = [_objective(context, o) for o in formula.objectives]
     if formula.lexicographic:
-        return _lexicographic(context, objectives, states_of)
+        return _lexicographic(context, objectives)
     optimised = [i for i, o in enumerate(objectives) if o.bound is None]
-    query = _query(context, objectives, optimised, states_of)
+    query = _query(context, objectives, optimised)
     value, about = query.answer()
     close = query.close
     if value is nan and len(optimised) == 1 and is_cost(objectives[optimised[0]]):
         # Either no strategy satisfies the bounds, or each that does has infinite cost.
-        others = _query(context, [o for o in objectives if o.bound is not None], (), states_of)
+        others = _query(context, [o for o in objectives if o.bound is not None], ())
         met, _ = others.answer()
         close = others.close
         value, about = (
@@ -172,9 +168,7 @@ def solve_query(context: Context, formula: MultiObjective, states_of: StatesOf) 
     return QueryResult(value, about, size, equations, flow.exact, close, query.front, query)
 
 
-def _lexicographic(
-    context: Context, objectives: Sequence[Objective], states_of: StatesOf
-) -> QueryResult:
+def _lexicographic(context: Context, objectives: Sequence[Objective]) -> QueryResult:
     """Optimise one objective after the other; those before keep their optimal values.
 
     An objective takes part only when its turn comes, because a finite cost is a restriction.
@@ -186,16 +180,14 @@ def _lexicographic(
     optimised = [o for o in objectives if o.bound is None]
     if not optimised:
         raise UnsupportedError("multilex(...) needs objectives with =?; multi(...) checks bounds")
-    query = _query(context, fixed, (), states_of)
+    query = _query(context, fixed, ())
     met, about = query.answer()
     close, values, last = query.close, list[Number](), query
     for objective in optimised if met else ():
-        query = _query(context, [*fixed, objective], (len(fixed),), states_of)
+        query = _query(context, [*fixed, objective], (len(fixed),))
         value, _ = query.answer()
         assert isinstance(value, float | Fraction)
-        if value is nan and not (
-            is_cost(objective) and _query(context, fixed, (), states_of).answer()[0]
-        ):
+        if value is nan and not (is_cost(objective) and _query(context, fixed, ()).answer()[0]):
             raise NumericalError(
                 "an optimum of multilex(...) is not attained within rounding errors"
             )
@@ -217,9 +209,9 @@ def _lexicographic(
 
 
 def _query(
-    context: Context, objectives: Sequence[Objective], optimised: Sequence[int], states_of: StatesOf
+    context: Context, objectives: Sequence[Objective], optimised: Sequence[int]
 ) -> LinearQuery:
-    product = flow_of(context, objectives, states_of)
+    product = flow_of(context, objectives)
     least = numbers(np.array([o.least for o in objectives], dtype=object), exact=product.flow.exact)
     return LinearQuery(objectives, optimised, product.engine, product.flow, least)
 
@@ -236,32 +228,23 @@ def check_supported(context: Context, formula: MultiObjective) -> None:
         raise UnsupportedError("multi(...) is not supported with -fair")
 
 
-def _objective(formula: Expression) -> Objective:
+def _objective(context: Context, formula: Expression) -> Objective:
     if not isinstance(formula, ProbabilityOperator | RewardOperator | ExpectedTime | SteadyState):
         message = "an objective of multi(...) must be a P, R, T or S operator"
         raise InputError(Diagnostic(message, formula.span, "multi"))
-    match formula.bound:
-        case None:
-            if formula.direction not in ("min", "max"):
-                hint = f"write {formula.letter}min=? or {formula.letter}max=?"
-                raise InputError(
-                    Diagnostic(
-                        "an objective without bound needs a direction",
-                        formula.span,
-                        "direction",
-                        hint,
-                    )
-                )
-            return Objective(formula, 1 if formula.direction == "max" else -1, None)
-        case Bound(operator, threshold):
-            if operator not in ("<=", ">="):
-                raise InputError(
-                    Diagnostic(
-                        "bounds of objectives in multi(...) must be <= or >=", formula.span, "multi"
-                    )
-                )
-            return Objective(
-                formula,
-                1 if operator == ">=" else -1,
-                Fraction(evaluate_constant(threshold)),
-            )
+    if formula.bound is None and formula.direction not in ("min", "max"):
+        hint = f"write {formula.letter}min=? or {formula.letter}max=?"
+        message = "an objective without bound needs a direction"
+        raise InputError(Diagnostic(message, formula.span, "direction", hint))
+    if formula.bound is not None and formula.bound.operator not in ("<=", ">="):
+        message = "bounds of objectives in multi(...) must be <= or >="
+        raise InputError(Diagnostic(message, formula.span, "multi"))
+    query = query_of(context, formula)
+    bound = None if query.threshold is None else query.threshold.value
+    # Some strategy has to keep a bound: the best one to keep >= has the greatest value.
+    maximises = (
+        query.direction is Direction.MAX
+        if query.threshold is None
+        else query.threshold.operator.is_lower_bound
+    )
+    return Objective(pretty(formula), query.quantity, 1 if maximises else -1, bound)

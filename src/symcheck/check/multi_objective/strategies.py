@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.multi_objective.query import check_supported, solve_query
-from symcheck.check.path_formulas import StatesOf
 from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.engines.base import Engine
 from symcheck.engines.explicit.engine import ExplicitEngine
@@ -24,9 +21,7 @@ from symcheck.syntax.ast import MultiObjective
 __all__ = ["multi_strategies"]
 
 
-def multi_strategies(
-    context: Context, formula: MultiObjective, states_of: Callable[[Context], StatesOf]
-) -> tuple[Strategy, ...]:
+def multi_strategies(context: Context, formula: MultiObjective) -> tuple[Strategy, ...]:
     """Strategies that attain the result of a multi-objective query from the initial state.
 
     They choose at random, and remember what the objectives need: states of automata, numbers of
@@ -40,7 +35,7 @@ def multi_strategies(
     """
     check_supported(context, formula)
     context = to_explicit(context)
-    query = solve_query(context, formula, states_of(context)).query
+    query = solve_query(context, formula).query
     assert query is not None
     solutions = list(query.solutions())
     if query.connected is None or not solutions:

@@ -14,23 +14,23 @@ from operator import and_, or_
 from typing import assert_never
 
 from symcheck.check.context import Context
-from symcheck.check.path_formulas import (
+from symcheck.engines.base import Graph, StateSet
+from symcheck.errors import UnsupportedError
+from symcheck.semantics.path_formulas import (
+    LtlPathFormula,
     NextPath,
-    Path,
+    PathFormula,
     RewardPath,
     StatePath,
-    TemporalPath,
     UntilPath,
     negated,
 )
-from symcheck.engines.base import Graph, StateSet
-from symcheck.errors import UnsupportedError
 from symcheck.semantics.time_bounds import Steps, Window
 
 __all__ = ["exists", "forall", "witness"]
 
 
-def forall(context: Context, path: Path) -> StateSet:
+def forall(context: Context, path: PathFormula[StateSet]) -> StateSet:
     """States all of whose paths satisfy the formula.
 
     Raises:
@@ -39,7 +39,7 @@ def forall(context: Context, path: Path) -> StateSet:
     return ~exists(context, negated(path))
 
 
-def exists(context: Context, path: Path) -> StateSet:
+def exists(context: Context, path: PathFormula[StateSet]) -> StateSet:
     """States with a path that satisfies the formula (in an MDP, under some strategy).
 
     Raises:
@@ -54,7 +54,7 @@ def exists(context: Context, path: Path) -> StateSet:
             raise UnsupportedError(
                 "A and E with a bound on a reward are not supported; P>0 and P>=1 are"
             )
-        case TemporalPath():
+        case LtlPathFormula():
             return _exists_linear(context, path)
         case NextPath(target, window, negative):
             steps = _steps(context, window)
@@ -117,7 +117,7 @@ def _repeated(
     return states
 
 
-def _exists_linear(context: Context, path: TemporalPath) -> StateSet:
+def _exists_linear(context: Context, path: LtlPathFormula[StateSet]) -> StateSet:
     """States with a path that an automaton of the formula accepts."""
     from symcheck.check.omega_regular.ltl import linear_product
 
@@ -147,14 +147,16 @@ def _visits_infinitely_often(
     return _repeated(refine, result) if visits else result
 
 
-def witness(context: Context, path: Path) -> Sequence[Mapping[str, int | bool]] | None:
+def witness(
+    context: Context, path: PathFormula[StateSet]
+) -> Sequence[Mapping[str, int | bool]] | None:
     """A shortest finite path from an initial state that shows E [ path ]; None if there is none."""
     match path:
         case UntilPath(left, right, window, False) if window.trivial:
             return context.engine.graph.witness(left, right)
         case UntilPath(left, right, window, True) if window.trivial:
             return context.engine.graph.witness(~right, ~(left | right))
-        case UntilPath() | StatePath() | NextPath() | TemporalPath() | RewardPath():
+        case UntilPath() | StatePath() | NextPath() | LtlPathFormula() | RewardPath():
             return None
         case _:
             assert_never(path)

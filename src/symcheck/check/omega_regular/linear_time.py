@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import assert_never
 
 from symcheck.automata.formula import LtlFormula
@@ -20,7 +20,6 @@ from symcheck.semantics.path_normal_form import (
     only_window,
 )
 from symcheck.semantics.time_bounds import Steps
-from symcheck.syntax.ast import Expression
 from symcheck.syntax.operators import connect
 
 __all__ = ["read"]
@@ -28,8 +27,8 @@ __all__ = ["read"]
 
 def read(
     factory: LtlFactory,
-    form: NormalForm,
-    atoms: Mapping[Expression, LtlFormula],
+    form: NormalForm[int],
+    atoms: Sequence[LtlFormula],
     *,
     timed: bool,
 ) -> LtlFormula:
@@ -37,8 +36,8 @@ def read(
 
     Args:
         factory: makes the formulas.
-        form: the normal form.
-        atoms: the LTL formulas of its state formulas.
+        form: the normal form, over the numbers of atoms.
+        atoms: their LTL formulas.
         timed: bounds are in continuous time.
 
     Raises:
@@ -46,12 +45,12 @@ def read(
         InputError: a bound on steps is not an integer.
     """
 
-    def inner(part: NormalForm) -> LtlFormula:
+    def inner(part: NormalForm[int]) -> LtlFormula:
         return read(factory, part, atoms, timed=timed)
 
     match form:
-        case StateFormula(formula):
-            return atoms[formula]
+        case StateFormula(number):
+            return atoms[number]
         case Negated(operand):
             return factory.negation(inner(operand))
         case Connected(operator, left, right):

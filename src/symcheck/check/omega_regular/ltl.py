@@ -20,12 +20,11 @@ from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.check.omega_regular.linear_time import read
-from symcheck.check.path_formulas import TemporalPath, UntilPath
 from symcheck.direction import Direction
 from symcheck.engines.base import Product, StateSet, Values
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
+from symcheck.semantics.path_formulas import LtlPathFormula, UntilPath
 from symcheck.semantics.rewards import Reward
-from symcheck.syntax.ast import Expression
 
 __all__ = [
     "accepted_states",
@@ -39,7 +38,7 @@ __all__ = [
 
 
 def path_probability_ltl(
-    context: Context, path: TemporalPath, direction: Direction | None
+    context: Context, path: LtlPathFormula[StateSet], direction: Direction | None
 ) -> Values:
     """Probability of an LTL formula at each state.
 
@@ -60,7 +59,7 @@ def path_probability_ltl(
     return product.project(until(inner, inner.engine.all, accepting, direction))
 
 
-def as_until(context: Context, path: TemporalPath) -> UntilPath | None:
+def as_until(context: Context, path: LtlPathFormula[StateSet]) -> UntilPath[StateSet] | None:
     """The formula as `left U right` over sets of states if it simplifies to one, as F (a U b)."""
     factory = LtlFactory()
     alphabet, formula = _read(context, factory, path)
@@ -87,7 +86,7 @@ def _literal_states(context: Context, alphabet: _Alphabet, formula: LtlFormula) 
 
 
 def labelled_automaton(
-    context: Context, path: TemporalPath
+    context: Context, path: LtlPathFormula[StateSet]
 ) -> tuple[Sequence[StateSet], Automaton]:
     """The automaton of a formula, and the sets of states whose numbers are its letters.
 
@@ -101,7 +100,7 @@ def labelled_automaton(
 
 
 def linear_product(
-    context: Context, path: TemporalPath
+    context: Context, path: LtlPathFormula[StateSet]
 ) -> tuple[Product, list[tuple[StateSet, list[StateSet]]]]:
     """The product of the model with an automaton of the formula.
 
@@ -117,7 +116,7 @@ def linear_product(
 
 
 def _linear_product(
-    context: Context, path: TemporalPath
+    context: Context, path: LtlPathFormula[StateSet]
 ) -> tuple[Product, list[tuple[StateSet, list[StateSet]]]]:
     sets, automaton = labelled_automaton(context, path)
     if context.options.strategy and context.engine.model.type.has_choices:
@@ -133,7 +132,7 @@ def _linear_product(
 
 
 def co_safe_reward(
-    context: Context, reward: Reward, path: TemporalPath, direction: Direction | None
+    context: Context, reward: Reward, path: LtlPathFormula[StateSet], direction: Direction | None
 ) -> Values:
     """Expected reward until a run satisfies a co-safe formula.
 
@@ -150,7 +149,7 @@ def co_safe_reward(
     return product.project(reach_reward(inner, reward, target, direction))
 
 
-def co_safe_product(context: Context, path: TemporalPath) -> tuple[Product, StateSet]:
+def co_safe_product(context: Context, path: LtlPathFormula[StateSet]) -> tuple[Product, StateSet]:
     """The product with the automaton of a co-safe formula, and where a good prefix is complete.
 
     Raises InputError, UnsupportedError: see `co_safe_reward`.
@@ -158,8 +157,8 @@ def co_safe_product(context: Context, path: TemporalPath) -> tuple[Product, Stat
     return context.once(("co-safe", path), lambda: _co_safe_product(context, path))
 
 
-def _co_safe_product(context: Context, path: TemporalPath) -> tuple[Product, StateSet]:
-    factory = LtlFactory(step=len(path.sets))
+def _co_safe_product(context: Context, path: LtlPathFormula[StateSet]) -> tuple[Product, StateSet]:
+    factory = LtlFactory(step=len(path.atoms))
     alphabet, formula = _read(context, factory, path)
     formula = factory.negation(formula) if path.negative else formula
     if not formula.co_safe:
@@ -175,7 +174,7 @@ def _co_safe_product(context: Context, path: TemporalPath) -> tuple[Product, Sta
             )
         )
     alphabet = replace(
-        alphabet, letters=tuple(v | 1 << len(path.sets) for v in alphabet.letters), internal=True
+        alphabet, letters=tuple(v | 1 << len(path.atoms) for v in alphabet.letters), internal=True
     )
     automaton = alphabet.automaton(context, factory, formula)
     product: Product = context.engine.product(alphabet.sets, automaton)
@@ -215,14 +214,12 @@ class _Alphabet:
 
 
 def _read(
-    context: Context, factory: LtlFactory, path: TemporalPath
+    context: Context, factory: LtlFactory, path: LtlPathFormula[StateSet]
 ) -> tuple[_Alphabet, LtlFormula]:
     """The alphabet, and the formula over numbered atoms."""
     everything = context.engine.all
-    atoms: dict[Expression, LtlFormula] = {}
     sets: list[StateSet] = []
-    for expression, states in path.sets:
-        atoms[expression] = _atom(factory, sets, states, everything)
+    atoms = [_atom(factory, sets, states, everything) for states in path.atoms]
     timed = context.engine.model.type.continuous_time
     formula = read(factory, path.form, atoms, timed=timed)
     blocks = [(0, everything)]

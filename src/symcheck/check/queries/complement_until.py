@@ -12,16 +12,16 @@ from dataclasses import replace
 from symcheck.check.context import Context
 from symcheck.check.measure_selection import timed_measures
 from symcheck.check.measures.reachability import until
-from symcheck.check.path_formulas import UntilPath
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
+from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.time_bounds import Window
 
 __all__ = ["complement_until"]
 
 
 def complement_until(
-    context: Context, path: UntilPath, direction: Direction | None, certain: StateSet
+    context: Context, path: UntilPath[StateSet], direction: Direction | None, certain: StateSet
 ) -> Values:
     """Probability that a run does not satisfy `left U right` within the window of `path`.
 

@@ -5,21 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
-from typing import cast
 
 import numpy as np
 
 from symcheck.check import tuning
 from symcheck.check.context import Context
-from symcheck.check.path_formulas import Path, StatesOf, UntilPath, resolve
 from symcheck.check.queries.path_probabilities import complement_of, defined_bounds, probability
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, Values
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import largest_width
-from symcheck.syntax.ast import Binary, ConditionalProbability, Expression
-from symcheck.syntax.operators import Operator
+from symcheck.semantics.path_formulas import PathFormula, UntilPath
+from symcheck.semantics.query import ProbabilityGiven
 
 __all__ = ["conditional_probability"]
 
@@ -28,8 +26,7 @@ SMALLEST_NORMAL = float(np.finfo(np.float64).tiny)
 
 def conditional_probability(
     context: Context,
-    formula: ConditionalProbability,
-    states_of: StatesOf,
+    quantity: ProbabilityGiven[StateSet],
     direction: Direction | None,
     exactly: Callable[[StateSet], Numbers] | None = None,
 ) -> Values:
@@ -42,8 +39,7 @@ def conditional_probability(
 
     Args:
         context: the engine, the options and the log.
-        formula: the path formula and its condition.
-        states_of: gives the states that satisfy a state formula.
+        quantity: the path formula and its condition.
         direction: minimise or maximise over strategies; None for a chain.
         exactly: gives the rationals at some states; may raise SymcheckError. None: nothing does.
 
@@ -58,20 +54,17 @@ def conditional_probability(
     options = replace(context.options, epsilon=context.options.epsilon / 4, relative=True)
     parts_log = replace(context.log, warnings=[])  # the width of the parts is not that of the value
     inner = replace(context, options=options, log=parts_log)
-    condition = resolve(formula.condition, states_of, context.engine)
+    path, condition = quantity.path, quantity.condition
     if direction is None:
-        parts = cast(Expression, formula.path), cast(Expression, formula.condition)
-        both = resolve(Binary(Operator.AND, *parts, span=formula.span), states_of, context.engine)
         given = probability(inner, condition, None)
         undefined = given.compare("=", 0)[0]
-        values = probability(inner, both, None).map("/", given)
+        values = probability(inner, quantity.both, None).map("/", given)
     else:
-        path = resolve(formula.path, states_of, context.engine)
         values, undefined = _of_mdp(inner, path, condition, direction)
         finer = _finer(context, values)
         if finer is not None:
             values, _ = _of_mdp(inner.with_epsilon(finer), path, condition, direction)
-    _refuse_undefined(context, formula, undefined, direction)
+    _refuse_undefined(context, quantity, undefined, direction)
     relevant = _compared(context) - undefined
     if context.engine.exact or relevant.count > tuning.CONDITIONAL_STATES:
         for warning in parts_log.warnings:
@@ -153,7 +146,7 @@ def _nearest(context: Context, value: Fraction) -> Values:
 
 def _refuse_undefined(
     context: Context,
-    formula: ConditionalProbability,
+    quantity: ProbabilityGiven[StateSet],
     undefined: StateSet,
     direction: Direction | None,
 ) -> None:
@@ -166,19 +159,20 @@ def _refuse_undefined(
             Diagnostic(
                 f"the conditional probability is undefined in state {where}: the {best}probability "
                 "of the condition is 0",
-                formula.condition.span,
+                quantity.span,
                 "condition",
             )
         )
 
 
 def _of_mdp(
-    context: Context, path: Path, condition: Path, direction: Direction
+    context: Context,
+    path: PathFormula[StateSet],
+    condition: PathFormula[StateSet],
+    direction: Direction,
 ) -> tuple[Values, StateSet]:
     """The values, and the states where they are undefined."""
     engine = context.engine
-    if context.options.fairness:
-        raise UnsupportedError("conditional probabilities over fair strategies are not supported")
     target, given = _reached(context, path), _reached(context, condition)
     if target is None or given is None or condition.negative:
         raise UnsupportedError(
@@ -196,7 +190,7 @@ def _of_mdp(
     return values, engine.graph.prob0(engine.all, given, Direction.MAX)
 
 
-def _reached(context: Context, path: Path) -> StateSet | None:
+def _reached(context: Context, path: PathFormula[StateSet]) -> StateSet | None:
     """The states that a formula F or its negation speaks of; None for other formulas."""
     if isinstance(path, UntilPath) and path.window.trivial and path.left == context.engine.all:
         return path.right

@@ -13,19 +13,19 @@ from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.check.measure_selection import timed_measures
 from symcheck.check.measures.reachability import until
-from symcheck.check.path_formulas import (
-    NextPath,
-    Path,
-    RewardPath,
-    StatePath,
-    TemporalPath,
-    UntilPath,
-    negated,
-)
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, Values
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import largest_width
+from symcheck.semantics.path_formulas import (
+    LtlPathFormula,
+    NextPath,
+    PathFormula,
+    RewardPath,
+    StatePath,
+    UntilPath,
+    negated,
+)
 from symcheck.semantics.time_bounds import Window
 from symcheck.syntax.operators import OPERATOR_BY_TOKEN
 
@@ -88,7 +88,9 @@ def defined_bounds(values: Values, states: StateSet) -> tuple[Numbers, Numbers]:
     return low[known], high[known]
 
 
-def probability(context: Context, path: Path, direction: Direction | None) -> Values:
+def probability(
+    context: Context, path: PathFormula[StateSet], direction: Direction | None
+) -> Values:
     """Probability of a path formula at each state.
 
     Args:
@@ -116,7 +118,7 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
         return timed_measures(context).next_probability(
             context, ~path.target, path.window, direction
         )
-    if path.negative and not isinstance(path, StatePath | TemporalPath):
+    if path.negative and not isinstance(path, StatePath | LtlPathFormula):
         return complement_of(
             context, lambda c: probability(c, negated(path), direction and direction.dual)
         )
@@ -143,13 +145,13 @@ def probability(context: Context, path: Path, direction: Direction | None) -> Va
             return reward_bounded_until.reward_bounded_until(
                 context, inner.left, inner.right, counts, direction
             )
-        case TemporalPath():
+        case LtlPathFormula():
             return _linear_time(context, path, direction)
         case _:
             assert_never(path)
 
 
-def _decided(context: Context, path: UntilPath) -> bool:
+def _decided(context: Context, path: UntilPath[StateSet]) -> bool:
     """Whether the model is large and the formula is decided at each relevant state by its sets."""
     if context.engine.exact:  # values that are not computed have bounds only
         return False
@@ -163,7 +165,9 @@ def _decided(context: Context, path: UntilPath) -> bool:
     return relevant <= path.right | ~path.left
 
 
-def _linear_time(context: Context, path: TemporalPath, direction: Direction | None) -> Values:
+def _linear_time(
+    context: Context, path: LtlPathFormula[StateSet], direction: Direction | None
+) -> Values:
     """Probability of an LTL formula: by an until if it is one, otherwise by an automaton.
 
     The least probability is 1 - the greatest one of the negation.
@@ -192,7 +196,11 @@ def _fair_minimum(context: Context, left: StateSet, right: StateSet) -> Values:
 
 
 def qualitative(
-    context: Context, path: Path, operator: str, threshold: Fraction, direction: Direction | None
+    context: Context,
+    path: PathFormula[StateSet],
+    operator: str,
+    threshold: Fraction,
+    direction: Direction | None,
 ) -> StateSet | None:
     """The states that satisfy a bound that graph analysis decides (>0, <=0, >=1, <1).
 
@@ -225,7 +233,7 @@ def qualitative(
 
 
 def _probability_positive(
-    context: Context, path: Path, direction: Direction | None
+    context: Context, path: PathFormula[StateSet], direction: Direction | None
 ) -> StateSet | None:
     """The states whose probability is positive; None: not decided by the graph."""
     match path:
@@ -253,7 +261,9 @@ def _probability_zero(
     return graph.prob0(left, right, direction)
 
 
-def _probability_one(context: Context, path: Path, direction: Direction | None) -> StateSet | None:
+def _probability_one(
+    context: Context, path: PathFormula[StateSet], direction: Direction | None
+) -> StateSet | None:
     """The states whose probability is 1; None: not decided by the graph."""
     dual = direction and direction.dual
     if isinstance(path, NextPath) and path.window.trivial:

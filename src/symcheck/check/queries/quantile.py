@@ -21,7 +21,7 @@ from symcheck.check.context import Context
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.errors import NumericalError
-from symcheck.semantics.model import BoundModel
+from symcheck.semantics.query import direction_of
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time, bounded_reward
 from symcheck.syntax.ast import (
     BinaryTemporal,
@@ -252,16 +252,9 @@ class _Search:
         """The largest bound that is tried where none may be the answer."""
         return min(tuning.QUANTILE_BOUND, tuning.QUANTILE_ROUNDS * self._largest())
 
-    def _direction(self) -> str | None:
+    def _direction(self) -> Direction | None:
         """The strategies that the bound is about; None for a chain."""
-        direction = self.formula.direction
-        if direction is None and self.context.engine.model.type.has_choices:
-            above = self.formula.bound is not None and self.formula.bound.operator in (
-                Operator.GT,
-                Operator.GE,
-            )
-            return (Direction.MIN if above else Direction.MAX).value
-        return direction
+        return direction_of(self.formula, self.context.engine.model.type)
 
     def _with_operator(self, operator: Operator, states: StateSet) -> StateSet:
         """The states whose limit compares so with the threshold."""
@@ -274,7 +267,7 @@ class _Search:
             assert bound is not None
             return replace(
                 formula,
-                direction=direction,
+                direction=direction and direction.value,
                 bound=Bound(operator, bound.threshold, span=bound.span),
                 path=replace(path, bound=_without_variable(path.bound)),
             )
@@ -287,14 +280,7 @@ class _Search:
         return states & (holds if self.upward else ~holds)
 
     def _holds(self, change: Change, states: StateSet) -> StateSet:
-        rebind = self.context.rebind
-
-        def bound_again(model: BoundModel) -> Expression:
-            assert rebind is not None
-            return _changed(rebind(model), change)
-
-        context = replace(self.context, rebind=None if rebind is None else bound_again)
-        return states & self.satisfying(context, change(self.formula), states)
+        return states & self.satisfying(self.context, change(self.formula), states)
 
     def _largest(self) -> int:
         """The largest cost of as many steps as there are states, rounded up."""
@@ -330,17 +316,6 @@ def _with_value(formula: ProbabilityOperator, value: int) -> ProbabilityOperator
         return Literal(value, Type.INT, span=node.span) if isinstance(node, Parameter) else node
 
     return transform(formula, put)
-
-
-def _changed(whole: Expression, change: Change) -> Expression:
-    """A formula with the property of each quantile changed."""
-
-    def put(node: Tree) -> Tree:
-        if isinstance(node, Quantile) and isinstance(node.formula, ProbabilityOperator):
-            return replace(node, formula=change(node.formula))
-        return node
-
-    return transform(whole, put)
 
 
 def _without_variable(bound: PathBound) -> PathBound | None:

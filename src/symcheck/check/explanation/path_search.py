@@ -19,6 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
+from typing import assert_never
 
 import numpy as np
 
@@ -27,22 +28,11 @@ from symcheck.check.context import Context
 from symcheck.check.measures.reward_bounded_until import row_rewards
 from symcheck.check.measures.reward_scaling import scale_bound
 from symcheck.check.omega_regular.ltl import accepted_states, linear_product
-from symcheck.check.path_formulas import (
-    NextPath,
-    RewardPath,
-    StatePath,
-    TemporalPath,
-    UntilPath,
-    negated,
-    resolve,
-    temporal,
-)
-from symcheck.check.queries.rewards import reward_of
-from symcheck.check.state_formulas import satisfying, states_of, threshold_of
+from symcheck.check.state_formulas import query_of, satisfying
 from symcheck.check.strategies.counters import counter_product
-from symcheck.check.strategies.strategy import strategy_of, temporal_strategy
+from symcheck.check.strategies.strategy import strategy_attaining, temporal_strategy
 from symcheck.direction import Direction
-from symcheck.engines.base import erased
+from symcheck.engines.base import StateSet, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.product import ExplicitProduct, ProductModel
 from symcheck.errors import UnsupportedError
@@ -51,28 +41,29 @@ from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.numerics.likeliest_paths import FoundPath, StepProblem, WalkProblem
 from symcheck.numerics.transient.phase_type import least_probability_within
-from symcheck.semantics.binding.bind import exactly_bound
-from symcheck.semantics.rewards import Reward, Time
-from symcheck.semantics.time_bounds import Window, window
-from symcheck.syntax.ast import (
-    Bound,
-    CumulativeReward,
-    Eventually,
-    ExpectedTime,
-    Expression,
-    ProbabilityOperator,
-    RewardOperator,
+from symcheck.semantics.path_formulas import (
+    LtlPathFormula,
+    NextPath,
+    PathFormula,
+    RewardPath,
+    StatePath,
+    UntilPath,
+    as_ltl,
+    negated,
 )
+from symcheck.semantics.query import CumulativeReward, PathProbability, Query, ReachReward
+from symcheck.semantics.rewards import Reward
+from symcheck.semantics.time_bounds import Window
+from symcheck.syntax.ast import ExpectedTime, Expression, ProbabilityOperator, RewardOperator
 
-__all__ = ["Question", "question_of"]
+__all__ = ["PathSearch", "path_search"]
 
 Number = float | Fraction
-BoundedOperator = ProbabilityOperator | RewardOperator | ExpectedTime
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
-    """Which paths are asked for.
+class PathSearch:
+    """Which paths are looked for.
 
     Attributes:
         engine: the model.
@@ -80,14 +71,14 @@ class Question:
         initial: the state of the problem in which they begin.
         satisfies: whether they satisfy the path formula.
         refutes: whether they show that the property is false.
-        need: what their sum has to reach, or with `strict` to exceed.
-        strict: see `need`.
+        threshold: what their sum has to reach, or with `strict` to exceed.
+        strict: see `threshold`.
         rows: the row of the engine that a strategy takes in each state of the problem; None for
             chains, and where it depends on the number of steps.
         origin: the state of the engine of each state of the problem; None: the same.
         reward: what a path earns; None for a bound on a probability.
         structure: which reward it earns.
-        share: the part of the probability of a path that counts; None: all of it.
+        probability_in_time: the probability that a path is taken in time; None: without a bound.
         note: what else there is to say.
     """
 
@@ -95,26 +86,32 @@ class Question:
     problem: WalkProblem | StepProblem
     initial: int
     satisfies: bool
-    refutes: bool
-    need: Fraction
-    strict: bool
+    refutes: bool = False
+    threshold: Fraction = Fraction(0)
+    strict: bool = False
     rows: Int64s | None = None
     origin: Int64s | None = None
     reward: Callable[[FoundPath], Number] | None = None
     structure: Reward | None = None
-    share: Callable[[FoundPath], float] | None = None
+    probability_in_time: Callable[[FoundPath], float] | None = None
     note: str = ""
 
 
-def question_of(context: Context, formula: Expression) -> Question:
+def path_search(context: Context, formula: Expression) -> PathSearch:
     """What has to be shown, and by which paths.
+
+    Args:
+        context: the explicit engine, the options and the log.
+        formula: the property.
 
     Raises:
         UnsupportedError: no set of paths shows the value of the formula.
     """
     engine = context.engine.capability(ExplicitEngine)
     assert engine is not None
-    if not isinstance(formula, BoundedOperator) or not isinstance(formula.bound, Bound):
+    if not isinstance(formula, ProbabilityOperator | RewardOperator | ExpectedTime) or (
+        formula.bound is None
+    ):
         raise UnsupportedError(
             "counterexamples are for P, R and T with a bound, such as P<=0.1 [ F states ] or "
             "R<=3 [ F states ]"
@@ -123,42 +120,31 @@ def question_of(context: Context, formula: Expression) -> Question:
         raise UnsupportedError("counterexamples are not supported with -fair")
     initial = context.engine.initial
     holds = satisfying(context, formula, initial)
+    query = query_of(context, formula)
+    assert query.threshold is not None
     broken = initial - holds
     refutes = bool(broken)
-    upper = not formula.bound.operator.is_lower_bound
     # An upper bound that is broken, and a lower bound that holds, are shown by what is there.
-    satisfies = upper == refutes
-    if engine.model.type.has_choices:
-        given = formula.direction or ("max" if upper else "min")
-        if (given == "max") is not satisfies:
-            raise UnsupportedError(
-                f"the property is {str(not refutes).lower()} because of every strategy, and paths "
-                "belong to one\n  hint: a counterexample exists if the property is "
-                f"{str(refutes).lower()}"
-            )
+    satisfies = query.threshold.operator.is_lower_bound is not refutes
+    if query.direction is not None and (query.direction is Direction.MAX) is not satisfies:
+        raise UnsupportedError(
+            f"the property is {str(not refutes).lower()} because of every strategy, and paths "
+            "belong to one\n  hint: a counterexample exists if the property is "
+            f"{str(refutes).lower()}"
+        )
     first = int(np.argmax(context.engine.to_bools(broken if refutes else initial)))
-    strict = (formula.bound.operator.value in ("<=", ">=")) == refutes
-    need = _threshold(context, formula)
-    if isinstance(formula, ProbabilityOperator):
+    strict = (query.threshold.operator.value in ("<=", ">=")) == refutes
+    threshold = query.threshold.value
+    if isinstance(query.quantity, PathProbability):
         # P(path) > p breaks <= p; P(not path) > 1 - p breaks >= p; and so on.
-        need = need if satisfies else 1 - need
-        question = _probability(context, engine, formula, first, satisfies=satisfies)
+        threshold = threshold if satisfies else 1 - threshold
+        path = query.quantity.path
+        search = _probability(context, engine, query, path, first, satisfies=satisfies)
     else:
-        question = _reward(context, engine, formula, first, satisfies=satisfies)
-        if not question.satisfies:
-            need, strict = Fraction(0), True
-    return replace(question, refutes=refutes, need=need, strict=strict)
-
-
-def _threshold(context: Context, formula: BoundedOperator) -> Fraction:
-    """The threshold as it stands in the text: 1/6 is a rational, and no double."""
-    model = context.engine.model
-    if context.rebind is not None and not model.exact and model.builder is None:
-        twin = context.rebind(exactly_bound(model))
-        if isinstance(twin, BoundedOperator) and isinstance(twin.bound, Bound):
-            return threshold_of(twin.bound)
-    assert isinstance(formula.bound, Bound)
-    return threshold_of(formula.bound)
+        search = _reward(context, engine, query, first, satisfies=satisfies)
+        if not search.satisfies:
+            threshold, strict = Fraction(0), True
+    return replace(search, refutes=refutes, threshold=threshold, strict=strict)
 
 
 def _probabilities(engine: ExplicitEngine) -> SparseMatrix:
@@ -176,28 +162,28 @@ def _probabilities(engine: ExplicitEngine) -> SparseMatrix:
 def _probability(
     context: Context,
     engine: ExplicitEngine,
-    formula: ProbabilityOperator,
+    query: Query[StateSet],
+    whole: PathFormula[StateSet],
     first: int,
     *,
     satisfies: bool,
-) -> Question:
-    path = resolve(formula.path, states_of(context), context.engine)
-    path = path if satisfies else negated(path)
+) -> PathSearch:
+    path = whole if satisfies else negated(whole)
     continuous_time = engine.model.type.continuous_time
     match path:
         case NextPath(target, window, negative) if window.trivial:
             end = context.engine.to_bools(~target if negative else target)
             everything, nothing = np.ones_like(end), np.zeros_like(end)
             steps = StepProblem(_probabilities(engine), everything, nothing, end, 1)
-            return _plain(engine, steps, first, satisfies)
+            return PathSearch(engine, steps, first, satisfies)
         case UntilPath(window=window) if window.trivial:
             rows, matrix = None, _probabilities(engine)
             if engine.model.type.has_choices:
-                rows = strategy_of(context, formula, states_of).rows
+                rows = strategy_attaining(context, query).rows
                 matrix = matrix.choose(rows)
             passing, goal, _ = _until(context, matrix, path)
             problem = WalkProblem(matrix, passing, goal)
-            return replace(_plain(engine, problem, first, satisfies), rows=rows)
+            return PathSearch(engine, problem, first, satisfies, rows=rows)
         case UntilPath(window=window) if continuous_time:
             if path.negative or not window.at_once:
                 raise UnsupportedError(
@@ -207,26 +193,24 @@ def _probability(
                 )
             passing, goal, _ = _until(context, engine.matrix, path)
             problem = WalkProblem(_probabilities(engine), passing, goal)
-            share = _within(engine, window.times()[1])
-            return replace(_plain(engine, problem, first, satisfies), share=share)
+            in_time = _within(engine, window.times()[1])
+            return PathSearch(engine, problem, first, satisfies, probability_in_time=in_time)
         case UntilPath(window=window) if window.at_once:
-            return _plain(engine, _bounded(context, engine.matrix, path), first, satisfies)
+            return PathSearch(engine, _bounded(context, engine.matrix, path), first, satisfies)
         case RewardPath():
-            return _within_rewards(context, engine, formula, path, first, satisfies=satisfies)
-        case NextPath() | UntilPath() | TemporalPath() | StatePath():
-            if continuous_time and not isinstance(path, TemporalPath):
+            return _within_rewards(context, engine, query, path, first, satisfies=satisfies)
+        case NextPath() | UntilPath() | LtlPathFormula() | StatePath():
+            if continuous_time and not isinstance(path, LtlPathFormula):
                 raise UnsupportedError("counterexamples are not supported for X with a time bound")
-            read = temporal(formula.path, states_of(context), context.engine.model)
-            return _on_product(context, engine, replace(read, negative=not satisfies), first)
+            ltl = replace(as_ltl(whole), negative=not satisfies)
+            return _on_product(context, engine, ltl, first)
+        case _:
+            assert_never(path)
 
 
-def _plain(
-    engine: ExplicitEngine, problem: WalkProblem | StepProblem, first: int, satisfies: bool
-) -> Question:
-    return Question(engine, problem, first, satisfies, False, Fraction(0), False)
-
-
-def _until(context: Context, matrix: SparseMatrix, path: UntilPath) -> tuple[Bools, Bools, Bools]:
+def _until(
+    context: Context, matrix: SparseMatrix, path: UntilPath[StateSet]
+) -> tuple[Bools, Bools, Bools]:
     """Where paths may pass, where they end, and where they may be after all steps."""
     to = context.engine.to_bools
     passing, goal, end = to(path.left), to(path.right), to(context.engine.none)
@@ -241,7 +225,7 @@ def _missed(matrix: SparseMatrix, passing: Bools, goal: Bools) -> tuple[Bools, B
     return passing & ~goal & ~impossible, impossible
 
 
-def _bounded(context: Context, matrix: SparseMatrix, path: UntilPath) -> StepProblem:
+def _bounded(context: Context, matrix: SparseMatrix, path: UntilPath[StateSet]) -> StepProblem:
     return StepProblem(matrix, *_until(context, matrix, path), _steps(matrix, path.window))
 
 
@@ -273,12 +257,12 @@ def _within(engine: ExplicitEngine, time: float | None) -> Callable[[FoundPath],
 def _within_rewards(
     context: Context,
     engine: ExplicitEngine,
-    formula: ProbabilityOperator,
-    path: RewardPath,
+    query: Query[StateSet],
+    path: RewardPath[StateSet],
     first: int,
     *,
     satisfies: bool,
-) -> Question:
+) -> PathSearch:
     """Paths with bounds on rewards: those of the product with a counter for each reward."""
     has_choices, to = engine.model.type.has_choices, context.engine.to_bools
     system = context.engine.system(context.engine.all)
@@ -299,23 +283,25 @@ def _within_rewards(
             problem = StepProblem(matrix, everything, nothing, end, 1)
         case UntilPath(left, right):
             if has_choices:
-                rows = strategy_of(context, formula, states_of).rows
+                rows = strategy_attaining(context, query).rows
                 matrix = matrix.choose(rows)
             passing = to(left)[product.state] & product.within
             goal = to(right)[product.state] & product.met
             if path.negative:
                 passing, goal = _missed(matrix, passing, goal)
             problem = WalkProblem(matrix, passing, goal)
-    question = _plain(engine, problem, int(product.entry[first]), satisfies)
     explored = product.engine.explored
     assert isinstance(explored, ProductModel)
     rows = explored.rows if rows is None else explored.rows[rows]
-    return replace(question, origin=product.state.astype(np.int64), rows=rows)
+    origin = product.state.astype(np.int64)
+    return PathSearch(
+        engine, problem, int(product.entry[first]), satisfies, rows=rows, origin=origin
+    )
 
 
 def _on_product(
-    context: Context, engine: ExplicitEngine, path: TemporalPath, first: int
-) -> Question:
+    context: Context, engine: ExplicitEngine, path: LtlPathFormula[StateSet], first: int
+) -> PathSearch:
     """Paths after which an LTL formula holds almost surely."""
     if engine.model.type.has_choices:
         direction = Direction.MIN if path.negative else Direction.MAX
@@ -339,9 +325,11 @@ def _on_product(
     explored = product.explored
     assert isinstance(explored, ProductModel)
     problem = WalkProblem(matrix, everything, sure)
-    question = _plain(engine, problem, int(entry[first]), not path.negative)
     rows = explored.rows if rows is None else explored.rows[rows]
-    return replace(question, origin=explored.state.astype(np.int64), rows=rows)
+    origin = explored.state.astype(np.int64)
+    return PathSearch(
+        engine, problem, int(entry[first]), not path.negative, rows=rows, origin=origin
+    )
 
 
 # ------------------------------------------------------------------------------------- rewards
@@ -350,17 +338,15 @@ def _on_product(
 def _reward(
     context: Context,
     engine: ExplicitEngine,
-    formula: RewardOperator | ExpectedTime,
+    query: Query[StateSet],
     first: int,
     *,
     satisfies: bool,
-) -> Question:
+) -> PathSearch:
     """Paths to the target of an expected reward, or one that misses it; those of `C<=k`."""
-    query = formula.path if isinstance(formula, ExpectedTime) else formula.query
-    formulas, on = states_of(context), context.engine
-    read = resolve(query, formulas, on) if isinstance(query, Eventually) else None
-    bounded = isinstance(query, CumulativeReward) and not engine.model.type.continuous_time
-    if not bounded and not (isinstance(read, UntilPath) and read.window.trivial):
+    quantity = query.quantity
+    timed = isinstance(quantity, CumulativeReward) and engine.model.type.continuous_time
+    if timed or not isinstance(quantity, CumulativeReward | ReachReward):
         raise UnsupportedError(
             "counterexamples of expected rewards are supported for F states: R<=r [ F states ], "
             "and in discrete time for R<=r [ C<=k ]"
@@ -370,31 +356,36 @@ def _reward(
             "no finite set of paths shows that an expected reward is small\n"
             "  hint: R<=r [ F states ] that is false, and R>=r [ F states ] that is true have one"
         )
-    reward: Reward = Time() if isinstance(formula, ExpectedTime) else reward_of(context, formula)
-    earned = context.engine.system(context.engine.all).step_rewards(reward)
+    earned = context.engine.system(context.engine.all).step_rewards(quantity.reward)
     rows, matrix = None, _probabilities(engine)
-    if engine.model.type.has_choices and not bounded:
-        rows = strategy_of(context, formula, states_of).rows
-        matrix, earned = matrix.choose(rows), earned[rows]
     everything = np.ones(engine.states, np.bool_)
-    target = context.engine.to_bools(read.right) if isinstance(read, UntilPath) else ~everything
-    start = np.zeros_like(target)
+    start = ~everything
     start[first] = True
-    reached = graph.forward_reachable(matrix, start, ~target)
-    problem: WalkProblem | StepProblem = WalkProblem(matrix, ~target, target)
-    if isinstance(query, CumulativeReward):
-        steps = _steps(matrix, window(query.bound))
+    problem: WalkProblem | StepProblem
+    if isinstance(quantity, CumulativeReward):
+        steps, target = _steps(matrix, quantity.window), ~everything
         problem = StepProblem(matrix, everything, target, everything, steps, earned)
-    elif (missed := graph.prob0(matrix, everything, target) & reached).any():
-        question = _plain(engine, WalkProblem(matrix, ~target & ~missed, missed), first, False)
-        note = "the expected reward is infinite, because the target is missed"
-        return replace(question, rows=rows, note=note)
+        reached = graph.forward_reachable(matrix, start, everything)
+    else:
+        target = context.engine.to_bools(quantity.target)
+        if engine.model.type.has_choices:
+            rows = strategy_attaining(context, query).rows
+            matrix, earned = matrix.choose(rows), earned[rows]
+        problem = WalkProblem(matrix, ~target, target)
+        reached = graph.forward_reachable(matrix, start, ~target)
+        missed = graph.prob0(matrix, everything, target) & reached
+        if missed.any():
+            problem = WalkProblem(matrix, ~target & ~missed, missed)
+            note = "the expected reward is infinite, because the target is missed"
+            return PathSearch(engine, problem, first, False, rows=rows, note=note)
     if (earned[matrix.rows_of(reached & ~target)] < 0).any():
         raise UnsupportedError("counterexamples are not supported for negative rewards")
-    question = _plain(engine, problem, first, satisfies=True)
-    return replace(
-        question,
+    return PathSearch(
+        engine,
+        problem,
+        first,
+        satisfies=True,
         rows=rows,
         reward=lambda path: sum(earned[list(path.rows)].tolist()),
-        structure=reward,
+        structure=quantity.reward,
     )

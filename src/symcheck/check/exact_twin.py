@@ -1,4 +1,4 @@
-"""Binding of a model and a formula in rational arithmetic, where floating point cannot decide."""
+"""The model in rational arithmetic, where floating point cannot decide a comparison."""
 
 from __future__ import annotations
 
@@ -8,24 +8,20 @@ from symcheck.check.context import Context
 from symcheck.engines.base import Engine, erased
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.binding.bind import exactly_bound
-from symcheck.semantics.model import BoundModel
 from symcheck.semantics.reduction.reset_dead_variables import reads_rewards
-from symcheck.syntax.ast import Expression, LabelReference
+from symcheck.syntax.ast import LabelReference
 from symcheck.syntax.traversal import nodes
 
 __all__ = ["exact_twin"]
 
 
-def exact_twin(context: Context, formula: Expression) -> tuple[Context, Expression]:
-    """The context over the model in rational arithmetic, and the subformula bound to it.
+def exact_twin(context: Context) -> Context:
+    """The context over the model in rational arithmetic.
 
     Raises:
         UnsupportedError: the model cannot be explored in rational arithmetic.
     """
-    engine = _exact_engine(context)
-    return replace(context, engine=engine, relevant_states=None), _twin(
-        context, engine.model, formula
-    )
+    return replace(context, engine=_exact_engine(context), relevant_states=None)
 
 
 def _exact_engine(context: Context) -> Engine:
@@ -48,7 +44,7 @@ def _explored(context: Context) -> Engine:
     if without_text is not None:
         return without_text.rational()
     model = exactly_bound(context.engine.model)
-    if not _may_read_rewards(context, model):  # they may have no rational values
+    if not _may_read_rewards(context):  # they may have no rational values
         model = replace(model, rewards=tuple(replace(r, items=()) for r in model.rewards))
     orbits = None
     represents = context.engine.capability(RepresentsOrbits)
@@ -71,25 +67,9 @@ def _explored(context: Context) -> Engine:
     return erased(ExplicitEngine(explored, "exact"))
 
 
-def _may_read_rewards(context: Context, model: BoundModel) -> bool:
-    if context.rebind is None:
-        return True
-    return any(
+def _may_read_rewards(context: Context) -> bool:
+    return context.formula is None or any(
         reads_rewards(node)
         or (isinstance(node, LabelReference) and node.name in context.properties)
-        for node in nodes(context.rebind(model))
+        for node in nodes(context.formula)
     )
-
-
-def _twin(context: Context, model: BoundModel, formula: Expression) -> Expression:
-    """The subformula of the formula bound in rational arithmetic that has the span of `formula`.
-
-    Binding folds constants (1/6 becomes a double), so the formula is bound again.
-    """
-    if context.rebind is None:
-        return formula
-    whole = context.rebind(model)
-    for node in nodes(whole):
-        if type(node) is type(formula) and node.span == formula.span and node.span.text:
-            return node
-    return formula

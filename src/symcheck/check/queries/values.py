@@ -1,0 +1,127 @@
+"""The values of a query at each state: the measure that computes each quantity."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import assert_never
+
+import numpy as np
+
+from symcheck.check.context import Context
+from symcheck.check.measure_selection import long_run_measures, timed_measures
+from symcheck.check.measures.reachability import reach_reward
+from symcheck.check.measures.total_reward import total_reward
+from symcheck.check.queries.path_probabilities import probability
+from symcheck.direction import Direction
+from symcheck.engines.base import StateSet, Values
+from symcheck.errors import UnsupportedError
+from symcheck.matrices.numbers import Numbers, is_infinite
+from symcheck.semantics.query import (
+    CoSafeReward,
+    CostBoundedReward,
+    CumulativeReward,
+    DiscountedReward,
+    ExpectedReward,
+    InstantaneousReward,
+    LongRunProbability,
+    LongRunReward,
+    PathProbability,
+    ProbabilityGiven,
+    Query,
+    ReachReward,
+    TotalReward,
+)
+
+__all__ = ["values"]
+
+
+def values(
+    context: Context,
+    query: Query[StateSet],
+    exactly: Callable[[StateSet], Numbers] | None = None,
+) -> Values:
+    """The value of a query at each state, with the accuracy of the context.
+
+    Args:
+        context: the engine, the options and the log.
+        query: what is asked for, over the sets of the engine.
+        exactly: gives the rationals at some states, where doubles have too few digits; may raise
+            SymcheckError. None: nothing does.
+
+    Raises:
+        UnsupportedError: the quantity does not apply to the model, or a value is beyond doubles.
+    """
+    quantity, direction = query.quantity, query.direction
+    match quantity:
+        case PathProbability(path):
+            return probability(context, path, direction)
+        case ProbabilityGiven():
+            from symcheck.check.queries.conditional import conditional_probability
+
+            return conditional_probability(context, quantity, direction, exactly)
+        case LongRunProbability(states):
+            if not states:
+                return context.engine.constant(0)
+            if states == context.engine.all:
+                return context.engine.constant(1)
+            return long_run_measures(context).steady_probability(context, states, direction)
+        case _:
+            with np.errstate(over="ignore", invalid="ignore"):  # what comes of it is found below
+                found = _expected(context, quantity, direction)
+            if isinstance(quantity, CumulativeReward | DiscountedReward | InstantaneousReward):
+                _require_finite(context, found, quantity)
+            return found
+
+
+def _expected(
+    context: Context, quantity: ExpectedReward[StateSet], direction: Direction | None
+) -> Values:
+    match quantity:
+        case ReachReward(reward, target):
+            return reach_reward(context, reward, target, direction)
+        case CoSafeReward(reward, path):
+            from symcheck.check.omega_regular.ltl import co_safe_reward
+
+            return co_safe_reward(context, reward, path, direction)
+        case TotalReward(reward):
+            return total_reward(context, reward, direction)
+        case CumulativeReward(reward, window):
+            return timed_measures(context).cumulative_reward(context, reward, window, direction)
+        case CostBoundedReward(reward, cost):
+            from symcheck.check.measures.cost_bounded_reward import cost_bounded_reward
+
+            return cost_bounded_reward(context, reward, cost, direction)
+        case DiscountedReward(reward, discount, steps):
+            from symcheck.check.measures.discounted import discounted_reward
+
+            return discounted_reward(context, reward, discount, steps, direction)
+        case InstantaneousReward(reward, time):
+            return timed_measures(context).instantaneous_reward(context, reward, time, direction)
+        case LongRunReward(reward):
+            return long_run_measures(context).steady_reward(context, reward, direction)
+        case _:
+            assert_never(quantity)
+
+
+def _require_finite(
+    context: Context,
+    values: Values,
+    quantity: CumulativeReward | DiscountedReward | InstantaneousReward,
+) -> None:
+    """Refuse an overflow: what finite rewards give within a bound is finite.
+
+    Raises:
+        UnsupportedError: a value, or a sum that it is computed from, is beyond doubles.
+    """
+    engine = context.engine
+    states = engine.all if context.relevant_states is None else context.relevant_states
+    if engine.exact or not states:
+        return
+    low, high = values.maximum(states)[0], values.minimum(states)[1]
+    if -math.inf < high and low < math.inf:
+        return
+    if not is_infinite(engine.system(engine.all).step_rewards(quantity.reward)).any():
+        raise UnsupportedError(
+            "the expected reward is beyond the range of floating-point numbers\n  hint: use -exact"
+        )
