@@ -7,8 +7,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypeVar, cast
 
-import numpy as np
-
 from symcheck.check.result import Line, SolverRun
 from symcheck.engines.base import Engine, Equations, StateSet, Values
 from symcheck.errors import Diagnostic, NameFault
@@ -19,24 +17,9 @@ from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.state_faults import describe_state
 from symcheck.syntax.ast import Expression, LabelReference, Type
 
-__all__ = ["CheckLog", "Chosen", "Context"]
+__all__ = ["CheckLog", "Context"]
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True, eq=False)
-class Chosen:
-    """The choices that came with a solution.
-
-    Attributes:
-        engine: the model, or a product.
-        states: the unknowns.
-        choices: the choice of each, numbered within its state, int64[n]; -1: any choice does.
-    """
-
-    engine: Engine
-    states: StateSet
-    choices: Int64s
 
 
 @dataclass
@@ -50,7 +33,8 @@ class CheckLog:
         wide: whether a warning tells that bounds are further apart than requested.
         witness: a path that explains the result, as the values of the variables in each state.
         exact_engine: the model explored in rational arithmetic, once a comparison needed it.
-        chosen: the choices that came with the solutions, if a strategy is asked for.
+        chosen: per solution, if a strategy is asked for, the engine, the unknowns, and the choice
+            of each (see `SolvedValues`).
         kept: what else a strategy needs of the computation of a value (see `Context.once`).
     """
 
@@ -60,7 +44,7 @@ class CheckLog:
     wide: bool = False
     witness: Sequence[Mapping[str, int | bool]] | None = None
     exact_engine: Engine | None = None
-    chosen: list[Chosen] = field(default_factory=list)
+    chosen: list[tuple[Engine, StateSet, Int64s]] = field(default_factory=list)
     kept: list[tuple[tuple[object, ...], object]] = field(default_factory=list)
 
     def warn(self, text: str) -> None:
@@ -164,7 +148,7 @@ class Context:
         """
         solved = equations.solve(known, self.options, self.observer)
         if solved.choices is not None:
-            self.log.chosen.append(Chosen(self.engine, equations.states, solved.choices))
+            self.log.chosen.append((self.engine, equations.states, solved.choices))
         if solved.unknowns:
             self.warn_if_wide(solved.width, solved.explanation)
             self.log.runs.append(
@@ -179,18 +163,12 @@ class Context:
             )
         return solved.values
 
-    def choices(self, equations: Equations, known: Sequence[tuple[StateSet, float]] = ()) -> Int64s:
-        """The choices of a solution: of the one that gave the value, or if the value came without
-        one, by graph analysis or step by step, of one that is found now.
-
-        Args:
-            equations, known: see `solve`; the value may come from other equations for these states.
-        """
-        for chosen in reversed(self.log.chosen):
-            if chosen.engine is self.engine and chosen.states == equations.states:
-                return chosen.choices
-        found = equations.solve(known, replace(self.options, method="auto"), self.observer)
-        return np.empty(0, np.int64) if found.choices is None else found.choices
+    def choices(self, states: StateSet) -> Int64s | None:
+        """The choices of the last solution over some unknowns; None if there was none."""
+        for engine, unknowns, choices in reversed(self.log.chosen):
+            if engine is self.engine and unknowns == states:
+                return choices
+        return None
 
     def warn_if_wide(self, width: float, explanation: str) -> None:
         """Warn if bounds are further apart than requested."""

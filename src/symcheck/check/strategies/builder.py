@@ -13,20 +13,27 @@ Source: Puterman (1994), chapter 9.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 
-from symcheck.check.context import Context
-from symcheck.check.measures.total_reward import greatest_total, reward_free_mecs, total_per_step
+from symcheck.check.context import CheckLog, Context
+from symcheck.check.measures.reachability import reach_reward, until
+from symcheck.check.measures.total_reward import (
+    greatest_total,
+    reward_free_mecs,
+    total_per_step,
+    total_reward,
+)
 from symcheck.direction import Direction
-from symcheck.engines.base import Equations, StateSet
-from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.base import StateSet, Values
 from symcheck.engines.explicit.strategy import Strategy
+from symcheck.engines.registry import on_rows
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
-from symcheck.matrices.rows import Bools, Int64s, first_best, spans, starts_of
+from symcheck.matrices.rows import Bools, Int32s, Int64s, first_best, spans, starts_of
 from symcheck.numerics import graph
 from symcheck.semantics.rewards import Reward
 
@@ -37,20 +44,21 @@ class StrategyBuilder:
     """Chooses a row for each state; -1 if every row is as good."""
 
     def __init__(self, context: Context, direction: Direction) -> None:
-        explicit = context.engine.capability(ExplicitEngine)
-        assert explicit is not None
-        assert explicit.matrix.groups is not None
-        self.context, self.explicit, self.direction = context, explicit, direction
+        self.explicit = explicit = on_rows(context.engine, context.options)
+        self.context, self.direction = context, direction
         self.engine = engine = context.engine
         self.edges = graph.Incidence(explicit.matrix)
         self.rows: Int64s = np.full(engine.states, -1, dtype=np.int64)
 
-    def strategy(self, direction: Direction) -> Strategy:
-        """The strategy of the chosen rows, and of the first row in other states."""
+    def strategy(
+        self, direction: Direction, memory: Int32s | None = None, entry: Int64s | None = None
+    ) -> Strategy:
+        """The strategy of the chosen rows, and of the first row in other states; of a product, its
+        memory and entry are those of `Strategy`.
+        """
         free = self.rows < 0
-        return Strategy(
-            self.explicit, np.where(free, self.edges.groups[:-1], self.rows), direction, ~free
-        )
+        rows = np.where(free, self.edges.groups[:-1], self.rows)
+        return Strategy(self.explicit, rows, direction, ~free, memory, entry)
 
     def next(self, target: StateSet) -> None:
         """Choose rows with maximal (minimal) probability of entering the target."""
@@ -71,8 +79,7 @@ class StrategyBuilder:
             self._take(to(yes - right), rows)
         else:
             self._stay(self.engine.to_bools(no), self.engine.to_bools(no & (left - right)))
-        system = self.engine.system(~(yes | no), self.direction)
-        self._solved(system.reachability(yes), [(yes, 1.0)])
+        self._attain(~(yes | no), lambda c: until(c, left, right, self.direction))
 
     def accept(self, pairs: Sequence[tuple[StateSet, Sequence[StateSet]]]) -> StateSet:
         """Choose rows that satisfy one of the pairs (avoid, visits), of at most one visit.
@@ -98,14 +105,14 @@ class StrategyBuilder:
     def reward(self, reward: Reward, target: StateSet) -> None:
         """Choose rows with maximal (minimal) expected reward until the target."""
         certain = self.engine.graph.prob1(self.engine.all, target, self.direction.dual)
-        system = self.engine.system(certain - target, self.direction)
-        if is_infinite(system.step_rewards(reward)).any():
+        unknown = certain - target
+        if is_infinite(self.engine.system(unknown).step_rewards(reward)).any():
             raise UnsupportedError(
                 "strategies are not supported if a reward of a single step is infinite"
             )
         if self.direction is Direction.MAX:
             self._avoid(target)
-        self._solved(system.expected_reward(reward, infinite=~certain))
+        self._attain(unknown, lambda c: reach_reward(c, reward, target, self.direction))
 
     def total(self, reward: Reward) -> None:
         """Choose rows with maximal (minimal) expected reward over infinite runs."""
@@ -116,9 +123,7 @@ class StrategyBuilder:
             self._keep(np.flatnonzero(free.rows))
             return
         parts = greatest_total(self.context, whole, per_step)
-        unknown = self.engine.system(parts.unknown, self.direction)
-        rewards = unknown.step_rewards(reward)
-        self._solved(unknown.equations(rewards, probability=False, allow_stay=True))
+        self._attain(parts.unknown, lambda c: total_reward(c, reward, self.direction))
         # From where infinite rewards are possible, a run reaches a component that pays for ever
         # with positive probability, and stays there.
         self._approach(parts.collecting, np.zeros_like(parts.collecting))
@@ -201,10 +206,19 @@ class StrategyBuilder:
             known = known | frontier
             ahead = len(rows) > 0
 
-    def _solved(self, equations: Equations, known: Sequence[tuple[StateSet, float]] = ()) -> None:
-        """Choose the rows that attain a solution."""
-        members, choices = (
-            self.engine.to_bools(equations.states),
-            self.context.choices(equations, known),
-        )
-        self.rows[members] = np.where(choices < 0, -1, self.edges.groups[:-1][members] + choices)
+    def _attain(self, unknown: StateSet, measure: Callable[[Context], Values]) -> None:
+        """Choose the rows that attain the solution over the unknowns: that of the value, or where
+        the value came without one, by graph analysis or step by step, that of the measure.
+        """
+        if not unknown:
+            return
+        context = self.context
+        if context.choices(unknown) is None:
+            options = replace(context.options, method="auto")
+            context = replace(context, options=options, log=CheckLog())
+            measure(context)
+        choices = context.choices(unknown)
+        assert choices is not None
+        members = self.engine.to_bools(unknown)
+        rows = self.edges.groups[:-1][members] + choices
+        self.rows[members] = np.where(choices < 0, -1, rows)

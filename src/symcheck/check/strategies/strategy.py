@@ -176,8 +176,7 @@ def temporal_strategy(
     builder = StrategyBuilder(inner, Direction.MAX)
     accepted = builder.accept(pairs)
     builder.until(product.engine.all, accepted)
-    strategy = builder.strategy(direction)
-    return replace(strategy, memory=product.pairs.automaton, entry=product.entry), accepted
+    return builder.strategy(direction, product.pairs.automaton, product.entry), accepted
 
 
 def _until_shown(
@@ -191,5 +190,4 @@ def _until_shown(
     assert isinstance(product, ExplicitProduct)
     builder = StrategyBuilder(replace(context, engine=product.engine), direction)
     builder.reward(quantity.reward, accepting)
-    strategy = builder.strategy(direction)
-    return replace(strategy, memory=product.pairs.automaton, entry=product.entry)
+    return builder.strategy(direction, product.pairs.automaton, product.entry)
