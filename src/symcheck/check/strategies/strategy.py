@@ -32,14 +32,12 @@ from symcheck.semantics.path_formulas import (
 )
 from symcheck.semantics.query import (
     CoSafeReward,
-    CostBoundedReward,
     CumulativeReward,
     DiscountedReward,
     InstantaneousReward,
     LongRunProbability,
     LongRunReward,
     PathProbability,
-    ProbabilityGiven,
     Query,
     ReachReward,
     TotalReward,
@@ -72,7 +70,7 @@ def strategy_of(context: Context, formula: Expression) -> Strategy:
     if context.options.fairness:
         raise UnsupportedError("strategies are not supported with -fair")
     if not isinstance(formula, AnyMeasure):
-        raise _unsupported()
+        raise UnsupportedError("strategies are supported for P, R, T and S formulas")
     return strategy_attaining(context, query_of(context, formula))
 
 
@@ -89,8 +87,6 @@ def strategy_attaining(context: Context, query: Query[StateSet]) -> Strategy:
     match quantity:
         case PathProbability(path):
             return _of_path(context, path, direction)
-        case ProbabilityGiven():
-            raise _unsupported()
         case LongRunProbability(states):
             builder.average(per_row(system.groups, system.restrict(states)))
         case ReachReward(reward, target):
@@ -111,21 +107,13 @@ def strategy_attaining(context: Context, query: Query[StateSet]) -> Strategy:
             assert steps is not None
             last = system.state_rewards(reward)
             return first_steps(context, None, steps, direction, last=last)
-        case CostBoundedReward():
-            raise UnsupportedError("strategies are not supported for rewards within a cost")
         case TotalReward(reward):
             builder.total(reward)
         case LongRunReward(reward):
             builder.average(system.step_rewards(reward))
         case _:
-            assert_never(quantity)
+            raise UnsupportedError(f"strategies are not supported for {quantity.called}")
     return builder.strategy(direction)
-
-
-def _unsupported() -> UnsupportedError:
-    return UnsupportedError(
-        "strategies are supported for P, R, T and S formulas, without conditions (||)"
-    )
 
 
 def _of_path(context: Context, path: PathFormula[StateSet], direction: Direction) -> Strategy:
