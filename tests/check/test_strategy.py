@@ -264,6 +264,7 @@ rewards "cost" [go] true : 1; [risk] true : 3; [on] true : 2; [out] true : 5; en
         "Smax=? [ s=2 ]",
         "Pmax=? [ F (s=1 & (X s=2)) ]",
         "Pmin=? [ F F s=2 ]",
+        "Pmin=? [ !(G F s=2) ]",
         "Pmax=? [ F P>=0.9 [ F s=2 ] ]",
         "Pmax=? [ (G F s=2) | (G F s=3) ]",
         "P>=0.1 [ F s=2 ]",
