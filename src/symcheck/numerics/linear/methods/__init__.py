@@ -29,11 +29,11 @@ def solve_linear(
     """Solve a linear problem with the method that the settings name.
 
     Args:
-        problem: the equations.
+        problem: the equations. 'topological' returns no policy for a masked problem.
         settings: accuracy, limits and the method. 'auto' is 'topological', or without rows
             'interval' (probabilities of chains) or 'optimistic'. Problems over the rationals are
-            always solved by 'rational'. If they ask for a strategy, masked problems have one, and
-            estimates collapse end components, in which a strategy could stay for ever.
+            always solved by 'rational'. If they ask for a strategy, estimates collapse end
+            components, in which it could stay for ever.
         observer: receives the progress.
 
     Returns:

@@ -90,10 +90,9 @@ def solve(problem: LinearProblem, settings: Settings, observer: Observer | None 
 def solve_masked(
     problem: MaskedProblem, settings: Settings, observer: Observer | None = None
 ) -> Solution:
-    """As `solve`, for a problem whose rows stay among those of other states.
+    """As `solve`, for a problem whose rows stay among those of other states; without a strategy.
 
-    It has a strategy if the settings ask for one. Its constants are not negative, and end
-    components need not be collapsed.
+    Its constants are not negative, and end components need not be collapsed.
     """
     m, constant = problem.matrix, problem.constant
     unknown = problem.unknown.view(np.uint8)
@@ -107,18 +106,10 @@ def solve_masked(
         unknown,
         problem.rates,
     )
-    wanted = settings.strategy and problem.mode != 0
-    rows = np.full(len(problem.unknown) if wanted else 0, -1, dtype=np.int64)
+    no_strategy = np.empty(0, dtype=np.int64)
     values = problem.initial_values()
-    run = TopologicalRun(system, problem.probability, True, values, rows, settings, observer)
-    solution = _solve_components(run, graph.Incidence(m), problem.unknown, problem.n)
-    if not wanted:
-        return solution
-    groups, inside = m.groups_of(problem.unknown), rows[problem.unknown]
-    assert m.groups is not None
-    assert groups is not None
-    within = inside - m.groups[:-1][problem.unknown]
-    return replace(solution, strategy=np.where(inside < 0, -1, groups[:-1] + within))
+    run = TopologicalRun(system, problem.probability, True, values, no_strategy, settings, observer)
+    return _solve_components(run, graph.Incidence(m), problem.unknown, problem.n)
 
 
 def _solve_rows(problem: LinearProblem, settings: Settings, observer: Observer | None) -> Solution:
