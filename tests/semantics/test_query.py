@@ -98,7 +98,8 @@ class TestEveryQuantity:
     def test_others_interpret_or_refuse_it(self, kind) -> None:
         model = bound_model()
         formula = bound_formula(FORMULAS[kind].format("max=?"), model)
-        context = Context(build(model, Options(engine="explicit")), Options(engine="explicit"))
+        options = Options(engine="explicit", strategy=True)
+        context = Context(build(model, options), options)
         bounded = bound_formula(FORMULAS[kind].format("<=0.1"), model)
         chain = bound_model(CHAIN)
         plain = bound_formula(FORMULAS[kind].format("=?"), chain)
@@ -175,7 +176,7 @@ def test_a_bound_without_a_direction_is_about_all_strategies(kind, asked, direct
     formula = bound_formula(f"P{asked} [ F x=1 ]", model)
     found = query_of(formula, model)
     assert found.direction is (direction if kind == "mdp" else None)
-    # Values, strategies and counterexamples follow it.
+    # Values and strategies follow it.
     loaded = symcheck.loads(MDP.replace("mdp", kind), strategy=kind == "mdp", engine="explicit")
     result = loaded.check(f"P{asked} [ F x=1 ]")
     value = 0.5 if kind != "mdp" else {Direction.MIN: 0.25, Direction.MAX: 0.75}[direction]
