@@ -290,6 +290,20 @@ def test_the_strategy_comes_with_the_solution(text, engine, monkeypatch):
     assert result.value == pytest.approx(plain.value)
 
 
+@pytest.mark.parametrize("engine", ["explicit", "sparse", "mtbdd"])
+@pytest.mark.parametrize(
+    "text", ["filter(count, s<2)", "filter(avg, Pmax=? [ F s=2 ], s<2)", "Pmax=? [ F s=2 ]", "s<2"]
+)
+def test_a_result_is_the_same_without_a_strategy(text, engine):
+    """Also of a filter, in a model with several initial states, where diagrams are listed as rows."""
+    several = LOSSY + "init s<2 endinit\n"
+    built = engine_of(several, engine)
+    plain, found = (check_text(built, text, strategy=wanted) for wanted in (False, True))
+    assert found.value == pytest.approx(plain.value)
+    assert found.explanation == plain.explanation
+    assert found.engine is plain.engine
+
+
 SHIFT = """mdp
 module m
   s : [0..2];

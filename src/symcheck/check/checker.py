@@ -215,22 +215,27 @@ def _lift_from_rows(result: Result, rows: Engine, engine: Engine) -> tuple[Resul
     explicit, source = rows.capability(ExplicitEngine), rows.capability(SymbolicEngine)
     if explicit is None or source is None:
         return result, rows
-    return _lift_result(result, Quotient.of_rows(explicit, source), engine), engine
+    return _lift_states(result, Quotient.of_rows(explicit, source), engine), engine
 
 
-def _lift_result(result: Result, smaller: Quotient, engine: Engine) -> Result:
-    """A result on the quotient, lifted to the states of the model."""
-    satisfied = None
+def _lift_states(result: Result, smaller: Quotient, engine: Engine) -> Result:
+    """A result with the values and sets of the quotient lifted to the states of the model."""
     if result.values_or_none is not None:
         lifted = StateValues(engine, smaller.lift(result.values.of_engine))
         result = replace(result, values_or_none=lifted)
     if result.satisfying_or_none is not None:
         satisfied = smaller.lift_set(result.satisfying.members)
         result = replace(result, satisfying_or_none=States(engine, satisfied))
+    return result
+
+
+def _lift_result(result: Result, smaller: Quotient, engine: Engine) -> Result:
+    """A result on the quotient, lifted to the states of the model."""
+    result = _lift_states(result, smaller, engine)
     if _initial_count(engine, engine.all) == 1:
         return result
-    if satisfied is not None:
-        return replace(result, explanation=_satisfied(engine, satisfied))
+    if result.satisfying_or_none is not None:
+        return replace(result, explanation=_satisfied(engine, result.satisfying.members))
     value: Answer = result.value
     if isinstance(value, int | float | Fraction):
         value = value, value
