@@ -24,6 +24,7 @@ from symcheck.exchange.strategies.files import (
     strategy_texts,
     write_strategy,
 )
+from symcheck.numerics.linear import methods
 from symcheck.syntax.ast import ModelType
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -225,8 +226,82 @@ def test_unsupported_strategies_leave_the_result(text):
 
 @pytest.mark.parametrize("engine", ["sparse", "mtbdd"])
 def test_engines_on_diagrams(engine):
-    result = check_text(engine_of(ROUND, engine), "Pmax=? [ F s=2 ]", strategy=True)
+    built = engine_of(ROUND, engine)
+    result = check_text(built, "Pmax=? [ F s=2 ]", strategy=True)
     assert result.strategy.actions[:2] == ["go", "out"]
+    assert result.engine is built
+    assert result.values.of_engine.at(built.initial)[0] == 0.5
+
+
+LOSSY = """mdp
+module m
+  s : [0..3];
+  [go] s=0 -> 0.5:(s'=1) + 0.5:true;
+  [risk] s=0 -> 0.9:(s'=2) + 0.1:(s'=3);
+  [on] s=1 -> 0.3:(s'=2) + 0.4:(s'=0) + 0.3:(s'=3);
+  [out] s=1 -> 0.5:(s'=2) + 0.5:(s'=3);
+  [] s=2 -> true;
+  [] s=3 -> true;
+endmodule
+rewards "cost" [go] true : 1; [risk] true : 3; [on] true : 2; [out] true : 5; endrewards
+"""
+
+
+@pytest.mark.parametrize("engine", ["explicit", "exact", "sparse", "hybrid", "mtbdd"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Pmax=? [ F s=2 ]",
+        "Pmin=? [ F s=2 ]",
+        "Pmax=? [ G s!=2 ]",
+        "Pmin=? [ G s!=2 ]",
+        'R{"cost"}max=? [ F s>=2 ]',
+        'R{"cost"}min=? [ F s>=2 ]',
+        'R{"cost"}min=? [ F (s=1 & (X s>=2)) ]',
+        'R{"cost"}max=? [ C ]',
+        'R{"cost"}max=? [ C discount=0.9 ]',
+        'R{"cost"}min=? [ S ]',
+        "Smax=? [ s=2 ]",
+        "Pmax=? [ F (s=1 & (X s=2)) ]",
+        "Pmin=? [ F F s=2 ]",
+        "Pmin=? [ !(G F s=2) ]",
+        "Pmax=? [ F P>=0.9 [ F s=2 ] ]",
+        "Pmax=? [ (G F s=2) | (G F s=3) ]",
+        "P>=0.1 [ F s=2 ]",
+    ],
+)
+def test_the_strategy_comes_with_the_solution(text, engine, monkeypatch):
+    """Nothing is explored or solved again for it."""
+    built, rows, solved = engine_of(LOSSY, engine), engine_of(LOSSY), []
+    solve = methods.solve_linear
+
+    def counting(problem, settings, observer=None):
+        solved.append(problem)
+        return solve(problem, settings, observer)
+
+    monkeypatch.setattr(methods, "solve_linear", counting)
+    monkeypatch.setattr("symcheck.explicit.build.explore", None)
+    plain = check_text(built if engine == "exact" else rows, text)
+    before, solved[:] = len(solved), []
+    result = check_text(built, text, strategy=True)
+    assert result.strategies
+    assert len(solved) <= before
+    assert len(result.runs) <= len(plain.runs)
+    assert result.value == pytest.approx(plain.value)
+
+
+@pytest.mark.parametrize("engine", ["explicit", "sparse", "mtbdd"])
+@pytest.mark.parametrize(
+    "text", ["filter(count, s<2)", "filter(avg, Pmax=? [ F s=2 ], s<2)", "Pmax=? [ F s=2 ]", "s<2"]
+)
+def test_a_result_is_the_same_without_a_strategy(text, engine):
+    """Also of a filter, in a model with several initial states, where diagrams are listed as rows."""
+    several = LOSSY + "init s<2 endinit\n"
+    built = engine_of(several, engine)
+    plain, found = (check_text(built, text, strategy=wanted) for wanted in (False, True))
+    assert found.value == pytest.approx(plain.value)
+    assert found.explanation == plain.explanation
+    assert found.engine is plain.engine
 
 
 SHIFT = """mdp

@@ -33,6 +33,8 @@ def explored(text: str, formula: str, **options: object) -> int | None:
         ("P=? [ x<5 U x=1 ]", 5),
         ("P=? [ x<5 U<=3 x=1 ]", 5),
         ("P=? [ G x>1 & x<6 ]", 6),
+        ("P=? [ x>1 W x=6 ]", 6),
+        ("P=? [ F[0,4] x=2 | x=5 ]", 4),
         ("P>=0.5 [ F x=3 ]", 1),
         ('P<0.1 [ F "top" | x=2 ]', 8),
         ("R=? [ F x=2 | x=4 ]", 3),

@@ -99,9 +99,10 @@ def check(
     if isinstance(formula, Property):
         formula = formula.formula
     log = CheckLog(warnings=list(engine.model.warnings))
+    options = options or Options()
     context = Context(
         engine,
-        options or Options(),
+        options,
         labels or {},
         properties or {},
         log,
@@ -109,15 +110,19 @@ def check(
         observer=observer,
     )
     kind = context.type(formula)
-    if context.options.strategy and engine.model.type.has_choices:
-        from symcheck.check.strategies.to_explicit import check_rows_fit
+    if options.strategy and engine.model.type.has_choices:
+        from symcheck.check.strategies.to_explicit import check_rows_fit, to_explicit
 
         check_rows_fit(
             engine,
             "a strategy, which has a choice for every state, needs",
             "without -exportstrat (strategy=True) the value is computed",
         )
-    lifted = _check_on_quotient(context, formula, kind, shared) if context.options.bisim else None
+        context = to_explicit(context)
+        if options.bisim:
+            log.warn("checked without -bisim: a strategy has a choice for every state")
+            options = replace(options, bisim=False)
+    lifted = _check_on_quotient(context, formula, kind, shared) if options.bisim else None
     if lifted is not None:
         result = lifted
     elif isinstance(formula, Filter | StateFilter):
@@ -131,9 +136,11 @@ def check(
         result = _boolean(context, formula)
     else:
         result = _numeric(context, formula, kind)
+    if context.engine is not engine:
+        result, engine = _lift_from_rows(result, context.engine, engine)
     if isinstance(formula, Filter | StateFilter) or not isinstance(formula, StateOperator):
         _warn_of_amplified_errors(context, result.accuracy)
-    strategies = _strategies(context, formula) if context.options.strategy else ()
+    strategies = _strategies(context, formula) if options.strategy else ()
     return replace(
         result,
         strategies=strategies,
@@ -204,19 +211,39 @@ def _check_on_quotient(
     return replace(result, explanation=f"{result.explanation}; {size} by bisimulation")
 
 
-def _lift_result(result: Result, smaller: Quotient, engine: Engine) -> Result:
-    """A result on the quotient, lifted to the states of the model."""
-    satisfied = None
+def _lift_from_rows(result: Result, rows: Engine, engine: Engine) -> tuple[Result, Engine]:
+    """A result on rows for the engine that they are those of, and this engine.
+
+    Rows of a model that was built anew are not in its order, and keep the result.
+    """
+    from symcheck.check.bisimulation.quotient import Quotient
+    from symcheck.engines.explicit.engine import ExplicitEngine
+    from symcheck.engines.symbolic.engine import SymbolicEngine
+
+    explicit, source = rows.capability(ExplicitEngine), rows.capability(SymbolicEngine)
+    if explicit is None or source is None:
+        return result, rows
+    return _lift_states(result, Quotient.of_rows(explicit, source), engine), engine
+
+
+def _lift_states(result: Result, smaller: Quotient, engine: Engine) -> Result:
+    """A result with the values and sets of the quotient lifted to the states of the model."""
     if result.values_or_none is not None:
         lifted = StateValues(engine, smaller.lift(result.values.of_engine))
         result = replace(result, values_or_none=lifted)
     if result.satisfying_or_none is not None:
         satisfied = smaller.lift_set(result.satisfying.members)
         result = replace(result, satisfying_or_none=States(engine, satisfied))
+    return result
+
+
+def _lift_result(result: Result, smaller: Quotient, engine: Engine) -> Result:
+    """A result on the quotient, lifted to the states of the model."""
+    result = _lift_states(result, smaller, engine)
     if _initial_count(engine, engine.all) == 1:
         return result
-    if satisfied is not None:
-        return replace(result, explanation=_satisfied(engine, satisfied))
+    if result.satisfying_or_none is not None:
+        return replace(result, explanation=_satisfied(engine, result.satisfying.members))
     value: Answer = result.value
     if isinstance(value, int | float | Fraction):
         value = value, value

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TypeVar, cast
 
 from symcheck.check.result import Line, SolverRun
 from symcheck.engines.base import Engine, Equations, StateSet, Values
 from symcheck.errors import Diagnostic, NameFault
+from symcheck.matrices.rows import Int64s
 from symcheck.numerics.linear.problem import Observer
 from symcheck.options import Options
 from symcheck.semantics.expressions.types import type_of
@@ -16,6 +18,8 @@ from symcheck.semantics.state_faults import describe_state
 from symcheck.syntax.ast import Expression, LabelReference, Type
 
 __all__ = ["CheckLog", "Context"]
+
+T = TypeVar("T")
 
 
 @dataclass
@@ -30,6 +34,9 @@ class CheckLog:
         witness: a path that explains the result, as the values of the variables in each state.
         no_strategy: why there is no strategy, although one is asked for.
         exact_engine: the model explored in rational arithmetic, once a comparison needed it.
+        chosen: per solution, if a strategy is asked for, the engine, the unknowns, and the choice
+            of each (see `SolvedValues`).
+        kept: what else a strategy needs of the computation of a value (see `Context.once`).
     """
 
     runs: list[SolverRun] = field(default_factory=list)
@@ -39,6 +46,8 @@ class CheckLog:
     witness: Sequence[Mapping[str, int | bool]] | None = None
     no_strategy: str | None = None
     exact_engine: Engine | None = None
+    chosen: list[tuple[Engine, StateSet, Int64s]] = field(default_factory=list)
+    kept: list[tuple[tuple[object, ...], object]] = field(default_factory=list)
 
     def warn(self, text: str) -> None:
         """Add a warning unless it is there already."""
@@ -108,6 +117,27 @@ class Context:
         """A context with another requested accuracy and the same log."""
         return replace(self, options=replace(self.options, epsilon=epsilon))
 
+    def without_strategy(self) -> Context:
+        """The context of what needs no strategy, such as formulas within an operator."""
+        if not self.options.strategy:
+            return self
+        return replace(self, options=replace(self.options, strategy=False))
+
+    def once(self, key: Sequence[object], make: Callable[[], T]) -> T:
+        """What a value and its strategy both need: made once for each engine and key.
+
+        It is kept only where a strategy is asked for.
+        """
+        if not self.options.strategy:
+            return make()
+        whole = (id(self.engine), *key)
+        for known, value in self.log.kept:
+            if known == whole:
+                return cast(T, value)
+        made = make()
+        self.log.kept.append((whole, made))
+        return made
+
     def solve(self, equations: Equations, known: Sequence[tuple[StateSet, float]]) -> Values:
         """Solve equations, and log the run.
 
@@ -119,6 +149,8 @@ class Context:
             Values of all states.
         """
         solved = equations.solve(known, self.options, self.observer)
+        if solved.choices is not None:
+            self.log.chosen.append((self.engine, equations.states, solved.choices))
         if solved.unknowns:
             self.warn_if_wide(solved.width, solved.explanation)
             self.log.runs.append(
@@ -132,6 +164,13 @@ class Context:
                 )
             )
         return solved.values
+
+    def choices(self, states: StateSet) -> Int64s | None:
+        """The choices of the last solution over some unknowns; None if there was none."""
+        for engine, unknowns, choices in reversed(self.log.chosen):
+            if engine is self.engine and unknowns == states:
+                return choices
+        return None
 
     def warn_if_wide(self, width: float, explanation: str) -> None:
         """Warn if bounds are further apart than requested."""

@@ -231,28 +231,16 @@ def _comparison(context: Context, formula: Binary, relevant: StateSet) -> StateS
         both = satisfying(context, left, relevant), satisfying(context, right, relevant)
         same = connect(Operator.IFF, *both)
         return same if formula.operator is Operator.EQ else ~same
-    if isinstance(right, Literal):
-        threshold = Fraction(right.value)
-        return decide(
-            context,
-            lambda c: numbers(c, left, relevant),
-            formula.operator.value,
-            threshold,
-            relevant,
-            partial(_exactly, context, formula, relevant),
-        )
+    threshold = Fraction(right.value if isinstance(right, Literal) else 0)
 
-    def difference(c: Context) -> Values:
-        return numbers(c, left, relevant).map(Operator.MINUS, numbers(c, right, relevant))
+    def compared(c: Context) -> Values:
+        found = numbers(c, left, relevant)
+        if isinstance(right, Literal):
+            return found
+        return found.map(Operator.MINUS, numbers(c, right, relevant))
 
-    return decide(
-        context,
-        difference,
-        formula.operator.value,
-        0,
-        relevant,
-        partial(_exactly, context, formula, relevant),
-    )
+    exactly = partial(_exactly, context, formula, relevant)
+    return decide(context, compared, formula.operator.value, threshold, relevant, exactly)
 
 
 def query_of(context: Context, formula: AnyMeasure) -> Query[StateSet]:
@@ -268,7 +256,7 @@ def query_of(context: Context, formula: AnyMeasure) -> Query[StateSet]:
         raise UnsupportedError(
             f"{quantity.called} over fair strategies only are not supported; without -fair they are"
         )
-    return query.over(states_of(context))
+    return context.once((formula,), lambda: query.over(states_of(context.without_strategy())))
 
 
 def _bounded(context: Context, formula: AnyMeasure, relevant: StateSet) -> StateSet:
@@ -278,9 +266,7 @@ def _bounded(context: Context, formula: AnyMeasure, relevant: StateSet) -> State
     assert threshold is not None
     context = context.relevant_at(relevant)
     if isinstance(query.quantity, PathProbability):
-        path = query.quantity.path
-        operator, value = threshold.operator.value, threshold.value
-        by_graph = qualitative(context, path, operator, value, query.direction)
+        by_graph = qualitative(context, query.quantity.path, threshold, query.direction)
         if by_graph is not None:
             return by_graph
     return decide(

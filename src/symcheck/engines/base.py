@@ -264,12 +264,15 @@ class SystemOf(Protocol[S, V]):
         *,
         probability: bool,
         allow_stay: bool = False,
+        infinite: S | None = None,
     ) -> EquationsOf[S, V]:
         """The equations x = A x + constant (bounds: up to `upper`); rates are divided by exit
         rates.
 
         `allow_stay`: a strategy may stay for ever where that costs and earns nothing, with value 0
         (greatest rewards); or it must not (least probabilities of what is met outside).
+        `infinite`: other states, whose value is infinite; choices that may lead there never
+        minimise, and where others may, the value is no unknown.
         """
         ...
 
@@ -304,6 +307,9 @@ class SolvedValues(Generic[V_co]):
     """The solution of equations, and how it was found.
 
     width: the greatest distance of certified bounds, relative or absolute as the settings say.
+    choices: the choice of each unknown, numbered within its state, int64[n], that together attain
+        the lower bounds of a maximum, the upper ones of a minimum (-1: any choice does); None in a
+        chain, and unless the settings ask for a strategy.
     """
 
     values: V_co
@@ -313,10 +319,16 @@ class SolvedValues(Generic[V_co]):
     explanation: str = ""
     certified: bool = True
     width: float = 0.0
+    choices: Int64s | None = None
 
 
-class EquationsOf(Protocol[S_contra, V_co]):
+class EquationsOf(Protocol[S, V_co]):
     """Equations over the states of a system, ready to be solved."""
+
+    @property
+    def states(self) -> S:
+        """The states that are unknowns."""
+        ...
 
     @property
     def n(self) -> int:
@@ -334,11 +346,11 @@ class EquationsOf(Protocol[S_contra, V_co]):
 
     def solve(
         self,
-        known: Sequence[tuple[S_contra, float]],
+        known: Sequence[tuple[S, float]],
         settings: Settings,
         observer: Observer | None = None,
     ) -> SolvedValues[V_co]:
-        """The solution on all states; `known`: constants on other sets, 0 elsewhere."""
+        """The solution on all states; `known`: finite constants on other sets, 0 elsewhere."""
         ...
 
 

@@ -198,7 +198,7 @@ class LinearSystem(SystemOf[S, V]):
         """The equations of the expected reward until the states are left; it is infinite on
         `infinite`.
         """
-        return ExpectedReward(self, reward, infinite)
+        return ExpectedReward(self, reward, infinite=infinite)
 
     def equations(
         self,
@@ -207,9 +207,10 @@ class LinearSystem(SystemOf[S, V]):
         *,
         probability: bool,
         allow_stay: bool = False,
+        infinite: S | None = None,
     ) -> LinearEquations[S, V]:
         """The equations x = A x + constant (bounds: up to `upper`)."""
-        return LinearEquations(self, constant, upper, probability, allow_stay)
+        return LinearEquations(self, constant, upper, probability, allow_stay, infinite=infinite)
 
     def problem(
         self, constant: Numbers, upper: Numbers | None, *, probability: bool
@@ -249,19 +250,48 @@ class LinearSystem(SystemOf[S, V]):
 
 @dataclass(frozen=True, eq=False)
 class BaseEquations(EquationsOf[S, V]):
-    """The common part of equations over the states of a system."""
+    """The common part of equations over the states of a system.
+
+    infinite: other states, whose value is infinite; None: none are.
+    """
 
     system: LinearSystem[S, V]
+    infinite: S | None = field(default=None, kw_only=True)
+
+    @property
+    def states(self) -> S:
+        """The states that are unknowns."""
+        return self.system.states
 
     @property
     def n(self) -> int:
         """Number of unknowns."""
         return self.system.n
 
-    @property
+    @cached_property
     def usable_rows(self) -> Bools | None:
-        """Rows that can be optimal, bool[rows]; None: all."""
-        return None
+        """Rows that can be optimal, bool[rows]; None: all.
+
+        A choice that may lead to an infinite value never minimises.
+
+        Raises:
+            ValueError: an unknown has only such choices.
+        """
+        system = self.system
+        if system.direction is not Direction.MIN or not self.infinite:
+            return None
+        usable: Bools = system.one_step_probability(self.infinite) == 0
+        if usable.all():
+            return None
+        assert system.groups is not None
+        if not np.logical_or.reduceat(usable, system.groups[:-1]).all():
+            raise ValueError("a state all of whose choices lead to infinite values is no unknown")
+        return usable
+
+    def _usable(self, problem: LinearProblem) -> LinearProblem:
+        """The problem on the usable rows."""
+        usable = self.usable_rows
+        return problem if usable is None else chosen_rows(problem, self.system.matrix, usable)
 
     def solve(
         self,
@@ -269,11 +299,29 @@ class BaseEquations(EquationsOf[S, V]):
         settings: Settings,
         observer: Observer | None = None,
     ) -> SolvedValues[V]:
-        """The solution on all states; `known`: constants on other sets, 0 elsewhere."""
+        """The solution on all states; `known`: finite constants on other sets, 0 elsewhere.
+
+        Raises:
+            ValueError: a constant is infinite. The equations must know where values are infinite.
+        """
+        if not all(np.isfinite(value) for _, value in known):
+            raise ValueError("infinite values are given to the equations, not to their solution")
+        if self.infinite:
+            known = [*known, (self.infinite, np.inf)]
         if self.system.states:
-            return self._solved(known, settings, observer)
+            solved = self._solved(known, settings, observer)
+            return replace(solved, choices=self._choices(solved.choices, settings))
         values = self.system.lift(self.system.full(0), None, known)
         return SolvedValues(values, "", 0, 0)
+
+    def _choices(self, rows: Int64s | None, settings: Settings) -> Int64s | None:
+        """The rows of a strategy, which are among the usable ones, as choices of their states."""
+        groups = self.system.groups
+        if rows is None or groups is None or not settings.strategy:
+            return None
+        if self.usable_rows is not None:
+            rows = np.where(rows < 0, -1, np.flatnonzero(self.usable_rows)[rows])
+        return np.where(rows < 0, -1, rows - groups[:-1])
 
     def _solved(
         self, known: Sequence[tuple[S, float]], settings: Settings, observer: Observer | None
@@ -299,8 +347,20 @@ class LinearEquations(BaseEquations[S, V]):
     allow_stay: bool = False
 
     def problem(self) -> LinearProblem:
-        """The equations for a numerical method."""
-        return self.system.problem(self.constant, self.upper, probability=self.probability)
+        """The equations for a numerical method, on the usable rows.
+
+        Raises:
+            ValueError: an unknown has an infinite value.
+        """
+        system = self.system
+        if (
+            system.direction is not Direction.MIN
+            and self.infinite
+            and np.any(system.one_step_probability(self.infinite) != 0)
+        ):
+            raise ValueError("a state with a choice that leads to an infinite value is no unknown")
+        problem = system.problem(self.constant, self.upper, probability=self.probability)
+        return self._usable(problem)
 
     def _solved(
         self, known: Sequence[tuple[S, float]], settings: Settings, observer: Observer | None
@@ -313,7 +373,9 @@ class LinearEquations(BaseEquations[S, V]):
             # not negative, so that staying is never better than leaving and need not be a choice
             # there.
             against = Direction.MAX if self.probability else Direction.MIN
-            rows = self.system.probabilities()
+            rows = problem.matrix
+            if rows is None:
+                rows = self.system.probabilities()
             quotient = collapse(replace(problem, matrix=rows, direction=against))
         if quotient is None:
             return solved_values(self.system, problem, known, settings, observer)
@@ -350,7 +412,7 @@ class ExpectedReward(BaseEquations[S, V]):
     """
 
     reward: Reward
-    infinite: S
+    infinite: S = field(kw_only=True)
 
     @property
     def cancels(self) -> bool:
@@ -358,23 +420,10 @@ class ExpectedReward(BaseEquations[S, V]):
         sums = self.system.reward_sums
         return isinstance(self.reward, Structure) and sums.cancels(self.reward.index)
 
-    @cached_property
-    def usable_rows(self) -> Bools | None:
-        """Rows that can be optimal; None: all.
-
-        A choice that may lead to an infinite reward never minimises.
-        """
-        if self.system.direction is not Direction.MIN:
-            return None
-        usable = self.system.one_step_probability(self.infinite) == 0.0
-        return None if usable.all() else usable
-
     def problem(self) -> LinearProblem:
         """The equations for a numerical method, on the usable rows."""
         constant = self.system.step_rewards(self.reward)
-        problem = self.system.problem(constant, None, probability=False)
-        usable = self.usable_rows
-        return problem if usable is None else chosen_rows(problem, self.system.matrix, usable)
+        return self._usable(self.system.problem(constant, None, probability=False))
 
     def _solved(
         self, known: Sequence[tuple[S, float]], settings: Settings, observer: Observer | None
@@ -476,6 +525,7 @@ def _lifted(
         solution.explanation,
         solution.certified,
         solution.width(settings.relative) if solution.certified else 0.0,
+        solution.strategy,
     )
 
 

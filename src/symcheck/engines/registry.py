@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from symcheck.engines import tuning
 from symcheck.engines.base import Engine, erased
@@ -15,7 +15,10 @@ from symcheck.semantics.binding.probability_sums import normalised_at
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.state_faults import AlmostOne
 
-__all__ = ["BUILDERS", "build"]
+if TYPE_CHECKING:
+    from symcheck.engines.explicit.engine import ExplicitEngine
+
+__all__ = ["BUILDERS", "build", "on_rows"]
 
 
 Observer = Callable[[object], None]
@@ -113,3 +116,32 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
     except AlmostOne as fault:
         model = normalised_at(model, fault)
     return build(model, options, observer)
+
+
+def on_rows(engine: Engine, options: Options) -> ExplicitEngine:
+    """The model of an engine on the rows of all states; nothing is explored again.
+
+    The rows of diagrams have the states and the choices in the order of the engine. Only a model
+    that is not in the order of its declarations, or was read state by state, is built anew.
+
+    Args:
+        engine: the built model.
+        options: those that it was built with.
+
+    Raises:
+        SymcheckError: see `build`.
+    """
+    from symcheck.engines.explicit.engine import ExplicitEngine
+
+    explicit = engine.capability(ExplicitEngine)
+    if explicit is not None:
+        return explicit
+    from symcheck.engines.symbolic.engine import SymbolicEngine
+    from symcheck.engines.symbolic.materialized import materialize
+
+    symbolic = engine.capability(SymbolicEngine)
+    if symbolic is not None and options.order is None and engine.model.builder is None:
+        return replace(materialize(symbolic), name=engine.name)
+    explicit = build(engine.model, replace(options, engine="explicit")).capability(ExplicitEngine)
+    assert explicit is not None
+    return explicit

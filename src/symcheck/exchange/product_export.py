@@ -20,8 +20,8 @@ from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix, spans, starts_o
 from symcheck.options import Options
 from symcheck.semantics.model import Variable
 from symcheck.semantics.path_formulas import LtlPathFormula
-from symcheck.semantics.query import PathProbability
-from symcheck.syntax.ast import Expression, ProbabilityOperator, Type
+from symcheck.semantics.query import PathProbability, Query
+from symcheck.syntax.ast import AnyMeasure, Expression, Type
 
 __all__ = ["product_export"]
 
@@ -39,7 +39,7 @@ def product_export(
     state first.
 
     Args:
-        engine: the engine of the model; another engine than the explicit one explores it again.
+        engine: the engine of the model; the rows of diagrams are listed.
         formula: the bound property.
         options: those of the model.
         labels: those that the property may refer to.
@@ -48,17 +48,15 @@ def product_export(
         UnsupportedError: the property is checked without an automaton.
     """
     context = to_explicit(Context(engine, options, labels, {}))
-    if not isinstance(formula, ProbabilityOperator):
-        raise _no_automaton()
-    query = query_of(context, formula)
-    assert isinstance(query.quantity, PathProbability)
-    path = query.quantity.path
-    if not isinstance(path, LtlPathFormula):
-        raise _no_automaton()
-    if (
-        query.direction is Direction.MIN
-    ):  # the least probability is that of the negation, subtracted from 1
-        path = replace(path, negative=not path.negative)
+    match query_of(context, formula) if isinstance(formula, AnyMeasure) else None:
+        case Query(PathProbability(LtlPathFormula() as path), direction):
+            # The least probability is that of the negation, subtracted from 1.
+            path = replace(path, negative=path.negative is not (direction is Direction.MIN))
+        case _:
+            raise UnsupportedError(
+                "this property is checked without an automaton, so there is no product",
+                hint="P=? [ G F a ], for example, has one",
+            )
     sets, automaton = labelled_automaton(context, path)
     letters = np.zeros(context.engine.states, np.int64)
     for i, states in enumerate(sets):
@@ -67,13 +65,6 @@ def product_export(
     following = np.asarray(automaton.table, np.int64)
     order = _order(context.engine)
     return _product(whole, following, letters[order], automaton.initial)
-
-
-def _no_automaton() -> UnsupportedError:
-    return UnsupportedError(
-        "this property is checked without an automaton, so there is no product",
-        hint="P=? [ G F a ], for example, has one",
-    )
 
 
 def _product(

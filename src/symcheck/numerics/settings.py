@@ -39,6 +39,11 @@ class Settings(Protocol):
         """The largest number of sweeps, products or policies."""
         ...
 
+    @property
+    def strategy(self) -> bool:
+        """Whether the choices are asked for that attain the solution."""
+        ...
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Accuracy:
@@ -49,3 +54,4 @@ class Accuracy:
     relative: bool = True
     certify: bool = True
     max_iterations: int = 1_000_000
+    strategy: bool = False

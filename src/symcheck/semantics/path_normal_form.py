@@ -46,7 +46,6 @@ __all__ = [
     "StateFormula",
     "UntilReached",
     "normal_form",
-    "only_window",
     "reward_bound_refused",
     "state_formulas",
     "with_leaves",
@@ -185,13 +184,6 @@ def with_leaves(form: NormalForm[L], leaf: Callable[[L], M]) -> NormalForm[M]:
             return UntilReached(with_leaves(left, leaf), with_leaves(right, leaf), extent)
         case _:
             assert_never(form)
-
-
-def only_window(extent: Extent) -> Window:
-    """The extent as a time interval. Raises UnsupportedError for a bound on a reward."""
-    if isinstance(extent, Window):
-        return extent
-    raise reward_bound_refused()
 
 
 def reward_bound_refused() -> UnsupportedError:

@@ -97,7 +97,7 @@ _BOTH = tuple(Direction)
 class PathProbability(_Quantity, Generic[L]):
     """The probability of a path formula."""
 
-    called = "bounds on rewards"
+    called = "probabilities with bounds on rewards"
 
     path: PathFormula[L]
 
@@ -180,6 +180,8 @@ class CumulativeReward(_Quantity):
 class CostBoundedReward(_Quantity):
     """The reward of the steps whose accumulated cost is within a window."""
 
+    called = "rewards within a cost"
+
     reward: Reward
     cost: RewardWindow
 
@@ -188,6 +190,7 @@ class CostBoundedReward(_Quantity):
 class DiscountedReward(_Quantity):
     """The reward of the first steps (None: of all), of which step i counts discount^i times."""
 
+    called = "discounted rewards"
     fair_directions = _BOTH
 
     reward: Reward

@@ -26,14 +26,10 @@ from symcheck.semantics.path_formulas import (
 from symcheck.semantics.path_normal_form import reward_bound_refused
 from symcheck.semantics.query import (
     CoSafeReward,
-    CostBoundedReward,
     CumulativeReward,
-    DiscountedReward,
     InstantaneousReward,
-    LongRunProbability,
     LongRunReward,
     PathProbability,
-    ProbabilityGiven,
     Quantity,
     ReachReward,
     TotalReward,
@@ -249,11 +245,6 @@ def monitor_of(quantity: Quantity[Expression], model: BoundModel) -> Monitor:
     match quantity:
         case PathProbability(path):
             return _path_monitor(path, model)
-        case ProbabilityGiven():
-            raise UnsupportedError(
-                "sampling does not estimate conditional probabilities; without it they are "
-                "computed numerically"
-            )
         case CumulativeReward(_, times):
             _, upper = _time_bounds(times, model)
             assert upper is not None
@@ -262,11 +253,6 @@ def monitor_of(quantity: Quantity[Expression], model: BoundModel) -> Monitor:
             return _InstantaneousMonitor(_time_bounds(Window(time, time), model)[0])
         case ReachReward(_, target):
             return _ReachabilityMonitor(target)
-        case DiscountedReward() | CostBoundedReward():
-            raise UnsupportedError(
-                "sampling does not estimate discounted rewards and rewards within a cost; without "
-                "sampling they are computed numerically"
-            )
         case LongRunReward() | TotalReward():
             raise UnsupportedError(
                 "sampling does not estimate R [ "
@@ -280,13 +266,11 @@ def monitor_of(quantity: Quantity[Expression], model: BoundModel) -> Monitor:
                 "(F states); without it, those until a path formula is satisfied are computed "
                 "numerically"
             )
-        case LongRunProbability():
-            raise UnsupportedError(
-                "sampling does not estimate long-run averages, which depend on infinite paths; "
-                "without sampling they are computed numerically"
-            )
         case _:
-            assert_never(quantity)
+            raise UnsupportedError(
+                f"sampling does not estimate {quantity.called}; without sampling they are computed "
+                "numerically"
+            )
 
 
 def _path_monitor(path: PathFormula[Expression], model: BoundModel) -> Monitor:

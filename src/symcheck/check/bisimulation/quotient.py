@@ -77,6 +77,12 @@ class Quotient:
         # As in `engines.base.erased`: only that engine receives the values.
         return cls(erased(engine), rounds, cost, cast(Lifting[StateSet, Values], lifting))
 
+    @classmethod
+    def of_rows(cls, rows: ExplicitEngine, source: SymbolicEngine) -> Quotient:
+        """The rows of diagrams, each of whose states is a block."""
+        each = np.arange(rows.states, dtype=np.int32)
+        return cls.of(rows, 0, "", MaterializedLifting(source, each))
+
     def lift(self, values: Values) -> Values:
         """Lift values of blocks to states."""
         assert isinstance(values, ArrayValues | RationalValues)

@@ -46,7 +46,8 @@ def find_counterexample(
         UnsupportedError: the formula is of another kind, or no set of paths shows its value.
     """
     check_rows_fit(context.engine, "a counterexample needs")
-    context = to_explicit(replace(context, relevant_states=None))
+    options = replace(context.options, strategy=True)
+    context = to_explicit(replace(context, options=options, relevant_states=None))
     search = path_search(context, formula)
     limit = tuning.COUNTEREXAMPLE_PATHS if paths is None else paths
     chosen: list[FoundPath] = []

@@ -28,12 +28,12 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, full, is_infinite
 from symcheck.matrices.rows import Floats, per_row
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
-from symcheck.numerics.linear.problem import LinearProblem, Progress, largest_width
+from symcheck.numerics.linear.problem import LinearProblem, Progress, Solution, largest_width
 from symcheck.numerics.tuning import SERIES_ENTRIES, STEP_ENTRIES, UNIT_ROUNDOFF
 from symcheck.numerics.underflow import enclosed, may_underflow
 from symcheck.semantics.rewards import Reward
 
-__all__ = ["discounted_problem", "discounted_reward"]
+__all__ = ["discounted_reward", "solved_discounted"]
 
 _NAME = "discounted rewards"
 _HORIZONS = 64.0
@@ -94,21 +94,7 @@ def discounted_reward(
                 hint="use -exact, or an engine with rows (-ex, -s)",
             )
         return _iterated(context, system, rewards, discount, None, direction)
-    from symcheck.numerics.linear.methods import solve_linear
-
-    solution = solve_linear(
-        discounted_problem(system, rewards, discount, direction), context.options, context.observer
-    )
-    context.log.runs.append(
-        SolverRun(
-            "linear",
-            solution.method,
-            system.n,
-            solution.iterations,
-            solution.explanation,
-            solution.certified,
-        )
-    )
+    solution = solved_discounted(context, system, rewards, discount, direction)
     if engine.exact or not solution.certified:
         return system.lift(solution.middle, None, exact=True)
     bounds = solution.lower, solution.upper
@@ -117,6 +103,28 @@ def discounted_reward(
     if signed is not None:
         return _around(context, signed, discount, bounds, margins, direction)
     return _lifted(context, rounding, bounds, margins)
+
+
+def solved_discounted(
+    context: Context,
+    system: System,
+    rewards: Numbers,
+    discount: Fraction,
+    direction: Direction | None,
+) -> Solution:
+    """The solution of the equations over all states; the arguments are as for
+    `discounted_problem`.
+    """
+    from symcheck.numerics.linear.methods import solve_linear
+
+    def solve() -> Solution:
+        problem = discounted_problem(system, rewards, discount, direction)
+        found = solve_linear(problem, context.options, context.observer)
+        how = found.iterations, found.explanation, found.certified
+        context.log.runs.append(SolverRun("linear", found.method, system.n, *how))
+        return found
+
+    return context.once(("discounted", direction, context.options.epsilon), solve)
 
 
 def _around(

@@ -5,7 +5,7 @@ See `symcheck.numerics.long_run.mean_payoff` for the method and its sources.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,15 +16,15 @@ from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
-from symcheck.matrices.rows import Bools, per_row
-from symcheck.numerics.linear.problem import largest_width
+from symcheck.matrices.rows import Bools, Int32s, Int64s, per_row
+from symcheck.numerics.linear.problem import Solution, largest_width
 from symcheck.semantics.rewards import Reward
 from symcheck.tables import counted
 
 if TYPE_CHECKING:
     from symcheck.numerics.long_run.mean_payoff import Gains
 
-__all__ = ["steady_probability", "steady_reward"]
+__all__ = ["Averages", "solved_averages", "steady_probability", "steady_reward"]
 
 
 def steady_probability(context: Context, states: StateSet, direction: Direction | None) -> Values:
@@ -41,13 +41,49 @@ def steady_reward(context: Context, reward: Reward, direction: Direction | None)
     return _average(context, system, system.step_rewards(reward), direction, share=False)
 
 
-def _average(
-    context: Context, system: System, rewards: Numbers, direction: Direction | None, *, share: bool
-) -> Values:
+@dataclass(frozen=True, eq=False)
+class Averages:
+    """The solved equations of long-run averages.
+
+    Attributes:
+        gains: the best average of each end component.
+        shift: what was added to the gains.
+        state: the unknown of each state, int32[states].
+        solution: of the shifted averages, over the unknowns.
+        origin: the row of the model of each row of the equations; -1: a run stays.
+    """
+
+    gains: Gains
+    shift: float
+    state: Int32s
+    solution: Solution
+    origin: Int64s
+
+
+def solved_averages(
+    context: Context, system: System, rewards: Numbers, direction: Direction
+) -> Averages:
+    """Solve the equations of long-run averages of an MDP.
+
+    Args:
+        context: the engine, the options and the log.
+        system: the equations over all states.
+        rewards: the reward of each row.
+        direction: minimise or maximise over strategies.
+
+    Raises:
+        UnsupportedError: a reward is infinite, or only fair strategies count.
+    """
+    key = "average", direction, context.options.epsilon
+    return context.once(key, lambda: _solved_averages(context, system, rewards, direction))
+
+
+def _solved_averages(
+    context: Context, system: System, rewards: Numbers, direction: Direction
+) -> Averages:
     from symcheck.numerics.linear.methods import solve_linear
     from symcheck.numerics.long_run.mean_payoff import component_gains, mec_quotient
 
-    assert direction is not None
     if is_infinite(rewards).any():
         raise UnsupportedError("long-run averages of infinite rewards are not supported")
     options, observer = context.options, context.observer
@@ -64,12 +100,22 @@ def _average(
     negative = not context.engine.exact and gains.lower.min() < 0
     shift = 2 * np.abs(gains.lower).max() if negative else 0
     shifted = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
-    problem, state, _ = mec_quotient(system.matrix, shifted, direction)
+    problem, state, origin = mec_quotient(system.matrix, shifted, direction)
     gain_error = float(
         ((shifted.upper - shifted.lower) / np.maximum(shifted.upper, 1e-300)).max(initial=0.0)
     )
     accuracy = replace(finer, epsilon=min(max(finer.epsilon, 4.0 * gain_error), 0.5))
     solution = solve_linear(problem, accuracy, observer)
+    return Averages(gains, shift, state, solution, origin)
+
+
+def _average(
+    context: Context, system: System, rewards: Numbers, direction: Direction | None, *, share: bool
+) -> Values:
+    assert direction is not None
+    averages = solved_averages(context, system, rewards, direction)
+    gains, shift, state = averages.gains, averages.shift, averages.state
+    solution = averages.solution
     lower, upper = solution.lower[state], solution.upper[state]
     exact = solution.exact and shift == 0 and bool(np.array_equal(gains.lower, gains.upper))
     if not exact:
@@ -92,7 +138,7 @@ def _average(
         solution.certified,
     )
     context.log.runs.append(run)
-    context.warn_if_wide(largest_width(lower, upper, options.relative), explanation)
+    context.warn_if_wide(largest_width(lower, upper, context.options.relative), explanation)
     values = system.lift(
         solution.middle[state] if exact else lower, None if exact else upper, exact=exact
     )

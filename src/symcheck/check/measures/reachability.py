@@ -6,8 +6,6 @@ Sources: Baier & Katoen (2008), 10.1.1 and 10.6.1; for rewards, Forejt, Kwiatkow
 
 from __future__ import annotations
 
-import numpy as np
-
 from symcheck.check.context import Context
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
@@ -61,9 +59,7 @@ def reach_reward(
     """
     finite = context.engine.finite_reward(reward, target, direction)
     system = context.engine.system(finite - target, direction)
-    return context.solve(
-        system.expected_reward(reward, infinite=~finite), known=[(~finite, np.inf)]
-    )
+    return context.solve(system.expected_reward(reward, infinite=~finite), known=[])
 
 
 def boundary_values(context: Context, states: StateSet, outside: Values) -> Values:

@@ -37,9 +37,12 @@ def total_reward(context: Context, reward: Reward, direction: Direction | None) 
         parts = greatest_total(context, whole, per_step)
         system = engine.system(parts.unknown, Direction.MAX)
         equations = system.equations(
-            system.step_rewards(reward), probability=False, allow_stay=True
+            system.step_rewards(reward),
+            probability=False,
+            allow_stay=True,
+            infinite=parts.infinite,
         )
-        return context.solve(equations, known=[(parts.infinite, np.inf)])
+        return context.solve(equations, known=[])
     if direction is Direction.MIN:
         target = engine.from_bools(reward_free_mecs(whole, per_step).of >= 0)
         return reach_reward(context, reward, target, direction)

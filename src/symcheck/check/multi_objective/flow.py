@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
-from typing import assert_never
 
 import numpy as np
 
@@ -20,15 +19,10 @@ from symcheck.numerics.graph import Incidence
 from symcheck.numerics.multi_objective import linear_program as numerics
 from symcheck.semantics.path_formulas import as_ltl
 from symcheck.semantics.query import (
-    CoSafeReward,
-    CostBoundedReward,
     CumulativeReward,
-    DiscountedReward,
-    InstantaneousReward,
     LongRunProbability,
     LongRunReward,
     PathProbability,
-    ProbabilityGiven,
     Quantity,
     ReachReward,
     TotalReward,
@@ -157,7 +151,8 @@ def _terms(products: _Products, objective: Objective) -> tuple[Product | None, _
             ltl = as_ltl(path)
             atoms = tuple(map(products.lift, ltl.atoms))
             ltl = replace(ltl, atoms=atoms, negative=objective.sign < 0)
-            product, pairs = linear_product(replace(products.context, engine=engine), ltl)
+            inner = replace(products.context, engine=engine).without_strategy()
+            product, pairs = linear_product(inner, ltl)
             return product, _Terms(accepted=[[avoid, *visits] for avoid, visits in pairs])
         case LongRunProbability(states):
             return None, _Terms(Steps(), products.lift(states))
@@ -165,19 +160,11 @@ def _terms(products: _Products, objective: Objective) -> tuple[Product | None, _
             return _until(products, reward, target)
         case TotalReward(reward) | CumulativeReward(reward) | LongRunReward(reward):
             return None, _Terms(reward, engine.all)
-        case InstantaneousReward() | DiscountedReward() | CostBoundedReward() | CoSafeReward():
-            raise _unsupported()
-        case ProbabilityGiven():
-            raise _unsupported()
         case _:
-            assert_never(quantity)
-
-
-def _unsupported() -> UnsupportedError:
-    return UnsupportedError(
-        "objectives of multi(...) with R are supported with C, C<=k, S and F states, those with T "
-        "with F states"
-    )
+            raise UnsupportedError(
+                "objectives of multi(...) with R are supported with C, C<=k, S and F states, those "
+                "with T with F states"
+            )
 
 
 def _until(products: _Products, reward: Reward, target: StateSet) -> tuple[Product | None, _Terms]:

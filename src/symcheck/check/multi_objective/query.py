@@ -71,7 +71,7 @@ class QueryResult:
 def check_multi(context: Context, formula: MultiObjective) -> Result:
     """The result of a multi-objective query.
 
-    A linear program needs rows: a model on diagrams is explored explicitly for it.
+    A linear program needs rows: those of a model on diagrams are listed for it.
 
     Raises:
         InputError: the query is faulty.
@@ -94,9 +94,7 @@ def check_multi(context: Context, formula: MultiObjective) -> Result:
                 raise _undecided(error) from error
     elif result.close:
         raise _undecided(None)
-    remark = (
-        "" if explored is context else "; explored explicitly, because a linear program needs rows"
-    )
+    remark = "" if explored is context else "; on rows, which a linear program needs"
     return _result(context, replace(result, about=result.about + remark))
 
 

@@ -17,9 +17,9 @@ from symcheck.semantics.path_normal_form import (
     NormalForm,
     StateFormula,
     UntilReached,
-    only_window,
+    reward_bound_refused,
 )
-from symcheck.semantics.time_bounds import Steps
+from symcheck.semantics.time_bounds import Steps, Window
 from symcheck.syntax.operators import connect
 
 __all__ = ["read"]
@@ -73,14 +73,15 @@ def read(
 
 
 def _steps(extent: Extent, *, timed: bool) -> Steps:
-    times = only_window(extent)
-    if timed and not times.trivial:
+    if not isinstance(extent, Window):
+        raise reward_bound_refused()
+    if timed and not extent.trivial:
         raise UnsupportedError(
             "bounds on time in a path formula with nested or combined temporal operators are not "
             "supported in a ctmc; "
             "P=? [ F<=t a ] and alike, over state formulas, are"
         )
-    steps = times.steps()
+    steps = extent.steps()
     if max(steps.lower, steps.upper or 0) > tuning.NESTED_STEPS:
         raise UnsupportedError(
             f"a bound of more than {tuning.NESTED_STEPS} steps in a path formula with nested "

@@ -8,10 +8,11 @@ Sources: Baier & Katoen (2008), 10.3 and 10.6.4; de Alfaro (1997); Baier (1998),
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import assert_never
 
+from symcheck.automata.acceptance import degeneralize
 from symcheck.automata.automaton import Automaton
 from symcheck.automata.formula import Kind, LtlFormula
 from symcheck.automata.ltl import LtlFactory
@@ -99,24 +100,27 @@ def labelled_automaton(
 
 
 def linear_product(
-    context: Context,
-    path: LtlPathFormula[StateSet],
-    form: Callable[[Automaton], Automaton] | None = None,
+    context: Context, path: LtlPathFormula[StateSet]
 ) -> tuple[Product, list[tuple[StateSet, list[StateSet]]]]:
     """The product of the model with an automaton of the formula.
 
     Args:
-        context: the engine and the options.
+        context: the engine and the options; for a strategy, each pair visits at most one set.
         path: the formula.
-        form: a transformation of the automaton, applied before the product is built.
 
     Returns:
         The product, and its pairs (avoid, visits): a run is accepted if, for some pair, it is
         finitely often in `avoid` and infinitely often in each set of `visits`.
     """
+    return context.once((path,), lambda: _linear_product(context, path))
+
+
+def _linear_product(
+    context: Context, path: LtlPathFormula[StateSet]
+) -> tuple[Product, list[tuple[StateSet, list[StateSet]]]]:
     sets, automaton = labelled_automaton(context, path)
-    if form is not None:
-        automaton = form(automaton)
+    if context.options.strategy and context.engine.model.type.has_choices:
+        automaton = degeneralize(automaton)
     product: Product = context.engine.product(sets, automaton)
     return product, [
         (
@@ -150,6 +154,10 @@ def co_safe_product(context: Context, path: LtlPathFormula[StateSet]) -> tuple[P
 
     Raises InputError, UnsupportedError: see `co_safe_reward`.
     """
+    return context.once(("co-safe", path), lambda: _co_safe_product(context, path))
+
+
+def _co_safe_product(context: Context, path: LtlPathFormula[StateSet]) -> tuple[Product, StateSet]:
     factory = LtlFactory(step=len(path.atoms))
     alphabet, formula = _read(context, factory, path)
     formula = factory.negation(formula) if path.negative else formula

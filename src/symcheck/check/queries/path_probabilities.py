@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from fractions import Fraction
 from typing import assert_never
 
 import numpy as np
@@ -27,8 +26,9 @@ from symcheck.semantics.path_formulas import (
     UntilPath,
     negated,
 )
+from symcheck.semantics.query import Threshold
 from symcheck.semantics.time_bounds import Window
-from symcheck.syntax.operators import OPERATOR_BY_TOKEN, Operator
+from symcheck.syntax.operators import Operator
 
 __all__ = ["complement_of", "defined_bounds", "probability", "qualitative"]
 
@@ -200,38 +200,29 @@ def _fair_minimum(context: Context, left: StateSet, right: StateSet) -> Values:
 def qualitative(
     context: Context,
     path: PathFormula[StateSet],
-    operator: str,
-    threshold: Fraction,
+    threshold: Threshold,
     direction: Direction | None,
 ) -> StateSet | None:
     """The states that satisfy a bound that graph analysis decides (>0, <=0, >=1, <1).
 
     None if the probabilities themselves are needed.
     """
+    operator, value = threshold.operator, threshold.value
     if path.negative and isinstance(path, UntilPath | NextPath | RewardPath):
-        mirrored, dual = OPERATOR_BY_TOKEN[operator].mirrored, direction and direction.dual
-        return qualitative(context, negated(path), mirrored, 1 - threshold, dual)
-    if threshold < 0 or threshold > 1:
-        return (
-            context.engine.all
-            if (operator in (">", ">=")) == (threshold < 0)
-            else context.engine.none
-        )
-    bound = (operator, int(threshold)) if threshold in (0, 1) else None
-    if bound in ((">=", 0), ("<=", 1)):
-        return context.engine.all
-    if bound in (("<", 0), (">", 1)):
-        return context.engine.none
-    if bound is None:
+        opposite = Threshold(operator.mirrored, 1 - value)
+        return qualitative(context, negated(path), opposite, direction and direction.dual)
+    if threshold.admits(0) == threshold.admits(1):
+        return context.engine.all if threshold.admits(0) else context.engine.none
+    if value not in (0, 1):
         return None
     states = (
         _probability_one(context, path, direction)
-        if threshold == 1
+        if value == 1
         else _probability_positive(context, path, direction)
     )
     if states is None:
         return None
-    return states if operator in (">", ">=") else ~states
+    return states if operator.is_lower_bound else ~states
 
 
 def _probability_positive(

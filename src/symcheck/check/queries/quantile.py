@@ -138,7 +138,7 @@ class _Search:
             isinstance(n, Limits) and isinstance(n.upper, Parameter) for n in nodes(operator.path)
         )
         reaches = isinstance(operator.path, Eventually | Until | Next)
-        above = operator.bound.operator in (Operator.GT, Operator.GE)
+        above = operator.bound.operator.is_lower_bound
         increasing = reaches == upper
         return _Search(context, operator, satisfying, increasing == above, increasing, upper)
 

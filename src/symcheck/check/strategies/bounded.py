@@ -15,8 +15,8 @@ from symcheck.check.strategies.builder import StrategyBuilder
 from symcheck.check.strategies.counters import counter_product
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, erased
-from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.strategy import Strategy
+from symcheck.engines.registry import on_rows
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import first_best
 from symcheck.semantics.time_bounds import RewardWindow
@@ -33,8 +33,7 @@ def within_rewards(
     direction: Direction,
 ) -> Strategy:
     """A strategy of the product with a counter for each bounded reward."""
-    explicit = context.engine.capability(ExplicitEngine)
-    assert explicit is not None
+    explicit = on_rows(context.engine, context.options)
     system = context.engine.system(context.engine.all)
     product = counter_product(
         explicit,
@@ -45,7 +44,7 @@ def within_rewards(
     builder.until(
         of(to(left)[product.state] & product.within), of(to(right)[product.state] & product.met)
     )
-    return replace(builder.strategy(direction), memory=product.code, entry=product.entry)
+    return builder.strategy(direction, product.code, product.entry)
 
 
 def first_steps(
@@ -66,8 +65,7 @@ def first_steps(
         factor: the discount per step.
         last: the reward of each state after these steps; None: none.
     """
-    explicit = context.engine.capability(ExplicitEngine)
-    assert explicit is not None
+    explicit = on_rows(context.engine, context.options)
     matrix = explicit.matrix
     assert matrix.groups is not None
     ones = np.ones(matrix.rows, np.int64)

@@ -13,23 +13,28 @@ Source: Puterman (1994), chapter 9.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 
-from symcheck.check.context import Context
-from symcheck.check.measures.total_reward import greatest_total, reward_free_mecs, total_per_step
+from symcheck.check.context import CheckLog, Context
+from symcheck.check.measures.reachability import reach_reward, until
+from symcheck.check.measures.total_reward import (
+    greatest_total,
+    reward_free_mecs,
+    total_per_step,
+    total_reward,
+)
 from symcheck.direction import Direction
-from symcheck.engines.base import StateSet
-from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.base import StateSet, Values
 from symcheck.engines.explicit.strategy import Strategy
+from symcheck.engines.registry import on_rows
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
-from symcheck.matrices.rows import Bools, Int64s, first_best, spans, starts_of
+from symcheck.matrices.rows import Bools, Int32s, Int64s, first_best, spans, starts_of
 from symcheck.numerics import graph
-from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["StrategyBuilder"]
@@ -39,20 +44,21 @@ class StrategyBuilder:
     """Chooses a row for each state; -1 if every row is as good."""
 
     def __init__(self, context: Context, direction: Direction) -> None:
-        explicit = context.engine.capability(ExplicitEngine)
-        assert explicit is not None
-        assert explicit.matrix.groups is not None
-        self.context, self.explicit, self.direction = context, explicit, direction
+        self.explicit = explicit = on_rows(context.engine, context.options)
+        self.context, self.direction = context, direction
         self.engine = engine = context.engine
         self.edges = graph.Incidence(explicit.matrix)
         self.rows: Int64s = np.full(engine.states, -1, dtype=np.int64)
 
-    def strategy(self, direction: Direction) -> Strategy:
-        """The strategy of the chosen rows, and of the first row in other states."""
+    def strategy(
+        self, direction: Direction, memory: Int32s | None = None, entry: Int64s | None = None
+    ) -> Strategy:
+        """The strategy of the chosen rows, and of the first row in other states; of a product, its
+        memory and entry are those of `Strategy`.
+        """
         free = self.rows < 0
-        return Strategy(
-            self.explicit, np.where(free, self.edges.groups[:-1], self.rows), direction, ~free
-        )
+        rows = np.where(free, self.edges.groups[:-1], self.rows)
+        return Strategy(self.explicit, rows, direction, ~free, memory, entry)
 
     def next(self, target: StateSet) -> None:
         """Choose rows with maximal (minimal) probability of entering the target."""
@@ -73,8 +79,7 @@ class StrategyBuilder:
             self._take(to(yes - right), rows)
         else:
             self._stay(self.engine.to_bools(no), self.engine.to_bools(no & (left - right)))
-        system = self.engine.system(~(yes | no), self.direction)
-        self._solve(system.states, system.reachability(yes).problem())
+        self._attain(~(yes | no), lambda c: until(c, left, right, self.direction))
 
     def accept(self, pairs: Sequence[tuple[StateSet, Sequence[StateSet]]]) -> StateSet:
         """Choose rows that satisfy one of the pairs (avoid, visits), of at most one visit.
@@ -99,20 +104,15 @@ class StrategyBuilder:
 
     def reward(self, reward: Reward, target: StateSet) -> None:
         """Choose rows with maximal (minimal) expected reward until the target."""
-        everything = self.engine.all
-        questions = self.engine.graph
-        certain = questions.prob1(everything, target, self.direction.dual)
-        system = self.engine.system(certain - target, self.direction)
-        if is_infinite(system.step_rewards(reward)).any():
+        certain = self.engine.graph.prob1(self.engine.all, target, self.direction.dual)
+        unknown = certain - target
+        if is_infinite(self.engine.system(unknown).step_rewards(reward)).any():
             raise UnsupportedError(
                 "strategies are not supported if a reward of a single step is infinite"
             )
-        equations = system.expected_reward(reward, infinite=~certain)
         if self.direction is Direction.MAX:
             self._avoid(target)
-        usable = equations.usable_rows
-        origin = None if usable is None else np.flatnonzero(usable)
-        self._solve(system.states, equations.problem(), origin)
+        self._attain(unknown, lambda c: reach_reward(c, reward, target, self.direction))
 
     def total(self, reward: Reward) -> None:
         """Choose rows with maximal (minimal) expected reward over infinite runs."""
@@ -123,10 +123,7 @@ class StrategyBuilder:
             self._keep(np.flatnonzero(free.rows))
             return
         parts = greatest_total(self.context, whole, per_step)
-        unknown = self.engine.system(parts.unknown, self.direction)
-        rewards = unknown.step_rewards(reward)
-        equations = unknown.equations(rewards, probability=False, allow_stay=True)
-        self._solve(parts.unknown, equations.problem())
+        self._attain(parts.unknown, lambda c: total_reward(c, reward, self.direction))
         # From where infinite rewards are possible, a run reaches a component that pays for ever
         # with positive probability, and stays there.
         self._approach(parts.collecting, np.zeros_like(parts.collecting))
@@ -139,47 +136,39 @@ class StrategyBuilder:
 
     def average(self, rewards: Numbers) -> None:
         """Choose rows with maximal (minimal) long-run average of the rewards of rows."""
-        from symcheck.numerics.linear.methods import solve_linear
-        from symcheck.numerics.long_run.mean_payoff import (
-            component_gains,
-            gain_policy,
-            mec_quotient,
-        )
+        from symcheck.check.measures.long_run_mdp import solved_averages
+        from symcheck.numerics.long_run.mean_payoff import gain_policy
 
         options, matrix = self.context.options, self.explicit.matrix
-        if is_infinite(rewards).any():
-            raise UnsupportedError("long-run averages of infinite rewards are not supported")
-        gains = component_gains(matrix, rewards, self.direction, options)
+        whole = self.engine.system(self.engine.all)
+        averages = solved_averages(self.context, whole, rewards, self.direction)
+        gains, optimal = averages.gains, averages.solution.strategy
         try:
             self.rows = gain_policy(matrix, rewards, self.direction, gains, options)
         except NumericalError as error:
             raise UnsupportedError(str(error)) from error
-        # Gains that may be negative are shifted, as for the values.
-        shift = 2 * np.abs(gains.lower).max() if gains.lower.min() < 0 else 0
-        shifted = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
-        problem, state, origin = mec_quotient(matrix, shifted, self.direction)
-        optimal = solve_linear(problem, replace(options, method="auto")).strategy
         assert optimal is not None
-        chosen = np.where(optimal >= 0, origin[optimal], -1)
+        chosen = np.where(optimal >= 0, averages.origin[optimal], -1)
         leaving = np.zeros(self.engine.states, np.bool_)
         leaving[self.edges.owner[chosen[chosen >= 0]]] = True
         # Within a component that a run leaves, it goes to the state of the row that leaves.
         inner = np.flatnonzero(gains.parts.rows)
         counts = np.bincount(self.edges.owner[inner], minlength=self.engine.states)
         inside = matrix.choose(inner, starts_of(counts))
-        left = chosen[state] >= 0
+        left = chosen[averages.state] >= 0
         _, rows = graph.prob1e_strategy(inside, left, leaving)
         self._take(left & ~leaving, np.where(rows >= 0, inner[rows], -1))
         self._keep(chosen[chosen >= 0])
 
     def discounted(self, reward: Reward, discount: Fraction) -> None:
         """Choose rows with maximal (minimal) discounted reward over all steps."""
-        from symcheck.check.measures.discounted import discounted_problem
+        from symcheck.check.measures.discounted import solved_discounted
 
         system = self.engine.system(self.engine.all, self.direction)
         rewards = system.step_rewards(reward)
-        problem = discounted_problem(system, rewards, discount, self.direction)
-        self._solve(self.engine.all, problem)
+        solution = solved_discounted(self.context, system, rewards, discount, self.direction)
+        assert solution.strategy is not None
+        self.rows = solution.strategy
 
     def _take(self, where: Bools, rows: Int64s) -> None:
         """Set the rows of some states; -1 for none."""
@@ -217,25 +206,19 @@ class StrategyBuilder:
             known = known | frontier
             ahead = len(rows) > 0
 
-    def _solve(
-        self, states: StateSet, problem: LinearProblem, origin: Int64s | None = None
-    ) -> None:
-        """Choose the rows of a solution.
-
-        origin: the index of each row of the problem among the rows of `states`.
+    def _attain(self, unknown: StateSet, measure: Callable[[Context], Values]) -> None:
+        """Choose the rows that attain the solution over the unknowns: that of the value, or where
+        the value came without one, by graph analysis or step by step, that of the measure.
         """
-        from symcheck.numerics.linear.methods import solve_linear
-
-        members = self.engine.to_bools(states)
-        if not members.any():
+        if not unknown:
             return
-        solution = solve_linear(problem, replace(self.context.options, method="auto"))
-        if solution.strategy is None:
-            raise UnsupportedError("this numerical method computes no strategy")
-        mine = np.flatnonzero(np.repeat(members, np.diff(self.edges.groups)))
-        chosen = (
-            solution.strategy
-            if origin is None
-            else np.where(solution.strategy >= 0, origin[solution.strategy], -1)
-        )
-        self.rows[members] = np.where(chosen >= 0, mine[chosen], -1)
+        context = self.context
+        if context.choices(unknown) is None:
+            options = replace(context.options, method="auto")
+            context = replace(context, options=options, log=CheckLog())
+            measure(context)
+        choices = context.choices(unknown)
+        assert choices is not None
+        members = self.engine.to_bools(unknown)
+        rows = self.edges.groups[:-1][members] + choices
+        self.rows[members] = np.where(choices < 0, -1, rows)

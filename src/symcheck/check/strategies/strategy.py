@@ -15,7 +15,6 @@ from symcheck.check.context import Context
 from symcheck.check.state_formulas import query_of
 from symcheck.check.strategies.bounded import first_steps, within_rewards
 from symcheck.check.strategies.builder import StrategyBuilder
-from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet
 from symcheck.engines.explicit.strategy import Strategy
@@ -33,14 +32,12 @@ from symcheck.semantics.path_formulas import (
 )
 from symcheck.semantics.query import (
     CoSafeReward,
-    CostBoundedReward,
     CumulativeReward,
     DiscountedReward,
     InstantaneousReward,
     LongRunProbability,
     LongRunReward,
     PathProbability,
-    ProbabilityGiven,
     Query,
     ReachReward,
     TotalReward,
@@ -60,7 +57,8 @@ def strategy_of(context: Context, formula: Expression) -> Strategy:
     it: the minimum for >=, the maximum for <=.
 
     Args:
-        context: the model, and the accuracy of the value.
+        context: the model as rows, the log of the check that found the value, and its options,
+            which ask for a strategy.
         formula: the formula.
 
     Raises:
@@ -72,8 +70,7 @@ def strategy_of(context: Context, formula: Expression) -> Strategy:
     if context.options.fairness:
         raise UnsupportedError("strategies are not supported with -fair")
     if not isinstance(formula, AnyMeasure):
-        raise _unsupported()
-    context = to_explicit(context)
+        raise UnsupportedError("strategies are supported for P, R, T and S formulas")
     return strategy_attaining(context, query_of(context, formula))
 
 
@@ -90,8 +87,6 @@ def strategy_attaining(context: Context, query: Query[StateSet]) -> Strategy:
     match quantity:
         case PathProbability(path):
             return _of_path(context, path, direction)
-        case ProbabilityGiven():
-            raise _unsupported()
         case LongRunProbability(states):
             builder.average(per_row(system.groups, system.restrict(states)))
         case ReachReward(reward, target):
@@ -112,24 +107,20 @@ def strategy_attaining(context: Context, query: Query[StateSet]) -> Strategy:
             assert steps is not None
             last = system.state_rewards(reward)
             return first_steps(context, None, steps, direction, last=last)
-        case CostBoundedReward():
-            raise UnsupportedError("strategies are not supported for rewards within a cost")
         case TotalReward(reward):
             builder.total(reward)
         case LongRunReward(reward):
             builder.average(system.step_rewards(reward))
         case _:
-            assert_never(quantity)
+            raise UnsupportedError(f"strategies are not supported for {quantity.called}")
     return builder.strategy(direction)
 
 
-def _unsupported() -> UnsupportedError:
-    return UnsupportedError(
-        "strategies are supported for P, R, T and S formulas, without conditions (||)"
-    )
-
-
 def _of_path(context: Context, path: PathFormula[StateSet], direction: Direction) -> Strategy:
+    from symcheck.check.omega_regular.ltl import as_until
+
+    if isinstance(path, LtlPathFormula):
+        path = as_until(context, path) or path
     positive, towards = path, direction
     if path.negative and isinstance(path, NextPath | UntilPath | RewardPath):
         positive, towards = negated(path), direction.dual
@@ -145,8 +136,10 @@ def _of_path(context: Context, path: PathFormula[StateSet], direction: Direction
             raise UnsupportedError(
                 "strategies are not supported for X with a bound on a reward and for state formulas"
             )
-        case UntilPath() | NextPath() | LtlPathFormula():
+        case UntilPath() | NextPath():
             return temporal_strategy(context, as_ltl(path), direction)[0]
+        case LtlPathFormula():
+            return temporal_strategy(context, positive, direction)[0]
         case _:
             assert_never(positive)
     return builder.strategy(direction)
@@ -161,20 +154,17 @@ def temporal_strategy(
         The strategy, and the states of its product from which it is accepted almost surely because
         they belong to an accepting end component.
     """
-    from symcheck.automata.acceptance import degeneralize
     from symcheck.check.omega_regular.ltl import linear_product
     from symcheck.engines.explicit.product import ExplicitProduct
 
-    product, pairs = linear_product(
-        context, replace(path, negative=direction is Direction.MIN), degeneralize
-    )
+    negative = path.negative is not (direction is Direction.MIN)
+    product, pairs = linear_product(context, replace(path, negative=negative))
     assert isinstance(product, ExplicitProduct)
     inner = replace(context, engine=product.engine, relevant_states=None)
     builder = StrategyBuilder(inner, Direction.MAX)
     accepted = builder.accept(pairs)
     builder.until(product.engine.all, accepted)
-    strategy = builder.strategy(direction)
-    return replace(strategy, memory=product.pairs.automaton, entry=product.entry), accepted
+    return builder.strategy(direction, product.pairs.automaton, product.entry), accepted
 
 
 def _until_shown(
@@ -188,5 +178,4 @@ def _until_shown(
     assert isinstance(product, ExplicitProduct)
     builder = StrategyBuilder(replace(context, engine=product.engine), direction)
     builder.reward(quantity.reward, accepting)
-    strategy = builder.strategy(direction)
-    return replace(strategy, memory=product.pairs.automaton, entry=product.entry)
+    return builder.strategy(direction, product.pairs.automaton, product.entry)

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 from symcheck.check import tuning
 from symcheck.check.context import Context
-from symcheck.engines.base import Engine
+from symcheck.engines.base import Engine, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
-from symcheck.engines.registry import build
+from symcheck.engines.registry import on_rows
 from symcheck.errors import UnsupportedError
 from symcheck.machine import available_memory
 
@@ -52,15 +52,12 @@ def check_rows_fit(
 
 
 def to_explicit(context: Context) -> Context:
-    """The context with an explicit engine; the model is explored again if it has another engine.
+    """The context with an explicit engine: the rows of diagrams are listed.
 
     Raises UnsupportedError: see `check_rows_fit`.
     """
     if context.engine.capability(ExplicitEngine) is not None:
         return context
     check_rows_fit(context.engine, "this query needs", most=None)
-    return replace(
-        context,
-        engine=build(context.engine.model, replace(context.options, engine="explicit")),
-        relevant_states=None,
-    )
+    engine = erased(on_rows(context.engine, context.options))
+    return replace(context, engine=engine, relevant_states=None)

@@ -44,11 +44,11 @@ class FullMatrix:
     engine: Owner = field(repr=False)
     unknown: Bools = field(repr=False)
 
-    def accepts(self, query: Query[ArraySet, Numeric], settings: Settings) -> bool:  # noqa: ARG002
+    def accepts(self, query: Query[ArraySet, Numeric], settings: Settings) -> bool:
         """Whether most states are unknown, and all their rows are used. Masks save memory of
-        doubles only.
+        doubles only, and the solution has no strategy.
         """
-        if self.engine.matrix.exact:
+        if self.engine.matrix.exact or (settings.strategy and query.system.direction is not None):
             return False
         if tuning.STATES_PER_UNKNOWN * query.n < len(self.unknown):
             return False

@@ -81,9 +81,14 @@ class DeterministicElimination:
             self._last = None if system is None else ref(system)
         return system
 
-    def accepts(self, query: Query[SymbolicSet, SymbolicValues], settings: Settings) -> bool:  # noqa: ARG002
-        """Whether the unknowns are those of a reduced system, or many and mostly deterministic."""
+    def accepts(self, query: Query[SymbolicSet, SymbolicValues], settings: Settings) -> bool:
+        """Whether the unknowns are those of a reduced system, or many and mostly deterministic.
+
+        A strategy needs the rows of all unknowns.
+        """
         states: SymbolicSet = query.system.states
+        if settings.strategy and query.system.direction is not None:
+            return False
         if isinstance(states, ReducedSet):
             return True
         if not self.possible or states.count < tuning.ELIMINATION_STATES:

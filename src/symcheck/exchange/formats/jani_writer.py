@@ -15,21 +15,31 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial, reduce
 
+from symcheck.direction import Direction
 from symcheck.errors import Diagnostic, UnsupportedError
 from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.expressions.literals import LARGEST_WHOLE
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate, Event
+from symcheck.semantics.query import (
+    CumulativeReward,
+    InstantaneousReward,
+    LongRunReward,
+    ReachReward,
+    TotalReward,
+    direction_of,
+    query_of,
+)
+from symcheck.semantics.rewards import Reward, Structure, Time, bounded_reward
+from symcheck.semantics.time_bounds import Window
 from symcheck.syntax.ast import (
     AnyMeasure,
     Binary,
     Call,
     Conditional,
-    CumulativeReward,
     Eventually,
     ExpectedTime,
     Filter,
     Globally,
-    InstantaneousReward,
     LabelReference,
     Limits,
     Literal,
@@ -44,9 +54,7 @@ from symcheck.syntax.ast import (
     RewardBounds,
     RewardOperator,
     SteadyState,
-    SteadyStateReward,
     TimeBound,
-    TotalReward,
     Type,
     Unary,
     Until,
@@ -343,11 +351,7 @@ class _Writer:
                 return self._compared(node, "P", {"exp": self.expression(path)})
             case SteadyState(formula=formula):
                 return self._compared(node, "S", {"exp": self.expression(formula)})
-            case ExpectedTime(path=Eventually(operand, None)):
-                kind = "time" if self.model.type.continuous_time else "steps"
-                reach = self.expression(operand)
-                return self._compared(node, "E", {"exp": 1, "accumulate": [kind], "reach": reach})
-            case RewardOperator():
+            case ExpectedTime() | RewardOperator():
                 return self._expected(node)
             case Next(operand, None):
                 once: Object = {"step-bounds": {"lower": 1, "upper": 1}}
@@ -363,12 +367,8 @@ class _Writer:
 
     def _compared(self, node: AnyMeasure, letter: str, members: Object) -> Value:
         """The value of a measure, or its comparison with a bound."""
-        direction = node.direction
-        if direction is None:
-            is_lower = node.bound is not None and node.bound.operator.is_lower_bound
-            direction = "min" if is_lower else "max"
-        if direction not in ("min", "max"):
-            raise _NotInJani(node)
+        # JANI has no other measures; in a chain, both directions are the same.
+        direction = direction_of(node, self.model.type) or Direction.MAX
         value: Object = {"op": f"{letter}{direction}", **members}
         if node.bound is None:
             return value
@@ -376,17 +376,6 @@ class _Writer:
         if name is None:
             raise _NotInJani(node)
         return _binary(name, value, self.expression(node.bound.threshold))
-
-    def _structure(self, node: RewardOperator | RewardBound) -> str:
-        match node.structure:
-            case None:
-                return self.rewards[0]
-            case str() as name:
-                return self.rewards[[r.name for r in self.model.rewards].index(name)]
-            case Literal(int() as number):
-                return self.rewards[number - 1]
-            case _:
-                raise _NotInJani(node)
 
     @property
     def _kinds(self) -> list[Value]:
@@ -396,24 +385,39 @@ class _Writer:
     def _instant(self) -> str:
         return "time-instant" if self.model.type.continuous_time else "step-instant"
 
-    def _expected(self, node: RewardOperator) -> Value:
-        value: Object = {"exp": self._structure(node)}
-        gathered: Object = {**value, "accumulate": self._kinds}
-        match node.query:
-            case Eventually(operand, None):
-                return self._compared(node, "E", {**gathered, "reach": self.expression(operand)})
-            case TotalReward():
-                return self._compared(node, "E", gathered)
-            case CumulativeReward(TimeBound(None, _, upper, False)) if upper is not None:
-                return self._compared(
-                    node, "E", {**gathered, self._instant: self.expression(upper)}
-                )
-            case InstantaneousReward(time):
-                return self._compared(node, "E", {**value, self._instant: self.expression(time)})
-            case SteadyStateReward():
-                return self._compared(node, "S", gathered)
+    def _expected(self, node: ExpectedTime | RewardOperator) -> Value:
+        try:
+            quantity = query_of(node, self.model).quantity
+        except UnsupportedError:  # such as several costs
+            raise _NotInJani(node) from None
+        match quantity:
+            case ReachReward(Time(), target):
+                kind = "time" if self.model.type.continuous_time else "steps"
+                reach = self.expression(target)
+                return self._compared(node, "E", {"exp": 1, "accumulate": [kind], "reach": reach})
+            case ReachReward(reward, target):
+                reach = self.expression(target)
+                return self._compared(node, "E", {**self._gathered(reward), "reach": reach})
+            case TotalReward(reward):
+                return self._compared(node, "E", self._gathered(reward))
+            case CumulativeReward(reward, Window(upper=Fraction() as time, upper_strict=False)):
+                at: Object = {self._instant: self._time(time)}
+                return self._compared(node, "E", {**self._gathered(reward), **at})
+            case InstantaneousReward(Structure(index), time):
+                members: Object = {"exp": self.rewards[index], self._instant: self._time(time)}
+                return self._compared(node, "E", members)
+            case LongRunReward(reward):
+                return self._compared(node, "S", self._gathered(reward))
             case _:
                 raise _NotInJani(node)
+
+    def _gathered(self, reward: Reward) -> Object:
+        """A structure, and when its reward is earned."""
+        assert isinstance(reward, Structure)
+        return {"exp": self.rewards[reward.index], "accumulate": self._kinds}
+
+    def _time(self, time: Fraction) -> Value:
+        return int(time) if time.denominator == 1 else _number(time)
 
     def _bounds(self, node: PathFormula, limits: PathBound | None) -> Object:
         match limits:
@@ -435,11 +439,8 @@ class _Writer:
                 return {**result, "reward-bounds": rest}
 
     def _reward_bound(self, bound: RewardBound) -> Object:
-        return {
-            "exp": self._structure(bound),
-            "accumulate": self._kinds,
-            "bounds": self._interval(bound),
-        }
+        gathered = self._gathered(bounded_reward(bound, self.model))
+        return {**gathered, "bounds": self._interval(bound)}
 
     def _interval(self, limits: Limits) -> Object:
         result: Object = {}

@@ -14,7 +14,7 @@ from symcheck.check.strategies.to_explicit import check_rows_fit
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.finite_memory import Decisions, finite_memory_strategy
 from symcheck.engines.explicit.strategy import Strategy
-from symcheck.engines.registry import build
+from symcheck.engines.registry import on_rows
 from symcheck.errors import UnsupportedError
 from symcheck.exchange.column_reader import Columns, read_columns
 from symcheck.exchange.strategies.files import ANY_CHOICE
@@ -66,11 +66,7 @@ def load_strategy(model: Model, file: str | Path) -> Strategy:
         raise UnsupportedError(f"strategies exist only for MDPs, and this model is a {kind.name}")
     # Diagrams count the states quickly, so that a model whose rows do not fit is refused at once.
     check_rows_fit(model.engine, "a strategy from a file needs")
-    explicit = model.engine.capability(ExplicitEngine)
-    if explicit is None:
-        rows = build(model.bound, replace(model.options, engine="explicit"))
-        explicit = rows.capability(ExplicitEngine)
-    assert explicit is not None
+    explicit = on_rows(model.engine, model.options)
     groups = explicit.matrix.groups
     assert groups is not None
     return _File(explicit, read_columns(Path(file)), groups).strategy()

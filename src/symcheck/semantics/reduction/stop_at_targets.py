@@ -13,29 +13,23 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 
+from symcheck.errors import UnsupportedError
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate, Event
+from symcheck.semantics.path_formulas import UntilPath
+from symcheck.semantics.query import PathProbability, Query, ReachReward, query_of
 from symcheck.semantics.reduction.control_locations import simplified
 from symcheck.semantics.reduction.reset_dead_variables import expanded
 from symcheck.syntax.ast import (
+    AnyMeasure,
     Binary,
     BinaryTemporal,
-    Eventually,
-    ExpectedTime,
     Expression,
-    Globally,
     Literal,
     Name,
-    PathBound,
-    PathFormula,
-    ProbabilityOperator,
-    RewardOperator,
-    RewardQuery,
     StateOperator,
-    TimeBound,
     Type,
     Unary,
     UnaryTemporal,
-    Until,
 )
 from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.traversal import nodes
@@ -60,7 +54,7 @@ def deciding_states(
     types = {v.name: v.type for v in model.variables}
     stop: Expression | None = None
     for formula, labels in formulas:
-        own = _of_formula(formula)
+        own = _decided(formula, model)
         whole = None if own is None else expanded(own, {**model.labels, **labels})
         if whole is None or any(_is_no_state_expression(node) for node in nodes(whole)):
             return None
@@ -92,40 +86,16 @@ def _is_no_state_expression(node: object) -> bool:
     )
 
 
-def _of_formula(formula: Expression) -> Expression | None:
-    match formula:
-        case ProbabilityOperator(path=path):
-            return _of_path(path)
-        case ExpectedTime(path=path) | RewardOperator(query=path):
-            return _of_target(path)
-        case _:
-            return None
-
-
-def _of_target(query: RewardQuery) -> Expression | None:
-    """The target up to which rewards or time are counted."""
+def _decided(formula: Expression, model: BoundModel) -> Expression | None:
+    """The states from which all paths give a formula the same value, or none counts any more."""
+    try:
+        query = query_of(formula, model) if isinstance(formula, AnyMeasure) else None
+    except UnsupportedError:  # told when the formula is checked
+        return None
     match query:
-        case Eventually(operand, None) if isinstance(operand, Expression):
-            return operand
+        case Query(PathProbability(UntilPath(left, right, window))) if window.at_once:
+            return Binary(Operator.OR, right, Unary(UnaryOperator.NOT, left))
+        case Query(ReachReward(_, target)):
+            return target
         case _:
             return None
-
-
-def _of_path(path: PathFormula) -> Expression | None:
-    """The states from which all paths satisfy the formula, or none does, within each bound."""
-    match path:
-        case Eventually(right, bound) if _starts_at_zero(bound) and isinstance(right, Expression):
-            return right
-        case Globally(left, bound) if _starts_at_zero(bound) and isinstance(left, Expression):
-            return Unary(UnaryOperator.NOT, left)
-        case Until(left, right, bound) if _starts_at_zero(bound):
-            if isinstance(left, Expression) and isinstance(right, Expression):
-                return Binary(Operator.OR, right, Unary(UnaryOperator.NOT, left))
-            return None
-        case _:
-            return None
-
-
-def _starts_at_zero(bound: PathBound | None) -> bool:
-    """Whether a bound on steps or time is an upper bound only."""
-    return bound is None or (isinstance(bound, TimeBound) and bound.lower is None)

@@ -32,7 +32,8 @@ def solve_linear(
         problem: the equations. 'topological' returns no policy for a masked problem.
         settings: accuracy, limits and the method. 'auto' is 'topological', or without rows
             'interval' (probabilities of chains) or 'optimistic'. Problems over the rationals are
-            always solved by 'rational'.
+            always solved by 'rational'. If they ask for a strategy, estimates collapse end
+            components, in which it could stay for ever.
         observer: receives the progress.
 
     Returns:
@@ -51,7 +52,7 @@ def solve_linear(
         none = problem.constant[:0]
         return Solution(none, none, method.name, exact=True, explanation="nothing to solve")
     quotient = None
-    if method.sound and problem.matrix is not None and not problem.exact:
+    if (method.sound or settings.strategy) and problem.matrix is not None and not problem.exact:
         quotient = collapse(problem)
     if quotient is None:
         solution = method.solve(problem, settings, observer)
