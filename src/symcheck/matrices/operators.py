@@ -1,12 +1,13 @@
-"""Matrices without rows: what they do with vectors, and with bounds."""
+"""Matrices in any form: what they do with vectors, and those without rows with bounds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 from symcheck.direction import Direction
 from symcheck.matrices import tuning
+from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Floats
 
 __all__ = ["BoundStep", "Operator", "SweepOperator", "underflow_error"]
@@ -36,20 +37,24 @@ class BoundStep:
 
 
 class Operator(Protocol):
-    """A matrix without rows, which multiplies vectors (float64[n], a value per state)."""
-
-    def multiply(self, x: Floats, /) -> Floats:
-        """A x, a value per row."""
-        ...
-
-
-class SweepOperator(Operator, Protocol):
-    """An operator that also improves bounds in place."""
+    """A matrix in any form, which multiplies vectors (a number per state)."""
 
     @property
     def longest(self) -> int:
         """The largest number of entries of a row, or more; it bounds the rounding of sums."""
         ...
+
+    def multiply(self, x: Numbers, /) -> Numbers:
+        """A x, a value per row."""
+        ...
+
+    def divided(self, divisor: Numbers, /) -> Self:
+        """The matrix with each row divided by a number."""
+        ...
+
+
+class SweepOperator(Operator, Protocol):
+    """A matrix without rows, which also improves bounds (float64[n]) in place."""
 
     def sweep(self, x: Floats, step: BoundStep, /) -> None:
         """Improve bounds, float64[n], by some steps, in place."""

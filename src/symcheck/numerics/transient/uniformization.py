@@ -27,6 +27,7 @@ import numpy as np
 from symcheck.errors import NumericalError
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
+from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import scaled
 from symcheck.numerics.linear.problem import Observer, Progress, largest_width
@@ -76,8 +77,7 @@ class Transient:
 
 
 def transient_values(
-    rates: SparseMatrix | SweepOperator,
-    exit_rates: Floats,
+    kernel: TransitionKernel[SparseMatrix | SweepOperator],
     time: float,
     settings: Settings,
     *,
@@ -91,15 +91,14 @@ def transient_values(
     """Bounds on x(time) for every state. All arrays are non-negative, float64[n].
 
     Args:
-        rates: rates among the n states. A diagonal entry is a self-loop and is part of exit_rates.
-        exit_rates: the total rate of leaving each state, including to states outside.
+        kernel: the transitions among the n states, with exit rates, of which self-loops are a part.
         time: the horizon.
         settings: accuracy and limits.
         terminal, reward_rate: the initial values and the source (see the module).
         interest: states whose values need the accuracy; None: all.
         observer: receives the progress.
-        leave: the rates of leaving for states outside, with a relative error; None: not known, and
-            small chains are not squared.
+        leave: the probabilities of leaving for states outside; None: not known, and small chains
+            are not squared.
         limit: computes an upper bound on the values at any time.
 
     Returns:
@@ -110,9 +109,12 @@ def transient_values(
     Raises:
         NumericalError: an array is negative (positive and negative parts must be given separately).
     """
+    rates, exit_rates = kernel.weights, kernel.exit_rates
+    assert exit_rates is not None, "time is continuous"
     n = len(exit_rates)
     total: Transient | None = None
-    horizon = _Horizon(rates, exit_rates, time, settings, interest, observer, leave, limit)
+    leaving = None if leave is None else exit_rates * leave
+    horizon = _Horizon(rates, exit_rates, time, settings, interest, observer, leaving, limit)
     starts = [
         (start, source)
         for start, source in ((terminal, False), (reward_rate, True))
@@ -134,7 +136,10 @@ def transient_values(
 
 @dataclass(frozen=True, eq=False)
 class _Horizon:
-    """Values at a time, which need the accuracy at some states (see `transient_values`)."""
+    """Values at a time, which need the accuracy at some states (see `transient_values`).
+
+    leave: the rates of leaving for states outside, with two roundings more than other sums.
+    """
 
     rates: SparseMatrix | SweepOperator
     exit_rates: Floats
@@ -162,7 +167,7 @@ class _Horizon:
         rates, leave = self.rates, self.leave
         assert isinstance(rates, SparseMatrix)
         assert leave is not None
-        error = tuning.ENTRY_ERROR + rates.longest * tuning.UNIT_ROUNDOFF
+        error = tuning.ENTRY_ERROR + (rates.longest + 2) * tuning.UNIT_ROUNDOFF
         earned = np.zeros(rates.states) if reward_rate is None else reward_rate
         chain, reward, halvings = IntervalChain.of_rates(rates, leave, self.time, earned, error)
         end = None if terminal is None else (terminal, terminal)
@@ -394,20 +399,18 @@ class _Horizon:
 
 
 def transient_distribution(
-    rates: SparseMatrix,
-    exit_rates: Floats,
-    initial: Floats,
-    time: float,
-    settings: Settings,
+    kernel: TransitionKernel[SparseMatrix], initial: Floats, time: float, settings: Settings
 ) -> Transient:
     """Bounds on the probability of each state at a time.
 
     Args:
-        rates, exit_rates: as in `transient_values`.
+        kernel: as in `transient_values`.
         initial: the initial distribution, float64[n].
         time: the time.
         settings: accuracy and limits.
     """
+    rates, exit_rates = kernel.weights, kernel.exit_rates
+    assert exit_rates is not None, "time is continuous"
     steps = float(exit_rates.max(initial=0.0)) * time
     if (
         rates.states <= tuning.SQUARING_STATES
