@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import symcheck
-from checking import MODELS
 from symcheck.matrices.rows import SparseMatrix
 from symcheck.matrices.transition_kernel import TransitionKernel
 
@@ -28,7 +27,7 @@ def test_continuous_time_has_exit_rates_beside_them():
 
 @pytest.mark.parametrize("engine", ["explicit", "sparse", "hybrid", "mtbdd"])
 def test_engines_offer_the_same_probabilities(engine):
-    model = symcheck.load(MODELS / "tandem/tandem.sm", constants={"c": 2}, engine=engine).engine
+    model = symcheck.load("models/tandem/tandem.sm", constants={"c": 2}, engine=engine).engine
     system = model.system(model.all)
     assert system.exit_rates is not None
     of_rows = system.matrix.row_sums()

@@ -113,8 +113,7 @@ def transient_values(
     assert exit_rates is not None, "time is continuous"
     n = len(exit_rates)
     total: Transient | None = None
-    leaving = None if leave is None else exit_rates * leave
-    horizon = _Horizon(rates, exit_rates, time, settings, interest, observer, leaving, limit)
+    horizon = _Horizon(rates, exit_rates, time, settings, interest, observer, leave, limit)
     starts = [
         (start, source)
         for start, source in ((terminal, False), (reward_rate, True))
@@ -138,7 +137,7 @@ def transient_values(
 class _Horizon:
     """Values at a time, which need the accuracy at some states (see `transient_values`).
 
-    leave: the rates of leaving for states outside, with two roundings more than other sums.
+    leave: the probabilities of leaving for states outside, or None.
     """
 
     rates: SparseMatrix | SweepOperator
@@ -167,7 +166,9 @@ class _Horizon:
         rates, leave = self.rates, self.leave
         assert isinstance(rates, SparseMatrix)
         assert leave is not None
-        error = tuning.ENTRY_ERROR + (rates.longest + 2) * tuning.UNIT_ROUNDOFF
+        # Of a sum, its quotient, a sum with what was cut off, and the product.
+        error = tuning.ENTRY_ERROR + (rates.longest + 4) * tuning.UNIT_ROUNDOFF
+        leave = leave * self.exit_rates
         earned = np.zeros(rates.states) if reward_rate is None else reward_rate
         chain, reward, halvings = IntervalChain.of_rates(rates, leave, self.time, earned, error)
         end = None if terminal is None else (terminal, terminal)
@@ -371,7 +372,7 @@ class _Horizon:
             members[kept] = True
             cut_off = np.zeros(rates.states)
             cut_off[members] = rates.sums(members, ~members)
-            leave = (self.leave + cut_off)[kept]
+            leave = (self.leave + cut_off / exit_rates)[kept]
         smaller = _Horizon(
             matrix,
             exit_rates[kept],
