@@ -9,6 +9,7 @@ from symcheck.direction import Direction
 from symcheck.matrices import tuning
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Floats
+from symcheck.matrices.weights import Expectation
 
 __all__ = ["BoundStep", "Operator", "SweepOperator", "underflow_error"]
 
@@ -36,17 +37,8 @@ class BoundStep:
     upper: bool
 
 
-class Operator(Protocol):
-    """A matrix in any form, which multiplies vectors (a number per state)."""
-
-    @property
-    def longest(self) -> int:
-        """The largest number of entries of a row, or more; it bounds the rounding of sums."""
-        ...
-
-    def multiply(self, x: Numbers, /) -> Numbers:
-        """A x, a value per row."""
-        ...
+class Operator(Expectation, Protocol):
+    """A matrix in any form, whose rows can be scaled."""
 
     def divided(self, divisor: Numbers, /) -> Self:
         """The matrix with each row divided by a number."""
