@@ -14,6 +14,7 @@ import numpy as np
 
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.rows import SparseMatrix
+from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.numerics import graph
 from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.linear.problem import LinearProblem
@@ -123,7 +124,11 @@ def main() -> None:
         "failure in 1e6 hours",
         lambda: (
             transient_values(
-                rates, leave, 1e6, Accuracy(), reward_rate=reward_rate, interest=start
+                TransitionKernel(rates, leave),
+                1e6,
+                Accuracy(),
+                reward_rate=reward_rate,
+                interest=start,
             ).explanation
         ),
     )

@@ -66,7 +66,14 @@ def test_system(engine, seed):
     assert system.n == some.count
     assert np.array_equal(dense(system.matrix), whole[rows][:, some.members])
     assert system.one_step_probability(target) == pytest.approx(whole[rows] @ target.members)
-    assert system.row_sums() == pytest.approx(whole[rows].sum(axis=1))
+    assert system.rows == np.count_nonzero(rows)
+    if engine.model.type.continuous_time:
+        stored = dense(engine.weights)
+        assert system.exit_rates == pytest.approx(stored[rows].sum(axis=1))
+        assert whole == pytest.approx(stored / stored.sum(axis=1, keepdims=True))
+    else:
+        assert system.exit_rates is None
+        assert engine.matrix is engine.weights
     x = np.arange(1.0, system.n + 1)
     assert system.operator.multiply(x) == pytest.approx(whole[rows][:, some.members] @ x)
     values = engine.indicator(target)

@@ -175,7 +175,7 @@ def test_systems(name: str, kind: type[SymbolicEngine]) -> None:
             (s.one_step_probability(q.array), t.one_step_probability(q.diagram)),
             (s.one_step_values(values[0])[0], t.one_step_values(values[1])[0]),
             (s.one_step_values(values[0])[1], t.one_step_values(values[1])[1]),
-            (s.row_sums(), t.row_sums()),
+            (s.weight_sums(), t.weight_sums()),
             (s.operator.multiply(x), t.operator.multiply(x)),
             *(
                 (s.rewards(Structure(i))[1], t.rewards(Structure(i))[1])

@@ -95,7 +95,7 @@ def test_the_partition_of_listed_states(seed, kind, rewarded, told):
         of_states, of_rows = system.rewards(Structure(structure))
         colours.append(of_states)
         rows.append(of_rows)
-    want = lump(system.matrix, colours, rows)
+    want = lump(system.weights, colours, rows)
     found = lump_diagrams(engine.diagrams, [states.bdd], structures)
     assert found.blocks == len(want.first)
     assert (found.block_of_states() == want.block).all()
@@ -163,7 +163,7 @@ def test_components_that_are_alike():
     assert (
         found.matrix.entries
         == lump(
-            engine.system(engine.all).matrix, [engine.system(engine.all).rewards(Structure(0))[0]]
+            engine.system(engine.all).weights, [engine.system(engine.all).rewards(Structure(0))[0]]
         ).matrix.entries
     )
 

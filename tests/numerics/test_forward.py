@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.numerics import tuning
 from symcheck.numerics.settings import Accuracy
 from symcheck.numerics.transient.forward import forward_value
@@ -66,7 +67,10 @@ def test_values_agree_with_the_series_over_all_states(source: bool) -> None:
     start = np.arange(3000.0)
     run = forward_value(rates, exit_rates, start, 40.0, source, 700, Accuracy(), None)
     series = transient_values(
-        rates, exit_rates, 40.0, Accuracy(), **{"reward_rate" if source else "terminal": start}
+        TransitionKernel(rates, exit_rates),
+        40.0,
+        Accuracy(),
+        **{"reward_rate" if source else "terminal": start},
     )
     assert run.largest < 1500
     assert max(run.lower, series.lower[700]) <= min(run.upper, series.upper[700])
@@ -91,9 +95,15 @@ def test_one_state_of_interest_is_followed_forward(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(tuning, "FORWARD_ENTRIES", 1.0)
     rates, exit_rates = line(3000, 5.0, 3.0)
     reward = np.arange(3000.0)
-    all_values = transient_values(rates, exit_rates, 40.0, Accuracy(), terminal=reward)
+    all_values = transient_values(
+        TransitionKernel(rates, exit_rates), 40.0, Accuracy(), terminal=reward
+    )
     one = transient_values(
-        rates, exit_rates, 40.0, Accuracy(), terminal=reward, interest=np.array([700])
+        TransitionKernel(rates, exit_rates),
+        40.0,
+        Accuracy(),
+        terminal=reward,
+        interest=np.array([700]),
     )
     assert "forward" in one.explanation
     assert "forward" not in all_values.explanation

@@ -11,6 +11,7 @@ import pytest
 from scipy.linalg import expm
 
 from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import scaled
 from symcheck.numerics.settings import Accuracy
@@ -136,7 +137,7 @@ def test_long_stiff_horizons_are_left_to_it(kind: str, monkeypatch: pytest.Monke
     values = np.linspace(1.0, 3.0, 60)
     given = {"reward_rate": values} if kind == "reward_rate" else {"terminal": values}
     found = transient_values(
-        rates, leave, 30.0, Accuracy(), interest=np.array([3], np.int64), **given
+        TransitionKernel(rates, leave), 30.0, Accuracy(), interest=np.array([3], np.int64), **given
     )
     assert "rational Krylov" in found.explanation
     zero = np.zeros(60)
@@ -159,8 +160,7 @@ def test_what_is_rare_is_left_to_uniformisation(monkeypatch: pytest.MonkeyPatch)
     reward_rate = np.zeros(40)
     reward_rate[20] = 1e-9
     found = transient_values(
-        slow,
-        leave + 1.0,
+        TransitionKernel(slow, leave + 1.0),
         20.0,
         Accuracy(),
         reward_rate=reward_rate,

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from numerics.oracle import sparse_of
 from symcheck.matrices.rows import Floats
+from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.numerics import tuning
 from symcheck.numerics.settings import Accuracy
 from symcheck.numerics.transient.squaring import IntervalChain, Powers
@@ -187,7 +188,7 @@ def test_a_distribution_after_a_long_time() -> None:
     """The stationary one of two states, 2/3 and 1/3, within a few hundred multiplications."""
     rates = np.array([[0.0, 1.0], [2.0, 0.0]])
     found = transient_distribution(
-        sparse_of(rates), rates.sum(1), np.array([1.0, 0.0]), 1e200, Accuracy()
+        TransitionKernel(sparse_of(rates), rates.sum(1)), np.array([1.0, 0.0]), 1e200, Accuracy()
     )
     assert "squarings" in found.explanation
     assert found.iterations < 1000
@@ -211,7 +212,11 @@ def test_large_chains_end_once_all_is_absorbed(time: float) -> None:
         (np.ones(400), None, np.zeros(400)),
     ):
         found = transient_values(
-            sparse_of(rates), exit_rates, time, Accuracy(), terminal=terminal, reward_rate=reward
+            TransitionKernel(sparse_of(rates), exit_rates),
+            time,
+            Accuracy(),
+            terminal=terminal,
+            reward_rate=reward,
         )
         assert found.iterations <= 1000
         assert np.all(found.lower <= exact)
@@ -228,8 +233,7 @@ def test_large_chains_end_once_they_have_mixed() -> None:
     mean = 0.5 * (n - 1)
     for terminal, rate, exact in ((reward, None, mean), (None, reward, mean * time)):
         found = transient_values(
-            sparse_of(rates),
-            exit_rates,
+            TransitionKernel(sparse_of(rates), exit_rates),
             time,
             Accuracy(),
             terminal=terminal,
@@ -252,8 +256,7 @@ def test_a_horizon_that_is_too_long_ends_with_wide_bounds(monkeypatch: pytest.Mo
     rates[np.arange(1, n), np.arange(n - 1)] = 2.0
     reward[-1] = 1.0
     found = transient_values(
-        sparse_of(rates),
-        rates.sum(1) + reward,
+        TransitionKernel(sparse_of(rates), rates.sum(1) + reward),
         1e12,
         Accuracy(),
         reward_rate=reward,

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from numerics.oracle import sparse_of
 from symcheck.kernels.chains import supermartingale as kernel
 from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.rational import solve_chain
 from symcheck.numerics.settings import Accuracy
@@ -114,7 +115,11 @@ def test_a_value_below_the_doubles_has_a_bound(
     rates, leave, entering = queue(700, 1.0, 4.0)
     accuracy = Accuracy(epsilon=1e-6, relative=relative)
     result = transient_values(
-        rates, leave, TIME, accuracy, reward_rate=entering, interest=np.zeros(1, np.int64)
+        TransitionKernel(rates, leave),
+        TIME,
+        accuracy,
+        reward_rate=entering,
+        interest=np.zeros(1, np.int64),
     )
     assert "supermartingale" in result.explanation
     assert result.lower[0] == 0.0

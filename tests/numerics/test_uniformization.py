@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from numerics.oracle import sparse_of
 from symcheck.errors import NumericalError
 from symcheck.matrices.rows import Floats, SparseMatrix
+from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.numerics import tuning
 from symcheck.numerics.settings import Accuracy
 from symcheck.numerics.transient.poisson import poisson
@@ -76,8 +77,7 @@ def test_values_and_distributions(
         Fraction(time),
     )
     found = transient_values(
-        sparse_of(rates),
-        leave,
+        TransitionKernel(sparse_of(rates), leave),
         time,
         Accuracy(),
         terminal=np.array(terminal),
@@ -92,7 +92,9 @@ def test_values_and_distributions(
     )  # 0 is not told from what is below doubles
     initial = np.zeros(n)
     initial[0] = 1.0
-    distribution = transient_distribution(sparse_of(rates), leave, initial, time, Accuracy())
+    distribution = transient_distribution(
+        TransitionKernel(sparse_of(rates), leave), initial, time, Accuracy()
+    )
     for s in range(n):
         unit = [Fraction(int(i == s)) for i in range(n)]
         value = integrate(rates, leave, unit, [Fraction(0)] * n, Fraction(time))[0]
@@ -161,7 +163,7 @@ def test_states_that_hardly_stay_are_as_accurate_as_others() -> None:
     """The probability of still being there falls with the slow state; 1 - rate/q would be 0 there."""
     slow = np.array([1.0 - 2.0**-53, 1.0])
     found = transient_values(
-        sparse_of(np.zeros((2, 2))), slow, 40.0, Accuracy(), terminal=np.ones(2)
+        TransitionKernel(sparse_of(np.zeros((2, 2))), slow), 40.0, Accuracy(), terminal=np.ones(2)
     )
     exact = np.exp(-40.0 * slow)
     assert np.all((found.lower <= exact) & (exact <= found.upper))
@@ -181,7 +183,10 @@ def test_a_long_horizon_ends_early_and_right() -> None:
     rates = np.array([[0.0, 2 * fail], [repair, 0.0]])
     leave = np.array([2 * fail, repair + fail])
     found = transient_values(
-        sparse_of(rates), leave, time, Accuracy(), reward_rate=np.array([0.0, fail])
+        TransitionKernel(sparse_of(rates), leave),
+        time,
+        Accuracy(),
+        reward_rate=np.array([0.0, fail]),
     )
     # Survival is a sum of two exponentials with the roots of x^2 + (3 fail + repair) x + 2 fail^2.
     b, c = 3 * fail + repair, 2 * fail * fail
@@ -199,7 +204,10 @@ def test_tiny_probabilities_keep_their_digits() -> None:
     n, time = 20, 0.01
     rates = np.diag(np.ones(n - 1), 1)
     found = transient_values(
-        sparse_of(rates), np.ones(n), time, Accuracy(), reward_rate=np.eye(n)[n - 1]
+        TransitionKernel(sparse_of(rates), np.ones(n)),
+        time,
+        Accuracy(),
+        reward_rate=np.eye(n)[n - 1],
     )
     exact = sum(math.exp(-time) * time**k / math.factorial(k) for k in range(n, n + 20))
     assert found.lower[0] <= exact * (1 + 1e-12)
@@ -212,11 +220,13 @@ def test_only_the_states_of_interest_decide_when_to_stop() -> None:
     rates = np.zeros((n, n))
     rates[np.arange(n - 1), np.arange(1, n)] = 1.0
     everywhere = transient_values(
-        sparse_of(rates), np.ones(n), 1.0, Accuracy(), reward_rate=np.eye(n)[n - 1]
+        TransitionKernel(sparse_of(rates), np.ones(n)),
+        1.0,
+        Accuracy(),
+        reward_rate=np.eye(n)[n - 1],
     )
     last = transient_values(
-        sparse_of(rates),
-        np.ones(n),
+        TransitionKernel(sparse_of(rates), np.ones(n)),
         1.0,
         Accuracy(),
         reward_rate=np.eye(n)[n - 1],
@@ -237,10 +247,13 @@ def test_products_are_enough() -> None:
             return np.asarray(rates @ x)
 
     whole = transient_values(
-        sparse_of(rates), np.array([1.5, 2.0]), 2.0, Accuracy(), terminal=np.ones(2)
+        TransitionKernel(sparse_of(rates), np.array([1.5, 2.0])),
+        2.0,
+        Accuracy(),
+        terminal=np.ones(2),
     )
     product = transient_values(
-        Product(), np.array([1.5, 2.0]), 2.0, Accuracy(), terminal=np.ones(2)
+        TransitionKernel(Product(), np.array([1.5, 2.0])), 2.0, Accuracy(), terminal=np.ones(2)
     )
     assert np.all(product.lower <= whole.upper)
     assert np.all(product.upper >= whole.lower)
@@ -250,7 +263,10 @@ def test_products_are_enough() -> None:
 def test_negative_rewards_are_refused() -> None:
     with pytest.raises(NumericalError, match="non-negative"):
         transient_values(
-            sparse_of(np.zeros((1, 1))), np.ones(1), 1.0, Accuracy(), terminal=-np.ones(1)
+            TransitionKernel(sparse_of(np.zeros((1, 1))), np.ones(1)),
+            1.0,
+            Accuracy(),
+            terminal=-np.ones(1),
         )
 
 
@@ -287,12 +303,16 @@ def test_cutting_states_off_keeps_rare_events_right(
     both, exits = beside(slow, leave, m := 30, 1.0, 200.0)
     reward_rate = np.repeat(overflow, m)
     starts = np.array(interest) * m
-    alone = transient_values(slow, leave, 50.0, Accuracy(epsilon=1e-9), reward_rate=overflow)
+    alone = transient_values(
+        TransitionKernel(slow, leave), 50.0, Accuracy(epsilon=1e-9), reward_rate=overflow
+    )
     whole = transient_values(
-        both, exits, 50.0, Accuracy(), reward_rate=reward_rate, interest=starts
+        TransitionKernel(both, exits), 50.0, Accuracy(), reward_rate=reward_rate, interest=starts
     )
     monkeypatch.setattr(tuning, "TRUNCATION_ENTRIES", 1.0)
-    cut = transient_values(both, exits, 50.0, Accuracy(), reward_rate=reward_rate, interest=starts)
+    cut = transient_values(
+        TransitionKernel(both, exits), 50.0, Accuracy(), reward_rate=reward_rate, interest=starts
+    )
     kept = int(cut.explanation.split()[0])
     assert f"{kept} of {len(exits)} states kept" in cut.explanation
     assert kept < 0.5 * len(exits)
@@ -314,8 +334,7 @@ def test_what_is_too_small_for_a_double_is_not_called_0(length: int) -> None:
     reward_rate = np.zeros(length)
     reward_rate[-1] = 1.0
     found = transient_values(
-        rates,
-        np.ones(length),
+        TransitionKernel(rates, np.ones(length)),
         0.01,
         Accuracy(),
         reward_rate=reward_rate,
@@ -332,7 +351,9 @@ def test_rare_events_are_found_implicitly_by_weights(monkeypatch: pytest.MonkeyP
     slow, leave, overflow = queue(40, 1.0, 4.0)
     both, exits = beside(slow, leave, m := 30, 1.0, 200.0)
     reward_rate, starts = np.repeat(overflow, m), np.zeros(1, np.int64)
-    alone = transient_values(slow, leave, 50.0, Accuracy(epsilon=1e-10), reward_rate=overflow)
+    alone = transient_values(
+        TransitionKernel(slow, leave), 50.0, Accuracy(epsilon=1e-10), reward_rate=overflow
+    )
     for name, value in (
         ("KRYLOV_STEPS", 0.0),
         ("KRYLOV_ENTRIES", 0.0),
@@ -341,7 +362,7 @@ def test_rare_events_are_found_implicitly_by_weights(monkeypatch: pytest.MonkeyP
     ):
         monkeypatch.setattr(tuning, name, value)
     found = transient_values(
-        both, exits, 50.0, Accuracy(), reward_rate=reward_rate, interest=starts
+        TransitionKernel(both, exits), 50.0, Accuracy(), reward_rate=reward_rate, interest=starts
     )
     assert "rational Krylov" in found.explanation
     assert found.lower[0] <= alone.upper[0]

@@ -103,8 +103,11 @@ def by_exponentials(engine: ExplicitEngine, formula: str) -> float | None:
     rates = np.zeros((engine.states, engine.states))
     np.add.at(
         rates,
-        (np.repeat(np.arange(engine.states), np.diff(engine.matrix.indptr)), engine.matrix.indices),
-        engine.matrix.data,
+        (
+            np.repeat(np.arange(engine.states), np.diff(engine.weights.indptr)),
+            engine.weights.indices,
+        ),
+        engine.weights.data,
     )
     q = rates - np.diag(rates.sum(axis=1))
     if kind is not None:

@@ -24,6 +24,7 @@ from symcheck.errors import NumericalError, UnsupportedError, UsageError, conver
 from symcheck.kernels.rows import sparse
 from symcheck.matrices.numbers import Numbers, doubles, full, is_exact, numbers, rationals
 from symcheck.matrices.rows import Floats, Int32s, SparseMatrix
+from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.numerics import graph
 from symcheck.numerics.tuning import (
     ENTRY_ERROR,
@@ -132,15 +133,17 @@ def transient(
         lower = upper = _exact_steps(engine, start, time)
         text = f"{counted(int(time), 'step')} in rational arithmetic"
         return Distribution(engine, lower, upper, True, text, perf_counter() - started)
-    matrix, start = _matrix(engine), doubles(start)
-    if not engine.model.type.continuous_time:
-        lower, upper, text = _steps(matrix, start, int(time))
+    kernel, start = engine.system(engine.all).row_kernel, doubles(start)
+    weights = kernel.weights.doubles()
+    if kernel.exit_rates is None:
+        lower, upper, text = _steps(weights, start, int(time))
     elif time == 0:
         lower, upper, text = start, start, "no time passes"
     else:
         from symcheck.numerics.transient.values import transient_distribution
 
-        solution = transient_distribution(matrix, matrix.row_sums(), start, float(time), options)
+        kernel = TransitionKernel(weights, doubles(kernel.exit_rates))
+        solution = transient_distribution(kernel, start, float(time), options)
         lower, upper, text = solution.lower, solution.upper, solution.explanation
     return Distribution(engine, lower, upper, True, text, perf_counter() - started)
 
@@ -184,11 +187,6 @@ def _prepared(engine: Engine, start: Numbers | None, kind: _Kind) -> Numbers:
     if not np.all(start >= 0) or abs(start.sum() - 1) > (0 if engine.exact else 1e-6):
         raise UsageError("the initial distribution does not consist of probabilities that sum to 1")
     return start
-
-
-def _matrix(engine: Engine) -> SparseMatrix:
-    """The matrix of one-step probabilities or rates, as doubles."""
-    return engine.system(engine.all).matrix.doubles()
 
 
 def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Floats, str]:
@@ -252,7 +250,7 @@ def steady_state(
 
     options, started = options or Options(), perf_counter()
     start = _prepared(engine, start, "steady-state")
-    matrix = engine.system(engine.all).matrix
+    matrix = engine.system(engine.all).row_kernel.weights
     parts = graph.bsccs(matrix)
     weights = _reached(engine, parts, start, options)
     lower, upper = (full(engine.states, 0, exact=engine.exact) for _ in range(2))

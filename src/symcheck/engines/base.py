@@ -20,6 +20,7 @@ from symcheck.direction import Direction
 from symcheck.matrices.numbers import Numbers, Rationals
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
+from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.numerics.linear.problem import LinearProblem, Observer
 from symcheck.numerics.settings import ROUNDING, Settings
 from symcheck.semantics.model import BoundModel
@@ -163,9 +164,10 @@ class SystemOf(Protocol[S, V]):
     """The equations over some states: n unknowns, numbered as the states of `states` in index
     order.
 
-    Rows are the choices of these states (one per state in a DTMC or CTMC). `matrix` holds the
-    one-step probabilities (rates in a CTMC) among the states; what leaves them is missing from it.
-    Numbers are float64, or rationals in the exact engine.
+    Rows are the choices of these states (one per state in a DTMC or CTMC). `kernel` holds the
+    one-step probabilities among the states, and where time is continuous the rates at which they
+    are left; what leads out of the states is missing from it. Numbers are float64, or rationals in
+    the exact engine.
     """
 
     states: S
@@ -182,8 +184,28 @@ class SystemOf(Protocol[S, V]):
         ...
 
     @property
+    def rows(self) -> int:
+        """Number of rows."""
+        ...
+
+    @property
+    def kernel(self) -> TransitionKernel[SparseMatrix | SweepOperator]:
+        """The transitions in the engine's own form."""
+        ...
+
+    @property
+    def row_kernel(self) -> TransitionKernel[SparseMatrix]:
+        """The transitions as compressed rows, made on first use."""
+        ...
+
+    @property
+    def exit_rates(self) -> Numbers | None:
+        """Per row: the rate at which the state is left; None in discrete time."""
+        ...
+
+    @property
     def matrix(self) -> SparseMatrix:
-        """The matrix as compressed rows, made on first use."""
+        """The probabilities as compressed rows."""
         ...
 
     @property
@@ -195,31 +217,26 @@ class SystemOf(Protocol[S, V]):
 
     @property
     def operator(self) -> SparseMatrix | SweepOperator:
-        """The matrix in the engine's own form, with `multiply(x: Numbers) -> Numbers` giving a
-        value per row.
+        """The probabilities in the engine's own form, with `multiply(x: Numbers) -> Numbers` giving
+        a value per row.
         """
         ...
 
     def one_step_probability(self, target: S) -> Numbers:
-        """Per row: the one-step probability (rate) of entering `target` (states outside of `states`
-        too).
-        """
+        """Per row: the probability of entering `target` by a step (outside of `states` too)."""
         ...
 
     def one_step_values(self, values: V) -> tuple[Numbers, Numbers]:
-        """Per row: sum over the successors outside of `states` of probability (rate) × value
-        (lower, upper).
+        """Per row: sum over the successors outside of `states` of probability × value (lower,
+        upper).
         """
-        ...
-
-    def row_sums(self) -> Numbers:
-        """Per row: the total probability (exit rate), successors outside of `states` included."""
         ...
 
     def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
         """State rewards per state [n], and transition rewards per row.
 
-        The latter is the probability-(rate-)weighted sum over the row's transitions.
+        The latter is the probability-weighted sum over the row's transitions. In continuous time,
+        both are per unit of time: the sum is multiplied by the exit rate.
         """
         ...
 
@@ -230,12 +247,6 @@ class SystemOf(Protocol[S, V]):
     def earned(self, reward: Reward) -> Numbers:
         """Per row, the sum of the state reward and the transition rewards, accurate also where they
         cancel. In a CTMC, the reward per unit of time.
-        """
-        ...
-
-    def embedded(self, rows: Numbers) -> Numbers:
-        """Rates per row of a CTMC as probabilities of its embedded DTMC; of other models, the
-        values themselves.
         """
         ...
 
@@ -266,8 +277,7 @@ class SystemOf(Protocol[S, V]):
         allow_stay: bool = False,
         infinite: S | None = None,
     ) -> EquationsOf[S, V]:
-        """The equations x = A x + constant (bounds: up to `upper`); rates are divided by exit
-        rates.
+        """The equations x = A x + constant (bounds: up to `upper`), with the probabilities A.
 
         `allow_stay`: a strategy may stay for ever where that costs and earns nothing, with value 0
         (greatest rewards); or it must not (least probabilities of what is met outside).
@@ -532,7 +542,7 @@ class EngineOf(Protocol[S, V]):
 
     @property
     def entry_range(self) -> tuple[float, float]:
-        """The least positive and the greatest one-step probability (rate)."""
+        """The least positive and the greatest one-step probability (in continuous time, rate)."""
         ...
 
     def where(self, expression: Expression) -> S:

@@ -55,8 +55,13 @@ class HasMatrix(Protocol):
     """The rows of all states are available."""
 
     @property
+    def weights(self) -> SparseMatrix:
+        """The weights of the kernel (see TransitionKernel), deadlocks fixed."""
+        ...
+
+    @property
     def matrix(self) -> SparseMatrix:
-        """One-step probabilities (rates) as doubles, deadlocks fixed."""
+        """One-step probabilities, deadlocks fixed; in continuous time a new matrix at each use."""
         ...
 
 

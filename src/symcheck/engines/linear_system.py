@@ -23,6 +23,7 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_exact, is_infinite
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, per_row, starts_of
+from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.problem import (
@@ -141,21 +142,80 @@ class LinearSystem(SystemOf[S, V]):
         """Steps that may shorten the equations, in the order in which they are tried."""
         return ()
 
+    @property
+    @abstractmethod
+    def weights(self) -> SparseMatrix:
+        """The weights of the kernel as compressed rows, made on first use."""
+
+    @property
+    @abstractmethod
+    def weight_operator(self) -> SparseMatrix | SweepOperator:
+        """The weights of the kernel in the engine's own form."""
+
+    @abstractmethod
+    def weight_into(self, target: S) -> Numbers:
+        """Per row: the sum of the weights that lead into `target`."""
+
+    @abstractmethod
+    def weighted_values(self, values: V) -> tuple[Numbers, Numbers]:
+        """Per row: sum over the successors outside of `states` of weight × value (lower, upper)."""
+
+    @abstractmethod
+    def weight_sums(self) -> Numbers:
+        """Per row: the sum of all weights, of successors outside of `states` too."""
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return self.n if self.groups is None else int(self.groups[-1])
+
     @cached_property
     def exit_rates(self) -> Numbers | None:
         """The exit rate of each state of a CTMC; None for other models."""
-        return self.row_sums() if self.continuous_time else None
+        return self.weight_sums() if self.continuous_time else None
 
-    def embedded(self, rows: Numbers) -> Numbers:
-        """Rates per row of a CTMC as probabilities of its embedded DTMC; of other models, the
-        values themselves.
+    @property
+    def kernel(self) -> TransitionKernel[SparseMatrix | SweepOperator]:
+        """The transitions in the engine's own form."""
+        return TransitionKernel(self.weight_operator, self.exit_rates)
+
+    @property
+    def row_kernel(self) -> TransitionKernel[SparseMatrix]:
+        """The transitions as compressed rows."""
+        return TransitionKernel(self.weights, self.exit_rates)
+
+    @property
+    def matrix(self) -> SparseMatrix:
+        """The probabilities as compressed rows."""
+        return self.row_kernel.probabilities
+
+    @cached_property
+    def operator(self) -> SparseMatrix | SweepOperator:
+        """The probabilities in the engine's own form."""
+        return self.kernel.probabilities
+
+    def one_step_probability(self, target: S) -> Numbers:
+        """Per row: the probability of entering `target` by a step (outside of `states` too)."""
+        return self._per_jump(self.weight_into(target))
+
+    def one_step_values(self, values: V) -> tuple[Numbers, Numbers]:
+        """Per row: sum over the successors outside of `states` of probability × value (lower,
+        upper).
+        """
+        lower, upper = self.weighted_values(values)
+        low = self._per_jump(lower)
+        return low, low if upper is lower else self._per_jump(upper)
+
+    def _per_jump(self, rows: Numbers) -> Numbers:
+        """What rows give per jump, from what they give per unit of time; the same where time is
+        discrete.
         """
         return rows if self.exit_rates is None else rows / self.exit_rates
 
     def step_rewards(self, reward: Reward) -> Numbers:
         """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
         earned = self.earned(reward)
-        steps = _finite(self.embedded(earned), earned)
+        steps = _finite(self._per_jump(earned), earned)
         if steps is not earned and not is_exact(steps):
             require_normal_rewards(np.where((steps == 0.0) & (earned != 0.0), LEAST, steps))
         return steps
@@ -166,8 +226,8 @@ class LinearSystem(SystemOf[S, V]):
         if isinstance(reward, Structure):
             errors = self.reward_sums.errors(reward.index, self.states)
             if errors is not None:
-                return self.embedded(errors) * (1.0 + 1e-9)
-            operations += self.reward_sums.operations(reward.index) + self.operator.longest
+                return self._per_jump(errors) * (1.0 + 1e-9)
+            operations += self.reward_sums.operations(reward.index) + self.kernel.weights.longest
         return operations * UNIT_ROUNDOFF * np.abs(self.step_rewards(reward))
 
     def state_rewards(self, reward: Reward) -> Numbers:
@@ -216,20 +276,15 @@ class LinearSystem(SystemOf[S, V]):
         self, constant: Numbers, upper: Numbers | None, *, probability: bool
     ) -> LinearProblem:
         """The equations x = A x + constant for a numerical method."""
-        leave = self.embedded(self.one_step_probability(~self.states))
+        leave = self.one_step_probability(~self.states)
         direction = self.direction
         if self.has_rows or self._end_components_matter(probability):
-            return LinearProblem(
-                constant, self.probabilities(), upper, leave, direction, probability
-            )
-        operator = self.embedded_operator()
+            return LinearProblem(constant, self.matrix, upper, leave, direction, probability)
+        operator = self.operator
+        assert not isinstance(operator, SparseMatrix)  # an engine with rows is asked for its matrix
         return LinearProblem(
             constant, None, upper, leave, direction, probability, operator, self.groups
         )
-
-    def embedded_operator(self) -> SweepOperator:
-        """`operator` of one-step probabilities, also in a CTMC; only for engines without rows."""
-        raise AssertionError("an engine with rows is asked for its matrix")
 
     def _end_components_matter(self, probability: bool) -> bool:
         """Whether end components prevent the convergence of upper bounds.
@@ -239,13 +294,6 @@ class LinearSystem(SystemOf[S, V]):
         if self.direction is None or probability != (self.direction is Direction.MAX):
             return False
         return self.has_end_components
-
-    def probabilities(self) -> SparseMatrix:
-        """The matrix among the states, as rows of probabilities."""
-        matrix = self.matrix
-        if self.exit_rates is None:
-            return matrix
-        return matrix.divided(self.exit_rates)
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,7 +328,7 @@ class BaseEquations(EquationsOf[S, V]):
         system = self.system
         if system.direction is not Direction.MIN or not self.infinite:
             return None
-        usable: Bools = system.one_step_probability(self.infinite) == 0
+        usable: Bools = system.weight_into(self.infinite) == 0
         if usable.all():
             return None
         assert system.groups is not None
@@ -356,7 +404,7 @@ class LinearEquations(BaseEquations[S, V]):
         if (
             system.direction is not Direction.MIN
             and self.infinite
-            and np.any(system.one_step_probability(self.infinite) != 0)
+            and np.any(system.weight_into(self.infinite) != 0)
         ):
             raise ValueError("a state with a choice that leads to an infinite value is no unknown")
         problem = system.problem(self.constant, self.upper, probability=self.probability)
@@ -375,7 +423,7 @@ class LinearEquations(BaseEquations[S, V]):
             against = Direction.MAX if self.probability else Direction.MIN
             rows = problem.matrix
             if rows is None:
-                rows = self.system.probabilities()
+                rows = self.system.matrix
             quotient = collapse(replace(problem, matrix=rows, direction=against))
         if quotient is None:
             return solved_values(self.system, problem, known, settings, observer)
@@ -394,7 +442,7 @@ class Reachability(BaseEquations[S, V]):
 
     def problem(self) -> LinearProblem:
         """The equations for a numerical method."""
-        constant = self.system.embedded(self.system.one_step_probability(self.target))
+        constant = self.system.one_step_probability(self.target)
         return self.system.problem(constant, None, probability=True)
 
     def _solved(

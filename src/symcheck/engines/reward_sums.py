@@ -209,7 +209,9 @@ class RewardSums:
         if len(on_states) < len(items):
             of_transitions = self._magnitudes([i for i in items if not i.on_states])
             with np.errstate(over="ignore", invalid="ignore"):
-                magnitudes = magnitudes + per_row(groups, of_transitions) * system.row_sums()
+                rates = system.exit_rates
+                chances = system.one_step_probability(engine.all) if rates is None else rates
+                magnitudes = magnitudes + per_row(groups, of_transitions) * chances
         total: Floats = per_row(groups, states) + rows
         lost = _is_lost(total, magnitudes)
         if len(on_states) == len(items) and self._are_whole(items, of_states):

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from fractions import Fraction
 from math import inf, isfinite
-from typing import Any
+from typing import Any, Literal, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from symcheck.kernels.arrays import Bools, Floats, Int64s
 
 __all__ = [
+    "N",
     "Numbers",
     "Rationals",
     "doubles",
@@ -29,6 +30,8 @@ __all__ = [
 Numbers = NDArray[Any]
 """float64, or Fractions as objects: numpy has no type for an array of one or the other."""
 Rationals = NDArray[np.object_]
+N = TypeVar("N", Floats, Rationals)
+"""One of the two types, for functions that keep it."""
 
 
 def is_exact(values: Numbers) -> bool:
@@ -44,6 +47,12 @@ def rationals(values: Iterable[float | Fraction]) -> Rationals:
     return out
 
 
+@overload
+def numbers(values: Numbers, *, exact: Literal[True]) -> Rationals: ...
+@overload
+def numbers(values: Numbers, *, exact: Literal[False]) -> Floats: ...
+@overload
+def numbers(values: Numbers, *, exact: bool) -> Numbers: ...
 def numbers(values: Numbers, *, exact: bool) -> Numbers:
     """An array of bools or numbers as a vector of one of the two types."""
     if exact:
@@ -57,6 +66,12 @@ def _rational(value: float | int | Fraction) -> Fraction | float:
     return value if isinstance(value, float) and not isfinite(value) else Fraction(value)
 
 
+@overload
+def full(n: int, value: float | Fraction, *, exact: Literal[True]) -> Rationals: ...
+@overload
+def full(n: int, value: float | Fraction, *, exact: Literal[False]) -> Floats: ...
+@overload
+def full(n: int, value: float | Fraction, *, exact: bool) -> Numbers: ...
 def full(n: int, value: float | Fraction, *, exact: bool) -> Numbers:
     """A vector with one value everywhere, of either type."""
     if not exact:
@@ -71,7 +86,7 @@ def is_infinite(values: Numbers) -> Bools:
     return np.asarray(np.abs(values) == np.inf, dtype=np.bool_)
 
 
-def sum_segments(values: Numbers, starts: Int64s) -> Numbers:
+def sum_segments(values: Rationals, starts: Int64s) -> Rationals:
     """The sum of each segment `values[starts[i]:starts[i+1]]` of rationals; 0 where it is empty."""
     out = full(len(starts) - 1, 0, exact=True)
     some = starts[1:] > starts[:-1]

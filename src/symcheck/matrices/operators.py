@@ -1,13 +1,15 @@
-"""Matrices without rows: what they do with vectors, and with bounds."""
+"""Matrices in any form: what they do with vectors, and those without rows with bounds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 from symcheck.direction import Direction
 from symcheck.matrices import tuning
+from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Floats
+from symcheck.matrices.weights import Expectation
 
 __all__ = ["BoundStep", "Operator", "SweepOperator", "underflow_error"]
 
@@ -35,21 +37,16 @@ class BoundStep:
     upper: bool
 
 
-class Operator(Protocol):
-    """A matrix without rows, which multiplies vectors (float64[n], a value per state)."""
+class Operator(Expectation, Protocol):
+    """A matrix in any form, whose rows can be scaled."""
 
-    def multiply(self, x: Floats, /) -> Floats:
-        """A x, a value per row."""
+    def divided(self, divisor: Numbers, /) -> Self:
+        """The matrix with each row divided by a number."""
         ...
 
 
 class SweepOperator(Operator, Protocol):
-    """An operator that also improves bounds in place."""
-
-    @property
-    def longest(self) -> int:
-        """The largest number of entries of a row, or more; it bounds the rounding of sums."""
-        ...
+    """A matrix without rows, which also improves bounds (float64[n]) in place."""
 
     def sweep(self, x: Floats, step: BoundStep, /) -> None:
         """Improve bounds, float64[n], by some steps, in place."""

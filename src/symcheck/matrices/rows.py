@@ -9,10 +9,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from symcheck.direction import Direction
 from symcheck.kernels.arrays import Bools, Floats, Int32s, Int64s
 from symcheck.kernels.rows import sparse, submatrix
 from symcheck.matrices import tuning
-from symcheck.matrices.numbers import Numbers, doubles, is_exact, sum_segments
+from symcheck.matrices.numbers import N, Numbers, doubles, is_exact, sum_segments
 from symcheck.parallel.threads import even_shares, on_threads, thread_count
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "Int32s",
     "Int64s",
     "SparseMatrix",
+    "best_of_rows",
     "first_best",
     "per_row",
     "spans",
@@ -206,8 +208,9 @@ class SparseMatrix:
             )
         rows = self.rows_of(states)
         entries = np.repeat(rows, self.lengths) & columns[self.indices]
-        chosen = self.data[entries]
-        terms = chosen if values is None else chosen * values[self.indices[entries]]
+        terms = self.data[entries]
+        if values is not None:
+            terms = terms * values[self.indices[entries]]
         return sum_segments(terms, starts_of(entries)[self.indptr])[rows]
 
     @property
@@ -220,6 +223,20 @@ class SparseMatrix:
     def from_handles(self, handles: Floats) -> Numbers:
         """The entries that belong to handles which a compiled loop has moved."""
         return self.data[handles.astype(np.int64)] if self.exact else handles
+
+
+def best_of_rows(values: N, groups: Int64s | None, direction: Direction | None) -> N:
+    """The least or greatest value of the rows of each state; the values themselves without choices.
+
+    Args:
+        values: one per row.
+        groups: rows groups[s] to groups[s+1] - 1 belong to state s; None: a row per state.
+        direction: the least or the greatest value; None without choices.
+    """
+    if groups is None or len(values) == 0:
+        return values
+    fold = np.maximum if direction == Direction.MAX else np.minimum
+    return fold.reduceat(values, groups[:-1])
 
 
 def first_best(values: Numbers, groups: Int64s) -> Int64s:

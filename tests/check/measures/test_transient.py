@@ -18,7 +18,7 @@ from symcheck.semantics.rewards import Structure
 
 def dense(engine):
     """The rates as a full matrix."""
-    m = engine.matrix
+    m = engine.weights
     rates = np.zeros((m.states, m.states))
     rows = np.repeat(np.arange(m.rows), np.diff(m.indptr))
     np.add.at(rates, (rows, m.indices), m.data)

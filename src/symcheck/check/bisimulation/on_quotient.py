@@ -201,7 +201,7 @@ def _on_rows(
     everything, structures = engine.system(engine.all), map(Structure, sorted(observed.structures))
     rewards = [(everything.state_rewards(r), everything.earned(r)) for r in structures]
     colours += [states for states, _ in rewards]
-    lumping = lump(engine.matrix, colours, [rows for _, rows in rewards])
+    lumping = lump(engine.weights, colours, [rows for _, rows in rewards])
     return Quotient.of(
         lumped_engine(engine, lumping),
         lumping.rounds,

@@ -36,7 +36,6 @@ from symcheck.engines.base import StateSet, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.product import ExplicitProduct, ProductModel
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.numbers import sum_segments
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.numerics.likeliest_paths import FoundPath, StepProblem, WalkProblem
@@ -147,15 +146,6 @@ def path_search(context: Context, formula: Expression) -> PathSearch:
     return replace(search, refutes=refutes, threshold=threshold, strict=strict)
 
 
-def _probabilities(engine: ExplicitEngine) -> SparseMatrix:
-    """The matrix; that of the embedded chain for a CTMC."""
-    matrix = engine.matrix
-    if not engine.model.type.continuous_time:
-        return matrix
-    sums = sum_segments(matrix.data, matrix.indptr) if matrix.exact else matrix.row_sums()
-    return matrix.divided(sums)
-
-
 # ------------------------------------------------------------------------------- probabilities
 
 
@@ -174,10 +164,10 @@ def _probability(
         case NextPath(target, window, negative) if window.trivial:
             end = context.engine.to_bools(~target if negative else target)
             everything, nothing = np.ones_like(end), np.zeros_like(end)
-            steps = StepProblem(_probabilities(engine), everything, nothing, end, 1)
+            steps = StepProblem(engine.matrix, everything, nothing, end, 1)
             return PathSearch(engine, steps, first, satisfies)
         case UntilPath(window=window) if window.trivial:
-            rows, matrix = None, _probabilities(engine)
+            rows, matrix = None, engine.matrix
             if engine.model.type.has_choices:
                 rows = strategy_attaining(context, query).rows
                 matrix = matrix.choose(rows)
@@ -191,8 +181,8 @@ def _probability(
                     "satisfy the formula: P<=p [ F<=t a ] that is false, P>=p [ F<=t a ] that is "
                     "true"
                 )
-            passing, goal, _ = _until(context, engine.matrix, path)
-            problem = WalkProblem(_probabilities(engine), passing, goal)
+            passing, goal, _ = _until(context, engine.weights, path)
+            problem = WalkProblem(engine.matrix, passing, goal)
             in_time = _within(engine, window.times()[1])
             return PathSearch(engine, problem, first, satisfies, probability_in_time=in_time)
         case UntilPath(window=window) if window.at_once:
@@ -245,7 +235,8 @@ def _within(engine: ExplicitEngine, time: float | None) -> Callable[[FoundPath],
     assert time is not None
     if engine.exact:
         raise UnsupportedError("counterexamples of time bounds are not supported with -exact")
-    exit_rates = engine.matrix.row_sums()
+    exit_rates = engine.system(engine.all).exit_rates
+    assert exit_rates is not None
 
     @cache
     def of_rates(rates: tuple[float, ...]) -> float:
@@ -268,7 +259,7 @@ def _within_rewards(
     system = context.engine.system(context.engine.all)
     bounds = [scale_bound(context, system, row_rewards(context, system, c), c) for c in path.counts]
     product = counter_product(engine, bounds, "a counterexample")
-    matrix, rows = _probabilities(product.engine), None
+    matrix, rows = product.engine.matrix, None
     problem: WalkProblem | StepProblem
     match path.path:
         case NextPath(target):
@@ -317,7 +308,7 @@ def _on_product(
         explicit = of_path.engine.capability(ExplicitEngine)
         assert explicit is not None
         product, entry, rows = explicit, of_path.entry, None
-        matrix = _probabilities(product)
+        matrix = product.matrix
         good = inner.engine.to_bools(accepted_states(inner, context, of_path, pairs))
     assert entry is not None
     everything = np.ones(product.states, np.bool_)
@@ -357,7 +348,7 @@ def _reward(
             hint="R<=r [ F states ] that is false, and R>=r [ F states ] that is true have one",
         )
     earned = context.engine.system(context.engine.all).step_rewards(quantity.reward)
-    rows, matrix = None, _probabilities(engine)
+    rows, matrix = None, engine.matrix
     everything = np.ones(engine.states, np.bool_)
     start = ~everything
     start[first] = True

@@ -55,8 +55,6 @@ def cost_bounded_reward(
         raise UnsupportedError(
             "rewards within a cost must not be negative or infinite; C<=k takes negative ones"
         )
-    if engine.model.type.continuous_time:
-        matrix = matrix.divided(system.row_sums())
     problem = CostBoundedProblem(matrix, rewards, bound.rewards, bound.upper, direction)
     lower, upper, levels = solve_cost_bounded(problem, context.options, context.observer)
     context.log.runs.append(

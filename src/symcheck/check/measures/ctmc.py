@@ -22,6 +22,7 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Floats
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import largest_width
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.numerics.underflow import enclosed
 from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.rewards import Reward
@@ -35,6 +36,11 @@ __all__ = [
     "next_probability",
     "prob_greater_zero",
 ]
+
+_ENTRY_ROUNDING = 4.0 * UNIT_ROUNDOFF
+"""More than the quotient that is a probability and its product with an exit rate are rounded: the
+solution is linear in the rewards, so that their relative error is its own.
+"""
 
 _TINY = 1e-299
 """Bounds may be this far apart even relative to smaller values, which are close to underflow."""
@@ -53,7 +59,7 @@ def next_probability(
     if lower == upper:  # a jump at this very time
         return engine.constant(0)
     system = engine.system(engine.all)
-    rates, value = system.row_sums(), system.embedded(system.one_step_probability(target))
+    rates, value = _exit_rates(system), system.one_step_probability(target)
     context.log.runs.append(SolverRun("transient", "one jump", system.n, 1))
     certain, impossible = engine.graph.all_successors_in(target), ~engine.graph.predecessors(target)
     if window.trivial:
@@ -165,7 +171,6 @@ def _within(
     if time == 0:
         return engine.indicator(~path.right if path.negative else path.right)
     system = engine.system((path.left - path.right) & possible)
-    rate = system.one_step_probability(goal)
     end = np.ones(system.n) if path.negative else None
 
     def limit() -> Floats:
@@ -177,7 +182,7 @@ def _within(
         system,
         time,
         terminal=end,
-        reward_rate=rate,
+        entered=goal,
         limit=None if path.negative else limit,
     )
     return system.lift(np.minimum(lower, 1.0), np.minimum(upper, 1.0), [(goal, 1.0)])
@@ -189,10 +194,10 @@ def _delayed(
     """Expected value at time t over runs that stay in `left` until then; `outside` for others."""
     system = context.engine.system(left)
     low, high = values.at(left)
-    reward_rate = system.one_step_probability(~left) if outside else None
-    lower, upper = _transient_bounds(context, system, time, terminal=low, reward_rate=reward_rate)
+    entered = ~left if outside else None
+    lower, upper = _transient_bounds(context, system, time, terminal=low, entered=entered)
     if not values.exact:
-        _, upper = _transient_bounds(context, system, time, terminal=high, reward_rate=reward_rate)
+        _, upper = _transient_bounds(context, system, time, terminal=high, entered=entered)
     return system.lift(lower, upper, [(~left, outside)])
 
 
@@ -241,10 +246,12 @@ def _transient_bounds(
     *,
     terminal: Floats | None = None,
     reward_rate: Floats | None = None,
+    entered: StateSet | None = None,
     limit: Callable[[], Floats] | None = None,
 ) -> tuple[Floats, Floats]:
     """Bounds on x(time) for x' = Q x + reward_rate, x(0) = terminal, over the states of the system.
 
+    entered: states outside, each entry of which is rewarded with 1, instead of `reward_rate`.
     limit: computes an upper bound on the values at any time.
 
     Returns:
@@ -255,18 +262,19 @@ def _transient_bounds(
     _refuse_rationals(context)
     if system.n == 0:
         return np.empty(0), np.empty(0)
-    exit_rates = system.row_sums()
+    exit_rates = _exit_rates(system)
     steps = float(exit_rates.max()) * time
     few_rows = system.has_rows and (
         system.n <= tuning.TRANSIENT_ROWS_STATES or steps >= tuning.KRYLOV_STEPS
     )
-    rates = system.matrix if context.engine.has_rows or few_rows else system.operator
+    has_rows = context.engine.has_rows or few_rows
+    if entered is not None:
+        reward_rate = exit_rates * system.one_step_probability(entered)
     interest = None
     if context.relevant_states is not None:
         interest = np.flatnonzero(system.restrict(context.relevant_states))
     transient = transient_values(
-        rates,
-        exit_rates,
+        system.row_kernel if has_rows else system.kernel,
         time,
         context.options,
         terminal=terminal,
@@ -285,8 +293,16 @@ def _transient_bounds(
             transient.explanation,
         )
     )
+    error = 0.0 if entered is None else _ENTRY_ROUNDING
+    bounds = transient.lower * (1.0 - error), transient.upper * (1.0 + error)
     relevant = slice(None) if interest is None else interest
-    lower, upper = transient.lower[relevant], transient.upper[relevant]
+    lower, upper = (bound[relevant] for bound in bounds)
     width = largest_width(lower, np.maximum(lower, upper - _TINY), context.options.relative)
     context.warn_if_wide(width, transient.explanation)
-    return transient.lower, transient.upper
+    return bounds
+
+
+def _exit_rates(system: System) -> Floats:
+    rates = system.exit_rates
+    assert rates is not None, "a model of continuous time"
+    return rates

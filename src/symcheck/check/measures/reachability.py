@@ -68,6 +68,6 @@ def boundary_values(context: Context, states: StateSet, outside: Values) -> Valu
     For chains that leave `states` almost surely.
     """
     system = context.engine.system(states)
-    low, high = (system.embedded(v) for v in system.one_step_values(outside))
+    low, high = system.one_step_values(outside)
     equations = system.equations(low, None if outside.exact else high, probability=False)
     return context.solve(equations, known=[]).choose(states, outside)

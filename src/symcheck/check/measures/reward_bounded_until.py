@@ -104,15 +104,13 @@ def reward_bounded_next(
     """Probability that the next state is in `target` and the reward of the step in its bounds."""
     engine = context.engine
     system = engine.system(engine.all)
-    allowed = np.ones(len(system.row_sums()), np.bool_)
+    allowed = np.ones(system.rows, np.bool_)
     for count in counts:
         bound = scale_bound(context, system, row_rewards(context, system, count), count)
         allowed &= bound.rewards >= bound.lower
         if bound.upper is not None:
             allowed &= bound.rewards <= bound.upper
     chances = system.one_step_probability(target)
-    if engine.model.type.continuous_time:
-        chances = chances / system.row_sums()
     sure = per_row(system.groups, engine.to_bools(engine.graph.all_successors_in(target)))
     if not engine.exact:  # a sum that is rounded to 1 is not known to be 1
         chances = np.minimum(chances, np.nextafter(1.0, 0.0))
@@ -129,10 +127,9 @@ def reward_bounded_next(
 def row_rewards(context: Context, system: System, count: RewardWindow) -> Numbers:
     """The reward of a step by each row: float64[rows]."""
     if isinstance(count.reward, Steps):
-        return np.ones(len(system.row_sums()))
-    kind = context.engine.model.type
+        return np.ones(system.rows)
     states, rows = system.rewards(count.reward)
-    if kind.continuous_time and states.any():
+    if system.exit_rates is not None and states.any():
         raise UnsupportedError(
             "a bound on state rewards of a ctmc, which are earned per unit of time, is not "
             "supported; a bound on transition rewards is"
@@ -231,18 +228,12 @@ def _problem(
 ) -> RewardBoundedReachability:
     from symcheck.numerics.reward_bounds.epoch_system import RewardBoundedReachability
 
-    matrix, leave = system.matrix, system.one_step_probability(~system.states)
-    if context.engine.model.type.continuous_time:
-        rates = system.row_sums()
-        matrix = matrix.divided(rates)
-        leave = leave / rates
-
     def members(states: StateSet) -> Bools:
         return np.asarray(system.restrict(states) > 0)
 
     return RewardBoundedReachability(
-        matrix,
-        leave,
+        system.matrix,
+        system.one_step_probability(~system.states),
         bound.rewards,
         members(left),
         members(right),

@@ -14,7 +14,7 @@ from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, System, Values
 from symcheck.matrices.numbers import Numbers
-from symcheck.matrices.rows import Floats
+from symcheck.matrices.rows import Floats, best_of_rows
 from symcheck.numerics.linear.problem import Progress, largest_width
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.expressions.literals import LEAST
@@ -27,11 +27,7 @@ REWARD_ERROR = 2.0**-43
 
 def best(rows: Numbers, system: System, direction: Direction | None) -> Numbers:
     """The least or greatest value of the rows of each state: float64[rows] -> float64[n]."""
-    groups = system.groups
-    if groups is None or len(rows) == 0:
-        return rows
-    fold = np.minimum if direction is Direction.MIN else np.maximum
-    return np.asarray(fold.reduceat(rows, groups[:-1]))
+    return best_of_rows(rows, system.groups, direction)
 
 
 def is_signed(context: Context, rewards: Numbers) -> bool:

@@ -166,7 +166,7 @@ def instantaneous_reward(
     last = system.state_rewards(reward)
     if steps and is_signed(context, last):
         error = REWARD_ERROR * np.abs(last)
-        zero = np.zeros(len(system.row_sums()))
+        zero = np.zeros(system.rows)
         signed = Steps(system, zero, zero)
         bounds = last - error, last + error
         return signed_steps(context, signed, bounds, steps, direction, "rewards after k steps")

@@ -63,6 +63,6 @@ def _least(context: Context, left: StateSet, right: StateSet) -> Values:
         graph.prob1(left, right, Direction.MAX),
     )
     system = context.engine.system(~(impossible | certain), Direction.MIN)
-    constant = system.embedded(system.one_step_probability(impossible))
+    constant = system.one_step_probability(impossible)
     equations = system.equations(constant, probability=True, allow_stay=True)
     return context.solve(equations, known=[(impossible, 1.0)])

@@ -64,7 +64,7 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
     @property
     def exact(self) -> bool:
         """Whether numbers are rationals, as those of the explored model are."""
-        return self.matrix.exact
+        return self.weights.exact
 
     @property
     def model(self) -> BoundModel:
@@ -72,24 +72,29 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
         return self.explored.model
 
     @property
-    def matrix(self) -> SparseMatrix:
-        """One-step probabilities (rates), deadlocks fixed."""
+    def weights(self) -> SparseMatrix:
+        """One-step probabilities, in continuous time times exit rates, deadlocks fixed."""
         return self.explored.matrix
+
+    @property
+    def matrix(self) -> SparseMatrix:
+        """One-step probabilities, deadlocks fixed; in continuous time a new matrix at each use."""
+        return self.system(self.all).matrix if self.model.type.continuous_time else self.weights
 
     @property
     def states(self) -> int:
         """Number of reachable states."""
-        return self.matrix.states
+        return self.weights.states
 
     @property
     def transitions(self) -> int:
         """Number of stored transitions."""
-        return self.matrix.entries
+        return self.weights.entries
 
     @property
     def choices(self) -> int:
         """Number of choices (states, where there is no nondeterminism)."""
-        return self.matrix.rows
+        return self.weights.rows
 
     @cached_property
     def all(self) -> ArraySet:
@@ -192,12 +197,12 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
     def _require_normal_numbers(self) -> None:
         if not self.exact and self.transitions:
             rates = self.model.type.continuous_time
-            require_normal_numbers(*self.entry_range, self.matrix.longest, rates)
+            require_normal_numbers(*self.entry_range, self.weights.longest, rates)
 
     @cached_property
     def entry_range(self) -> tuple[float, float]:
         """The least positive and the greatest one-step probability (rate)."""
-        data = self.matrix.data
+        data = self.weights.data
         if (smallest := float(data.min(initial=np.inf))) <= 0.0:
             smallest = float(data.min(initial=np.inf, where=data > 0.0))
         return smallest, float(data.max(initial=0.0))
@@ -226,16 +231,14 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
         return actions
 
     def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
-        """State rewards [states] and transition rewards, weighted by probabilities (rates), per row
-        [rows].
-        """
+        """State rewards [states] and transition rewards, summed with weights, per row [rows]."""
         match reward:
             case Structure(index):
                 return self.explored.state_rewards[index], self.explored.choice_rewards[index]
             case Time() if self.model.type.continuous_time:
-                return self._full(self.states, 1), self._full(self.matrix.rows, 0)
+                return self._full(self.states, 1), self._full(self.choices, 0)
             case Steps() | Time():
-                return self._full(self.states, 0), self.system(self.all).row_sums()
+                return self._full(self.states, 0), self.system(self.all).weight_sums()
             case _:
                 assert_never(reward)
 
@@ -272,13 +275,13 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
     @cached_property
     def groups(self) -> Int64s | None:
         """Which of the rows belong to which state; None where each has one."""
-        matrix = self.engine.matrix
+        matrix = self.engine.weights
         return matrix.groups if self._whole else matrix.groups_of(self.states.members)
 
     @cached_property
-    def matrix(self) -> SparseMatrix:
-        """The matrix among the states."""
-        whole = self.engine.matrix
+    def weights(self) -> SparseMatrix:
+        """The weights among the states."""
+        whole = self.engine.weights
         if self._whole:
             return whole
         return whole.among(self.states.members)
@@ -327,28 +330,26 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
         return ArraySet(everywhere)
 
     @property
-    def operator(self) -> SparseMatrix:
-        """The matrix as an operator."""
-        return self.matrix
+    def weight_operator(self) -> SparseMatrix:
+        """The weights as an operator."""
+        return self.weights
 
-    def one_step_probability(self, target: ArraySet) -> Numbers:
-        """Per row: the one-step probability (rate) of entering the target."""
+    def weight_into(self, target: ArraySet) -> Numbers:
+        """Per row: the sum of the weights that lead into the target."""
         return self._sums(target.members, None)
 
-    def one_step_values(self, values: Numeric) -> tuple[Numbers, Numbers]:
-        """Per row: sum over the successors outside of the states of probability (rate) × value
-        (lower, upper).
-        """
+    def weighted_values(self, values: Numeric) -> tuple[Numbers, Numbers]:
+        """Per row: sum over successors outside of the states of weight × value (lower, upper)."""
         outside = ~self.states.members
         lower = self._sums(outside, values.lower)
         return lower, lower if values.exact else self._sums(outside, values.upper)
 
     def _sums(self, columns: Bools, values: Numbers | None) -> Numbers:
-        return self.engine.matrix.sums(self.states.members, columns, values)
+        return self.engine.weights.sums(self.states.members, columns, values)
 
-    def row_sums(self) -> Numbers:
-        """Per row: the total probability (exit rate)."""
-        return self.one_step_probability(self.engine.all)
+    def weight_sums(self) -> Numbers:
+        """Per row: the sum of all weights."""
+        return self.weight_into(self.engine.all)
 
     def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
         """State rewards per state and transition rewards per row."""
@@ -356,7 +357,7 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
         require_normal_rewards(states, rows)
         if self._whole:
             return states, rows
-        groups, inside = self.engine.matrix.groups, self.states.members
+        groups, inside = self.engine.weights.groups, self.states.members
         return states[inside], rows[
             inside if groups is None else np.repeat(inside, np.diff(groups))
         ]

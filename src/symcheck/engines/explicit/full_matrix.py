@@ -48,7 +48,7 @@ class FullMatrix:
         """Whether most states are unknown, and all their rows are used. Masks save memory of
         doubles only, and the solution has no strategy.
         """
-        if self.engine.matrix.exact or (settings.strategy and query.system.direction is not None):
+        if self.engine.weights.exact or (settings.strategy and query.system.direction is not None):
             return False
         if tuning.STATES_PER_UNKNOWN * query.n < len(self.unknown):
             return False
@@ -62,7 +62,7 @@ class FullMatrix:
         observer: Observer | None,
     ) -> SolvedValues[Numeric] | None:
         """The solution of the masked problem; None if rewards of steps underflow."""
-        system, matrix, constant = query.system, self.engine.matrix, None
+        system, matrix, constant = query.system, self.engine.weights, None
         outside = [(where.members, value) for where, value in known]
         if isinstance(query, ExpectedReward):
             states, rows = self.engine.rewards(query.reward)

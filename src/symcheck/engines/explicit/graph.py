@@ -25,7 +25,7 @@ class ExplicitGraph:
 
     @cached_property
     def _edges(self) -> graph.Incidence:
-        return graph.Incidence(self.engine.matrix)
+        return graph.Incidence(self.engine.weights)
 
     def forget(self) -> None:
         """Free the memory of the transposed matrix, which is rebuilt on the next use."""
@@ -65,7 +65,7 @@ class ExplicitGraph:
 
     @cached_property
     def _self_loops(self) -> Bools:
-        m = self.engine.matrix
+        m = self.engine.weights
         owners = np.repeat(self._edges.owner_of_rows, m.lengths)
         loops = np.zeros(m.states, bool)
         loops[owners[owners == m.indices]] = True

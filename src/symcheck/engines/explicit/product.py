@@ -159,7 +159,7 @@ def product(
         raise MemoryLimitError(
             f"the product with an automaton of {size} states is too large for the explicit engine"
         )
-    reachable = reachable_pairs(base.matrix, table, letter, automaton.initial)
+    reachable = reachable_pairs(base.weights, table, letter, automaton.initial)
     count = int(np.count_nonzero(reachable))
     if count >= 2**31:
         raise MemoryLimitError(
@@ -173,7 +173,7 @@ def product(
     )
     kernel.number_pairs(reachable.view(np.uint8), size, state, second, number)
     del reachable
-    matrix, rows = pair_matrix(base.matrix, table[second, letter[state]], state, number, size)
+    matrix, rows = pair_matrix(base.weights, table[second, letter[state]], state, number, size)
     model = ProductModel(base, state, second, matrix, rows, automaton.initial)
     entry = number[automaton.initial :: size].astype(np.int64)
     return ExplicitProduct(over(model), model, entry, letter)

@@ -33,8 +33,9 @@ from symcheck.engines.symbolic.sets import (
     constant_piece,
     values_of,
 )
-from symcheck.engines.symbolic.system import DivisibleOperator, SymbolicSystem
+from symcheck.engines.symbolic.system import SymbolicSystem
 from symcheck.matrices.numbers import Rationals
+from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
@@ -77,8 +78,8 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
         """The same kind of engine over other diagrams, of which those of the space are a part."""
         return type(self)(diagrams, self.space)
 
-    def operator(self, system: SymbolicSystem) -> SparseMatrix | DivisibleOperator:
-        """The matrix of a system in this engine's form."""
+    def operator(self, system: SymbolicSystem) -> SparseMatrix | SweepOperator:
+        """The weights of a system in this engine's form."""
         raise NotImplementedError
 
     def __repr__(self) -> str:

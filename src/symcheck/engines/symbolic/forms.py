@@ -105,7 +105,7 @@ class SparseEngine(SymbolicEngine):
 
     def operator(self, system: SymbolicSystem) -> SparseMatrix:
         """The rows as an operator."""
-        return system.matrix
+        return system.weights
 
 
 class HybridEngine(SymbolicEngine):

@@ -52,7 +52,7 @@ class SymbolicGraph(Components):
 
     @cached_property
     def _rows(self) -> graph.Incidence:
-        return graph.Incidence(self.engine.system(self.engine.all).matrix)
+        return graph.Incidence(self.engine.system(self.engine.all).row_kernel.weights)
 
     def _answer(
         self,

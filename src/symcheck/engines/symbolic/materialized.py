@@ -90,7 +90,7 @@ class MaterializedModel:
     @cached_property
     def matrix(self) -> SparseMatrix:
         """One-step probabilities (rates), deadlocks fixed."""
-        # `system.matrix` would keep the distinct sub-matrices as well.
+        # `system.weights` would keep the distinct sub-matrices as well.
         source, system = self.source, self.system
         indptr, indices, data = flatten(
             quad_dag(system.roots, system.odd, system.odd, source.diagrams.columns), system.layout

@@ -32,22 +32,14 @@ from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.rewards import Reward
 
-__all__ = ["DivisibleOperator", "SymbolicSystem"]
-
-
-class DivisibleOperator(SweepOperator, Protocol):
-    """An operator whose rows can be divided by a factor each."""
-
-    def divided(self, divisor: Floats) -> SweepOperator:
-        """The operator with each row divided by a number: float64[rows]."""
-        ...
+__all__ = ["SymbolicSystem"]
 
 
 class Owner(SymbolicOwner, Protocol):
     """The engine of a system."""
 
-    def operator(self, system: SymbolicSystem) -> SparseMatrix | DivisibleOperator:
-        """The matrix of a system in the engine's form."""
+    def operator(self, system: SymbolicSystem) -> SparseMatrix | SweepOperator:
+        """The weights of a system in the engine's form."""
         ...
 
     @property
@@ -125,8 +117,8 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
         return quad_dag(self.roots, self.odd, self.odd, self._d.columns)
 
     @cached_property
-    def matrix(self) -> SparseMatrix:
-        """The matrix among the states, as compressed rows."""
+    def weights(self) -> SparseMatrix:
+        """The weights among the states, as compressed rows."""
         indptr, indices, data = flatten(self.dag, self.layout)
         return SparseMatrix(indptr, indices, data, self.n, self.groups)
 
@@ -144,16 +136,9 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
         return blocks(self.dag, self.layout)
 
     @cached_property
-    def operator(self) -> SparseMatrix | DivisibleOperator:
-        """The matrix in the engine's own form."""
+    def weight_operator(self) -> SparseMatrix | SweepOperator:
+        """The weights in the engine's own form."""
         return self.engine.operator(self)
-
-    def embedded_operator(self) -> SweepOperator:
-        """`operator` of one-step probabilities, also in a CTMC."""
-        operator = self.operator
-        assert not isinstance(operator, SparseMatrix)  # an engine with rows has no need of it
-        rates = self.exit_rates
-        return operator if rates is None else operator.divided(rates)
 
     @property
     def continuous_time(self) -> bool:
@@ -192,18 +177,16 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
             out[rows] = self.odd.to_vector(function)[present]
         return out
 
-    def one_step_probability(self, target: SymbolicSet) -> Floats:
-        """Per row: the one-step probability (rate) of entering the target."""
+    def weight_into(self, target: SymbolicSet) -> Floats:
+        """Per row: the sum of the weights that lead into the target."""
         d = self._d
         columns = target.bdd.rename(d.to_columns).to_mtbdd()
         return self.per_row([root.multiply_sum(columns, d.column_cube) for root in self.roots])
 
-    def one_step_values(self, values: SymbolicValues) -> tuple[Floats, Floats]:
-        """Per row: sum over the successors outside of the states of probability (rate) × value
-        (lower, upper).
-        """
+    def weighted_values(self, values: SymbolicValues) -> tuple[Floats, Floats]:
+        """Per row: sum over successors outside of the states of weight × value (lower, upper)."""
         outside = ~self.states
-        lower: Floats = np.zeros(self.layout.rows if self.layout is not None else self.n)
+        lower: Floats = np.zeros(self.rows)
         upper = lower if values.exact else lower.copy()
         for piece in values.pieces:
             target = SymbolicSet(self._d, piece.states & outside.bdd)
@@ -217,7 +200,7 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
 
     def _weighted(self, piece: Piece, target: SymbolicSet) -> tuple[Floats, Floats]:
         if piece.constant:
-            weight = self.one_step_probability(target)
+            weight = self.weight_into(target)
             low, high = float(piece.values.lower[0]), float(piece.values.upper[0])
             with np.errstate(invalid="ignore"):  # nothing times infinity is nothing here
                 return np.where(weight > 0, weight * low, 0.0), np.where(
@@ -229,10 +212,10 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
         low_part = matrix.multiply(values.lower)
         return low_part, low_part if values.upper is values.lower else matrix.multiply(values.upper)
 
-    def row_sums(self) -> Floats:
-        """Per row: the total probability (exit rate)."""
+    def weight_sums(self) -> Floats:
+        """Per row: the sum of all weights."""
         if self.engine.has_rows and self.states.bdd == self._d.states:
-            return self.matrix.row_sums()  # which has all successors; diagrams take longer
+            return self.weights.row_sums()  # which has all successors; diagrams take longer
         return self.per_row([root.sum_over(self._d.column_cube) for root in self.roots])
 
     def rewards(self, reward: Reward) -> tuple[Floats, Floats]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.matrices.operators import BoundStep
-from symcheck.matrices.rows import Floats, Int64s, first_best
+from symcheck.matrices.rows import Floats, Int64s, best_of_rows, first_best
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import (
@@ -29,33 +29,24 @@ class BellmanOperator:
     """x → opt(A x + b), on vectors of one value per state (float64[n]).
 
     rounding_error: bound on the relative error of one application to non-negative values.
-    first_rows: the first row of each state, int64[n]; None if rows are states.
     """
 
     problem: LinearProblem
     rounding_error: float
-    first_rows: Int64s | None
 
     @staticmethod
     def of(problem: LinearProblem) -> BellmanOperator:
         """The Bellman operator of a problem."""
-        longest = (problem.operator or problem.rows).longest
-        groups = problem.choices
-        first_rows = None if groups is None else groups[:-1]
-        return BellmanOperator(problem, (longest + 8) * tuning.UNIT_ROUNDOFF, first_rows)
+        longest = problem.expectation.longest
+        return BellmanOperator(problem, (longest + 8) * tuning.UNIT_ROUNDOFF)
 
     def product(self, x: Floats) -> Floats:
         """A x, per row."""
-        if self.problem.operator is not None:
-            return self.problem.operator.multiply(x)
-        return self.problem.rows.multiply(x)
+        return self.problem.expectation.multiply(x)
 
     def best(self, rows: Floats) -> Floats:
         """The optimum over the rows of each state."""
-        if self.first_rows is None:
-            return rows
-        pick = np.maximum if self.problem.direction == Direction.MAX else np.minimum
-        return pick.reduceat(rows, self.first_rows)
+        return best_of_rows(rows, self.problem.choices, self.problem.direction)
 
     def apply(self, x: Floats) -> Floats:
         """One application, rounded to nearest."""

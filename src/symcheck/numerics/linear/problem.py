@@ -13,6 +13,7 @@ from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, is_exact, sum_segments
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Int64s, SparseMatrix
+from symcheck.matrices.weights import Expectation
 from symcheck.numerics import tuning
 
 __all__ = [
@@ -90,6 +91,11 @@ class LinearProblem:
                 "this method needs the rows of the matrix, and the engine gives only products"
             )
         return self.matrix
+
+    @property
+    def expectation(self) -> Expectation:
+        """The matrix in the form that is there."""
+        return self.rows if self.operator is None else self.operator
 
     @property
     def n(self) -> int:

@@ -17,6 +17,7 @@ import numpy as np
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, Rationals, rationals
 from symcheck.matrices.rows import SparseMatrix, starts_of
+from symcheck.matrices.weights import F
 from symcheck.numerics import graph
 
 __all__ = [
@@ -42,8 +43,8 @@ SMALL_SYSTEM = 20
 checks the die. All of these unknowns are eliminated: a pivot takes at most 20 * 20 products."""
 
 Number = Any
-"""A Fraction, a flint.fmpq, or an int: the same operators, and one kind beside ints in a system."""
-Row = dict[int, Number]
+"""A Fraction or a flint.fmpq (FLINT has no types), or an int."""
+Row = dict[int, F]
 """The entries of a row by column."""
 
 
@@ -59,9 +60,9 @@ def number_form(unknowns: int) -> Callable[[Fraction], Number]:
     return flint_number if unknowns > SMALL_SYSTEM else Fraction
 
 
-def number_rows(matrix: SparseMatrix, form: Callable[[Fraction], Number]) -> list[Row]:
+def number_rows(matrix: SparseMatrix, form: Callable[[Fraction], F]) -> list[Row[F]]:
     """The rows of a matrix of rationals, in the form of the system."""
-    known: dict[Fraction, Number] = {}
+    known: dict[Fraction, F] = {}
     data = [known[v] if v in known else known.setdefault(v, form(v)) for v in matrix.data]
     columns, starts = matrix.indices.tolist(), matrix.indptr.tolist()
     return [dict(zip(columns[i:j], data[i:j], strict=True)) for i, j in pairwise(starts)]
@@ -89,14 +90,14 @@ def fractions(values: Sequence[Number]) -> Rationals:
     return rationals(Fraction(int(v.numerator), int(v.denominator)) for v in values)
 
 
-def least_solution(rows: Sequence[Row], constant: Sequence[Number]) -> list[Number]:
+def least_solution(rows: Sequence[Row[F]], constant: Sequence[F]) -> list[F | int]:
     """The least solution of x = A x + b, where every row is a state."""
     starts = starts_of([len(row) for row in rows])
     columns = np.array([t for row in rows for t in row], dtype=np.int32)
     shape = SparseMatrix(starts, columns, np.ones(len(columns)), len(rows))
-    source = np.array([c != 0 for c in constant], dtype=np.bool_)
+    source = np.array([bool(c) for c in constant], dtype=np.bool_)
     parts = graph.sccs(shape, graph.backward_reachable(shape, source))
-    x: list[Number] = [0] * len(rows)
+    x: list[F | int] = [0] * len(rows)
     for c in range(parts.count):
         members = parts.members(c).tolist()
         inner, outer = restrict_rows(rows, constant, members, members, x)
@@ -106,12 +107,12 @@ def least_solution(rows: Sequence[Row], constant: Sequence[Number]) -> list[Numb
 
 
 def restrict_rows(
-    rows: Sequence[Row],
-    constant: Sequence[Number],
+    rows: Sequence[Row[F]],
+    constant: Sequence[F],
     chosen: Iterable[int],
     members: Sequence[int],
-    x: Sequence[Number],
-) -> tuple[list[Row], list[Number]]:
+    x: Sequence[F | int],
+) -> tuple[list[Row[F]], list[F]]:
     """The chosen rows over the unknowns `members`, numbered from 0, and their constants.
 
     The constants include what the rows get from other states, whose values are those of x.
@@ -124,20 +125,20 @@ def restrict_rows(
     return inner, outer
 
 
-def _solve(rows: list[Row], right: list[Number]) -> list[Number]:
+def _solve(rows: list[Row[F]], right: list[F]) -> list[F]:
     """Solve x = A x + b within a component."""
     n = len(rows)
     if n == 1:
         rest = 1 - rows[0].get(0, 0)
-        if rest == 0:
-            if right[0] == 0:
+        if not rest:
+            if not right[0]:
                 return [right[0]]
             raise NumericalError("the expected reward is infinite")
         return [right[0] / rest]
     return _eliminate_and_lift(rows, right)
 
 
-def _eliminate_and_lift(rows: list[Row], right: list[Number]) -> list[Number]:
+def _eliminate_and_lift(rows: list[Row[F]], right: list[F]) -> list[F]:
     """Eliminate states while that is cheap, lift the solution of the rest, and substitute back."""
     import heapq
 
@@ -165,14 +166,14 @@ def _eliminate_and_lift(rows: list[Row], right: list[Number]) -> list[Number]:
         remaining.discard(k)
         eliminated.append(k)
         _eliminate(k, rows, right, above)
-    x: list[Number] = [None] * n
+    x = right.copy()
     _lift(sorted(remaining), rows, right, x)
     for k in reversed(eliminated):
         x[k] = sum((a * x[j] for j, a in rows[k].items()), right[k])
     return x
 
 
-def _lift(states: list[int], rows: list[Row], right: list[Number], x: list[Number]) -> None:
+def _lift(states: list[int], rows: Sequence[Row[Any]], right: list[Any], x: list[Any]) -> None:
     """Solve the equations among `states` by p-adic lifting, and write the solution into x."""
     n = len(states)
     if n == 0:
@@ -195,10 +196,10 @@ def _lift(states: list[int], rows: list[Row], right: list[Number], x: list[Numbe
         x[s] = solution[i, 0]
 
 
-def _eliminate(k: int, rows: list[Row], right: list[Number], above: list[set[int]]) -> None:
+def _eliminate(k: int, rows: list[Row[F]], right: list[F], above: list[set[int]]) -> None:
     """Solve row k for its own unknown and put it into all rows that use it."""
     leaving = 1 - rows[k].pop(k, 0)
-    if leaving == 0:
+    if not leaving:
         raise NumericalError("the equations have no unique solution: some states never leave")
     if leaving != 1:
         rows[k] = {j: a / leaving for j, a in rows[k].items()}
@@ -231,7 +232,7 @@ def stationary_distribution(matrix: SparseMatrix) -> Rationals:
         return fractions([one])
     # With weight 1 at state 0: pi_j * leave_j = sum of pi_i * rate_ij, an equation per state j > 0.
     leave = [sum((a for t, a in row.items() if t != s), zero) for s, row in enumerate(rows)]
-    system: list[Row] = [{} for _ in range(n - 1)]
+    system: list[Row[Number]] = [{} for _ in range(n - 1)]
     right = [zero] * (n - 1)
     for i, row in enumerate(rows):
         for j, a in row.items():

@@ -25,7 +25,15 @@ from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.machine import require_memory_for_scipy
 from symcheck.matrices.numbers import Numbers, full, rationals, sum_segments
-from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, first_best, starts_of
+from symcheck.matrices.rows import (
+    Floats,
+    Int32s,
+    Int64s,
+    SparseMatrix,
+    best_of_rows,
+    first_best,
+    starts_of,
+)
 from symcheck.numerics import graph, rational_limits, tuning
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
 from symcheck.numerics.linear.rational import solve_chain
@@ -88,7 +96,7 @@ class _EndComponent:
 
     def best(self, rows: Numbers) -> Numbers:
         """The greatest value of the rows of each state."""
-        return np.asarray(np.maximum.reduceat(rows, self.groups[:-1]))
+        return best_of_rows(rows, self.groups, Direction.MAX)
 
     def rounding_errors(self, h: Numbers) -> Numbers:
         """A bound on the rounding error of r + P h - h in each row, relative to its own terms."""

@@ -78,9 +78,9 @@ class Program:
         )
 
     @cached_property
-    def exact_columns(self) -> list[Row]:
+    def exact_columns(self) -> list[Row[Number]]:
         """The columns of A over the rationals."""
-        columns: list[Row] = [{} for _ in self.cost]
+        columns: list[Row[Number]] = [{} for _ in self.cost]
         entries = zip(self.rows.tolist(), self.columns.tolist(), self.values, strict=True)
         for i, j, value in entries:
             columns[j][i] = columns[j].get(i, 0) + flint_number(value)
@@ -173,7 +173,7 @@ def _optimal_vertex(program: Program, answer: OptimizeResult, threshold: float) 
     candidates = order[(positive | free)[order]].tolist()
     columns = program.exact_columns
     basis = [candidates[k] for k in _independent([columns[j] for j in candidates])]
-    by_row: list[Row] = [{} for _ in program.right]
+    by_row: list[Row[Number]] = [{} for _ in program.right]
     for k, j in enumerate(basis):
         for i, v in columns[j].items():
             by_row[i][k] = v
@@ -190,7 +190,7 @@ def _optimal_vertex(program: Program, answer: OptimizeResult, threshold: float) 
     return None
 
 
-def _independent(vectors: Sequence[Row]) -> list[int]:
+def _independent(vectors: Sequence[Row[Number]]) -> list[int]:
     """The numbers of the first independent vectors, modulo a prime."""
     import flint
 
@@ -235,7 +235,7 @@ class _Vertex:
 
         return list(matrix.solve(flint.fmpq_mat(len(right), 1, right)).entries()) if right else []
 
-    def _dual(self, weights: Sequence[Number]) -> Row:
+    def _dual(self, weights: Sequence[Number]) -> Row[Number]:
         """The y with y B = weights, by row."""
         return dict(zip(self.rows, self._solved(self.matrix.transpose(), weights), strict=True))
 
@@ -282,7 +282,7 @@ class _Vertex:
         return values
 
 
-def _dot(column: Row, weights: Row) -> Number:
+def _dot(column: Row[Number], weights: Row[Number]) -> Number:
     return sum((v * weights[i] for i, v in column.items() if i in weights), 0)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.errors import MemoryLimitError, UnsupportedError
 from symcheck.matrices.numbers import Numbers, full, is_infinite
-from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, spans, starts_of
+from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, best_of_rows, spans, starts_of
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
@@ -49,10 +49,7 @@ class CostBoundedProblem:
 
     def best(self, rows: Numbers) -> Numbers:
         """The optimum over the rows of each state."""
-        if self.matrix.groups is None:
-            return rows
-        fold = np.minimum if self.direction is Direction.MIN else np.maximum
-        return np.asarray(fold.reduceat(rows, self.matrix.groups[:-1]))
+        return best_of_rows(rows, self.matrix.groups, self.direction)
 
 
 def solve_cost_bounded(

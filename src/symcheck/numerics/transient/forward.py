@@ -52,7 +52,7 @@ def forward_value(
     """Bounds on x(time) at one state, for x' = Q x + reward rate, x(0) = terminal.
 
     Args:
-        rates, exit_rates: as in `transient_values`.
+        rates, exit_rates: of the kernel in `transient_values`.
         start: the reward rate or the terminal values, non-negative, float64[n].
         time: the horizon.
         source: whether `start` is the reward rate.

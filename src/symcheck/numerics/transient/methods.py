@@ -157,7 +157,9 @@ def squared(h: Horizon, terminal: Floats | None, reward_rate: Floats | None) -> 
     rates, leave = h.rates, h.leave
     assert isinstance(rates, SparseMatrix)
     assert leave is not None
-    error = tuning.ENTRY_ERROR + rates.longest * tuning.UNIT_ROUNDOFF
+    # Of a sum, its quotient, a sum with what was cut off, and the product.
+    error = tuning.ENTRY_ERROR + (rates.longest + 4) * tuning.UNIT_ROUNDOFF
+    leave = leave * h.exit_rates
     earned = np.zeros(rates.states) if reward_rate is None else reward_rate
     chain, reward, halvings = IntervalChain.of_rates(rates, leave, h.time, earned, error)
     end = None if terminal is None else (terminal, terminal)
@@ -306,7 +308,7 @@ def _truncated(part: Part) -> Transient | None:
         members[kept] = True
         cut_off = np.zeros(rates.states)
         cut_off[members] = rates.sums(members, ~members)
-        leave = (h.leave + cut_off)[kept]
+        leave = (h.leave + cut_off / exit_rates)[kept]
     smaller = Horizon(
         matrix,
         exit_rates[kept],

@@ -79,8 +79,8 @@ def krylov_values(
     Memory: a vector per vector of the subspace, and those of BiCGStab.
 
     Args:
-        rates, exit_rates: as in `transient_values`, but rows may sum to a little more than their
-            exit rates (if values were divided by weights).
+        rates, exit_rates: of the kernel in `transient_values`, but rows may sum to a little more
+            than their exit rates (if values were divided by weights).
         start, reward_rate: float64[n].
         time: the horizon.
         interest: at least one state.

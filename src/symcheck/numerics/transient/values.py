@@ -10,6 +10,7 @@ import numpy as np
 from symcheck.errors import NumericalError
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
+from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import Observer
 from symcheck.numerics.settings import Settings
@@ -29,8 +30,7 @@ __all__ = ["transient_distribution", "transient_values"]
 
 
 def transient_values(
-    rates: SparseMatrix | SweepOperator,
-    exit_rates: Floats,
+    kernel: TransitionKernel[SparseMatrix | SweepOperator],
     time: float,
     settings: Settings,
     *,
@@ -44,15 +44,14 @@ def transient_values(
     """Bounds on x(time) for every state. All arrays are non-negative, float64[n].
 
     Args:
-        rates: rates among the n states. A diagonal entry is a self-loop and is part of exit_rates.
-        exit_rates: the total rate of leaving each state, including to states outside.
+        kernel: the transitions among the n states, with exit rates, of which self-loops are a part.
         time: the horizon.
         settings: accuracy and limits.
         terminal, reward_rate: the initial values and the source (see `uniformization`).
         interest: states whose values need the accuracy; None: all.
         observer: receives the progress.
-        leave: the rates of leaving for states outside, with a relative error; None: not known, and
-            small chains are not squared.
+        leave: the probabilities of leaving for states outside; None: not known, and small chains
+            are not squared.
         limit: computes an upper bound on the values at any time.
 
     Returns:
@@ -63,6 +62,8 @@ def transient_values(
     Raises:
         NumericalError: an array is negative (positive and negative parts must be given separately).
     """
+    rates, exit_rates = kernel.weights, kernel.exit_rates
+    assert exit_rates is not None, "time is continuous"
     horizon = Horizon(rates, exit_rates, time, settings, interest, observer, leave, limit)
     starts = [
         (start, source)
@@ -81,20 +82,18 @@ def transient_values(
 
 
 def transient_distribution(
-    rates: SparseMatrix,
-    exit_rates: Floats,
-    initial: Floats,
-    time: float,
-    settings: Settings,
+    kernel: TransitionKernel[SparseMatrix], initial: Floats, time: float, settings: Settings
 ) -> Transient:
     """Bounds on the probability of each state at a time.
 
     Args:
-        rates, exit_rates: as in `transient_values`.
+        kernel: as in `transient_values`.
         initial: the initial distribution, float64[n].
         time: the time.
         settings: accuracy and limits.
     """
+    rates, exit_rates = kernel.weights, kernel.exit_rates
+    assert exit_rates is not None, "time is continuous"
     steps = float(exit_rates.max(initial=0.0)) * time
     if squaring_pays(rates, steps):
         nothing = np.zeros(rates.states)

@@ -18,10 +18,10 @@ from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import doubles
 from symcheck.matrices.rows import Floats, Int64s
+from symcheck.matrices.weights import O
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.linear.rational import (
-    Number,
     Row,
     fractions,
     least_solution,
@@ -65,11 +65,11 @@ def solve(
 
 def _policy_iteration(
     problem: LinearProblem,
-    rows: Sequence[Row],
-    constant: Sequence[Number],
+    rows: Sequence[Row[O]],
+    constant: Sequence[O],
     policy: Int64s,
     observer: Observer | None,
-) -> tuple[list[Number], int]:
+) -> tuple[list[O | int], int]:
     """Per component, evaluate the policy exactly and take better rows, until no row is better.
 
     Returns:
@@ -79,17 +79,16 @@ def _policy_iteration(
     assert groups is not None
     starts = groups.tolist()
     sign = 1 if problem.direction is Direction.MAX else -1
-    x: list[Number] = [0] * problem.n
+    x: list[O | int] = [0] * problem.n
     parts = graph.sccs(problem.rows)
     most = 0
     for c in range(parts.count):
         members = parts.members(c).tolist()
         choices = [range(starts[s], starts[s + 1]) for s in members]
         chosen = [r for group in choices for r in group]
-        inner, outer = (
-            dict(zip(chosen, part, strict=True))
-            for part in restrict_rows(rows, constant, chosen, members, x)
-        )
+        restricted, constants = restrict_rows(rows, constant, chosen, members, x)
+        inner = dict(zip(chosen, restricted, strict=True))
+        outer = dict(zip(chosen, constants, strict=True))
         for rounds in range(1, _POLICIES):
             taken = policy[members].tolist()
             values = least_solution([inner[r] for r in taken], [outer[r] for r in taken])
@@ -106,8 +105,8 @@ def _policy_iteration(
                 break
         else:
             raise NumericalError("policy iteration in rational arithmetic did not end")
-        for s, value in zip(members, values, strict=True):
-            x[s] = value
+        for s, best in zip(members, values, strict=True):
+            x[s] = best
     return x, most
 
 

@@ -1,0 +1,33 @@
+"""Transition structures: probabilities, and exit rates beside them where time is continuous."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.operators import Operator
+
+__all__ = ["TransitionKernel"]
+
+M_co = TypeVar("M_co", bound=Operator, covariant=True)
+
+
+@dataclass(frozen=True, eq=False)
+class TransitionKernel(Generic[M_co]):
+    """The transitions among some states: probabilities, and the rates at which states are left.
+
+    Attributes:
+        weights: the probabilities; in continuous time each times the exit rate of its row. Engines
+            store these products, because their quotients are more distinct numbers: an MTBDD would
+            have more nodes, and rows no codes of one byte.
+        exit_rates: per row, successors outside of the states included; None in discrete time.
+    """
+
+    weights: M_co
+    exit_rates: Numbers | None = None
+
+    @property
+    def probabilities(self) -> M_co:
+        """The one-step probabilities; in continuous time a new matrix at each use."""
+        return self.weights if self.exit_rates is None else self.weights.divided(self.exit_rates)
