@@ -89,7 +89,7 @@ def test_a_whole_sum_of_rates_may_be_rounded(engine: str) -> None:
         [] true -> 1e-12 : (x'=!x);
         endmodule rewards [] true : 0.5; endrewards"""
     built = engine_of(text, engine)
-    assert check_text(built, "R=? [ S ]").accuracy == Exact(rounding=not built.exact)
+    assert check_text(built, "R=? [ S ]").accuracy == Exact(rounding=not built.is_rational)
     assert check_text(built, "R>5e11 [ S ]").value is True
 
 

@@ -82,7 +82,7 @@ def test_system(engine, seed):
     if engine.matrix.groups is not None:
         places = np.searchsorted(np.flatnonzero(some.members), owner[rows])
         assert np.array_equal(np.repeat(np.arange(system.n), np.diff(system.groups)), places)
-    lifted = system.lift(x, None, [(target - some, 7.0)], exact=True)
+    lifted = system.lift(x, None, [(target - some, 7.0)], up_to_rounding=True)
     expected = np.where((target - some).members, 7.0, 0.0)
     expected[some.members] = x
     assert lifted.lower.tolist() == expected.tolist()

@@ -273,7 +273,7 @@ def test_values(name: str) -> None:
     a, b = explicit(name), symbolic(name, SparseEngine)
     values, sets = value_pairs(name), list(pairs(name, 3))
     for x, y in values:
-        assert x.exact == y.exact
+        assert x.is_point == y.is_point
         for p in [*sets, Pair(a.all, b.all)]:
             np.testing.assert_array_equal(y.at(p.diagram), x.at(p.array))
             assert y.rounded(p.diagram) == x.rounded(p.array)
@@ -360,7 +360,7 @@ def test_a_few_unknowns_among_very_many_states_need_few_numbers() -> None:
     assert system.n == 8
     assert system.matrix.states == 8
     values = system.lift(
-        np.arange(8) / 8, None, [(engine.where(parse_expression("x=1")), 1.0)], exact=True
+        np.arange(8) / 8, None, [(engine.where(parse_expression("x=1")), 1.0)], up_to_rounding=True
     )
     assert values.maximum(engine.all) == (1.0, 1.0)
     sure, undecided = values.compare(">=", 0.5)

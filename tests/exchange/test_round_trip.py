@@ -200,4 +200,4 @@ def test_other_options_keep_the_states(tmp_path):
     (tmp_path / "m.tra").write_text("2 2\n0 1 1\n1 1 1\n")
     model = symcheck.load_explicit(str(tmp_path / "m.tra"))
     assert model.with_options(epsilon=1e-9).check("P=? [ F x=1 ]").value == 1
-    assert model.with_options(exact=True).engine.exact
+    assert model.with_options(exact=True).engine.is_rational

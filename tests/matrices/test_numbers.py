@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from symcheck.matrices.numbers import full, is_exact, is_infinite, rationals, sum_segments
+from symcheck.matrices.numbers import full, is_infinite, is_rational, rationals, sum_segments
 from symcheck.matrices.rows import SparseMatrix, starts_of
 
 
@@ -44,12 +44,12 @@ def test_operations_agree(seed: int) -> None:
     doubles, fractions = both(seed)
     random = np.random.default_rng(seed)
     n = doubles.states
-    assert fractions.exact
-    assert not doubles.exact
+    assert fractions.is_rational
+    assert not doubles.is_rational
     assert np.array_equal(fractions.doubles().data, doubles.data)
     x = random.integers(-8, 8, n) / 4
     y = rationals(x.tolist())
-    assert is_exact(fractions.multiply(y))
+    assert is_rational(fractions.multiply(y))
     assert exact(fractions.multiply(y)) == exact(doubles.multiply(x))
     left = random.integers(-8, 8, doubles.rows) / 4
     products = [Fraction(a) * np.array(row) for a, row in zip(left, dense(doubles), strict=True)]
@@ -67,8 +67,8 @@ def test_operations_agree(seed: int) -> None:
 
 
 def test_numbers_of_either_type() -> None:
-    assert full(2, 1, exact=True).tolist() == [Fraction(1), Fraction(1)]
-    assert full(2, 1, exact=False).tolist() == [1.0, 1.0]
+    assert full(2, 1, rational=True).tolist() == [Fraction(1), Fraction(1)]
+    assert full(2, 1, rational=False).tolist() == [1.0, 1.0]
     assert rationals([True, 0.5, np.inf]).tolist() == [Fraction(1), Fraction(1, 2), np.inf]
     assert is_infinite(rationals([1, np.inf, -np.inf])).tolist() == [False, True, True]
     assert is_infinite(np.array([1.0, -np.inf])).tolist() == [False, True]

@@ -68,7 +68,7 @@ def only(*states: int) -> Bools:
 
 def holds(found: Solution, exact: list[Fraction]) -> None:
     for low, value, high in zip(found.lower, exact, found.upper, strict=True):
-        slack = Fraction(1, 10**12) * value if found.exact else 0
+        slack = Fraction(1, 10**12) * value if found.up_to_rounding else 0
         assert Fraction(float(low)) - slack <= value <= Fraction(float(high)) + slack
     assert found.certified
     assert found.width() <= 1e-6

@@ -18,7 +18,7 @@ from symcheck.numerics.linear.methods import METHODS, solve_linear
 from symcheck.numerics.linear.problem import LinearProblem, Solution
 from symcheck.numerics.settings import Accuracy
 
-SOUND = [m.name for m in METHODS.values() if m.sound and not m.exact]
+SOUND = [m.name for m in METHODS.values() if m.sound and not m.is_rational]
 TINY = Fraction(1, 10**300)
 
 
@@ -276,7 +276,7 @@ def test_numbers_below_the_smallest_double_are_not_taken_for_0(n: int, choices: 
     middle = 2 * (n - 1)
     assert solution.lower[middle] <= 0.5 <= solution.upper[middle]
     assert (solution.width() <= 1e-6) == (n < 1000)
-    assert not solution.exact or n < 1000
+    assert not solution.up_to_rounding or n < 1000
 
 
 def test_a_value_below_the_smallest_double_is_not_exact() -> None:
@@ -284,7 +284,7 @@ def test_a_value_below_the_smallest_double_is_not_exact() -> None:
     solution = solve_linear(
         problem_of([*steps, [({}, Fraction(1, 8), Fraction(7, 8))]], None), Accuracy()
     )
-    assert not solution.exact
+    assert not solution.up_to_rounding
     assert (
         Fraction(float(solution.lower[0]))
         <= Fraction(1, 8) ** 400

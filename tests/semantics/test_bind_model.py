@@ -107,7 +107,7 @@ def test_literals_stay_exact() -> None:
     text = f'dtmc const double p = 0.500000000000000000000000000000001; label "l" = p>0.5; label "m" = 1/3=0.333333333333333333; {MODULE}'
     for exact in (False, True):
         bound = model(text, exact=exact)
-        assert bound.exact is exact
+        assert bound.is_rational is exact
         assert bound.labels == {"l": parse_expression("true"), "m": parse_expression("false")}
 
 

@@ -26,7 +26,7 @@ from symcheck.engines.base import Number, StateSet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.transition_actions import state_order
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.numbers import Rationals, doubles, full, rationals, sum_segments
+from symcheck.matrices.numbers import Rationals, doubles, full, rationals
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, per_row
 from symcheck.numerics import graph
 from symcheck.numerics.inductive_bounds import (
@@ -72,7 +72,7 @@ def certify(context: Context, formula: Expression) -> Certificate:
     if context.options.fairness:
         raise UnsupportedError("certificates are not supported with -fair")
     context = replace(context, relevant_states=None)
-    exact = context if context.engine.exact else exact_twin(context)
+    exact = context if context.engine.is_rational else exact_twin(context)
     model = exact.engine.capability(ExplicitEngine)
     assert model is not None
     return _Writer(context, exact, model, formula).certificate()
@@ -92,7 +92,10 @@ class _Writer:
 
     def certificate(self) -> Certificate:
         """The statement and its evidence."""
-        text, query = resolve(self.formula, self.model.model), query_of(self.exact, self.formula)
+        text, query = (
+            resolve(self.formula, self.model.model),
+            query_of(self.exact, self.formula),
+        )
         statement, evidence = self._proof(text, query)
         direction = query.direction
         if statement.get("negated"):
@@ -145,21 +148,18 @@ class _Writer:
         """A set of states, bool[n]."""
         return self.exact.engine.to_bools(states)
 
-    @cached_property
+    @property
     def _matrix(self) -> SparseMatrix:
         """The probabilities of all rows."""
-        matrix = self.model.matrix
-        return (
-            matrix.divided(sum_segments(matrix.data, matrix.indptr)) if self._continuous else matrix
-        )
+        return self.model.matrix
 
     @cached_property
     def _stay(self) -> Rationals:
         """The mean time of a step of each row."""
-        matrix = self.model.matrix
-        if not self._continuous:
-            return full(matrix.rows, 1, exact=True)
-        return rationals(1 / sum_segments(matrix.data, matrix.indptr))
+        exit_rates = self.model.exit_rates
+        if exit_rates is None:
+            return full(self._matrix.rows, 1, rational=True)
+        return rationals((1 / exit_rates).tolist())
 
     def _of(self, reward: Reward, measure: str, **about: object) -> Json:
         """The statement of an expected reward."""

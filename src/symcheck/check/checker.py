@@ -159,7 +159,7 @@ def check(
 
 def _rounding_notes(model: BoundModel, formula: Expression) -> tuple[str, ...]:
     """What rounding would change in the texts of a model and of a formula, so far as is known."""
-    if model.exact:  # who asks for rationals does not compare with doubles
+    if model.is_rational:  # who asks for rationals does not compare with doubles
         return ()
     sources = {id(s): s for s in (model.program.span.source, formula.span.source)}
     return tuple(note for s in sources.values() for note in notes_about(s))
@@ -376,7 +376,7 @@ def _weakness(accuracy: Accuracy) -> float:
 def _answer(context: Context, bounds: Bounds, rounded: bool, type: Type) -> tuple[Number, Accuracy]:
     """A number between the bounds, and how accurate it is."""
     low, high = bounds
-    if isinstance(low, Fraction) and type is not Type.INT and not context.engine.exact:
+    if isinstance(low, Fraction) and type is not Type.INT and not context.engine.is_rational:
         return _nearest_double(low)
     if low != high and not (isnan(low) or isnan(high)):
         return _middle(low, high), Certified(float(low), float(high))

@@ -31,7 +31,7 @@ def expression_values(context: Context, formula: Expression) -> Values | None:
         ModelFault: the expression has no value in a reachable state.
     """
     engine, kind = context.engine, context.type(formula)
-    if engine.exact:
+    if engine.is_rational:
         return engine.values(formula, kind)
     read = {n.name for n in nodes(formula) if isinstance(n, Name)}
     if not read or (
@@ -52,7 +52,7 @@ def expression_values(context: Context, formula: Expression) -> Values | None:
 
 def in_doubles(engine: Engine, values: Values) -> Values:
     """Values as doubles, for operators whose values are irrational."""
-    return values if engine.exact else engine.constant(0).map(Operator.PLUS, values)
+    return values if engine.is_rational else engine.constant(0).map(Operator.PLUS, values)
 
 
 def _rounded(engine: Engine, values: Values) -> Values:

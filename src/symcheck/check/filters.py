@@ -14,7 +14,7 @@ from symcheck.check.result import Line
 from symcheck.check.thresholds import by_rationals
 from symcheck.engines.base import Number, StateSet, Values
 from symcheck.errors import Diagnostic, InputError, SymcheckError
-from symcheck.matrices.numbers import is_exact, rationals
+from symcheck.matrices.numbers import is_rational, rationals
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics import rational_limits
 from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_float
@@ -209,7 +209,7 @@ def truth_lines(context: Context, formula: StateSet, states: StateSet) -> list[L
 def value_lines(context: Context, formula: Values, states: StateSet) -> list[Line]:
     """The value of a formula in each of the states, in the order of indices."""
     low, high = formula.at(states)
-    if not context.engine.exact and is_exact(low):
+    if not context.engine.is_rational and is_rational(low):
         low = high = np.array([v if _is_large_whole(v) else to_float(v) for v in low], object)
     values = [_middle(a, b) for a, b in zip(low.tolist(), high.tolist(), strict=True)]
     return _lines(context, states, values)

@@ -22,7 +22,7 @@ from symcheck.engines.base import ROUNDING, Engine, Number, StateSet
 from symcheck.engines.states import StateVector, variable_names
 from symcheck.errors import NumericalError, UnsupportedError, UsageError, converts_memory_error
 from symcheck.kernels.rows import sparse
-from symcheck.matrices.numbers import Numbers, doubles, full, is_exact, numbers, rationals
+from symcheck.matrices.numbers import Numbers, doubles, full, is_rational, numbers, rationals
 from symcheck.matrices.rows import Floats, Int32s, SparseMatrix
 from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.numerics import graph
@@ -65,7 +65,7 @@ class Distribution(StateVector):
     @property
     def exact(self) -> bool:
         """Whether the probabilities are rationals without error."""
-        return is_exact(self.lower)
+        return is_rational(self.lower)
 
     @property
     def values(self) -> Numbers:
@@ -97,7 +97,7 @@ class Distribution(StateVector):
 
 def initial_distribution(engine: Engine) -> Numbers:
     """The uniform distribution over the initial states, float64[n] or rationals."""
-    members = numbers(engine.to_bools(engine.initial), exact=engine.exact)
+    members = numbers(engine.to_bools(engine.initial), rational=engine.is_rational)
     return np.asarray(members / members.sum())
 
 
@@ -129,7 +129,7 @@ def transient(
         raise UsageError(f"a time is a number that is not negative, not {time!r}")
     if not engine.model.type.continuous_time and time != int(time):
         raise UsageError(f"a DTMC takes whole steps, not {time}")
-    if engine.exact and (engine.model.type.chooses_uniformly or time == 0):
+    if engine.is_rational and (engine.model.type.chooses_uniformly or time == 0):
         lower = upper = _exact_steps(engine, start, time)
         text = f"{counted(int(time), 'step')} in rational arithmetic"
         return Distribution(engine, lower, upper, True, text, perf_counter() - started)
@@ -152,7 +152,7 @@ def _exact_steps(engine: Engine, start: Numbers, time: float) -> Numbers:
     """The probabilities after some steps, as rationals."""
     matrix, x = engine.system(engine.all).matrix, start
     for _ in range(int(time)):
-        y = full(len(x), 0, exact=True)
+        y = full(len(x), 0, rational=True)
         np.add.at(y, matrix.indices, matrix.data * np.repeat(x, matrix.lengths))
         if np.array_equal(x, y):
             break
@@ -175,7 +175,7 @@ def _prepared(engine: Engine, start: Numbers | None, kind: _Kind) -> Numbers:
         )
     if start is None:
         return initial_distribution(engine)
-    if not engine.exact:
+    if not engine.is_rational:
         start = np.asarray(start, np.float64)
     else:  # doubles are the decimals that users see
         start = rationals(Fraction(repr(p)) if isinstance(p, float) else p for p in list(start))
@@ -184,7 +184,7 @@ def _prepared(engine: Engine, start: Numbers | None, kind: _Kind) -> Numbers:
             f"the initial distribution has {len(start)} probabilities, "
             f"and the model {counted(engine.states, 'state')}"
         )
-    if not np.all(start >= 0) or abs(start.sum() - 1) > (0 if engine.exact else 1e-6):
+    if not np.all(start >= 0) or abs(start.sum() - 1) > (0 if engine.is_rational else 1e-6):
         raise UsageError("the initial distribution does not consist of probabilities that sum to 1")
     return start
 
@@ -253,7 +253,7 @@ def steady_state(
     matrix = engine.system(engine.all).row_kernel.weights
     parts = graph.bsccs(matrix)
     weights = _reached(engine, parts, start, options)
-    lower, upper = (full(engine.states, 0, exact=engine.exact) for _ in range(2))
+    lower, upper = (full(engine.states, 0, rational=engine.is_rational) for _ in range(2))
     certified, largest = True, ""
     for part, (low, high) in zip(parts, weights, strict=True):
         if high == 0.0:
@@ -261,7 +261,7 @@ def steady_state(
         index = np.full(engine.states, -1, np.int32)
         index[part] = np.arange(len(part), dtype=np.int32)
         component = matrix.select(part, index, len(part))
-        if engine.exact:
+        if engine.is_rational:
             lower[part] = rational.stationary_distribution(component) * np.asarray(low, object)
             continue
         solution = stationary_distribution(component, options)
@@ -269,7 +269,7 @@ def steady_state(
         lower[part] = solution.lower * float(low)
         upper[part] = np.minimum(solution.upper * float(high), 1.0)
         largest = solution.explanation if len(part) > 1 else largest
-    if engine.exact:
+    if engine.is_rational:
         upper, largest = lower, "rational elimination"
     text = counted(len(parts), "bottom component") + (f"; {largest}" if largest else "")
     return Distribution(engine, lower, upper, certified, text, perf_counter() - started)
@@ -293,7 +293,7 @@ def _reached(
         members[part] = True
         values = until(context, engine.all, engine.from_bools(members), None)
         low, high = values.at(begins)
-        if engine.exact:
+        if engine.is_rational:
             mass = np.dot(low, positive)
             out.append((mass, mass))
             continue

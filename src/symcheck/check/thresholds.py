@@ -57,7 +57,7 @@ def decide(
         sure, undecided = values.compare(operator, threshold)
         if not undecided & relevant:
             return sure
-        if values.exact:
+        if values.is_point:
             break
     if failure is not None and undecided is relevant:
         raise failure
@@ -72,7 +72,7 @@ def decide(
 
 def by_rationals(engine: Engine, exactly: Callable[[], StateSet]) -> StateSet | SymcheckError:
     """The states that satisfy the comparison by rational arithmetic, or the reason why not."""
-    if engine.exact:
+    if engine.is_rational:
         return NumericalError("the value is not a number")
     if engine.states > rational_limits.STATES:
         return NumericalError(

@@ -250,7 +250,7 @@ def _report(
     else:
         _write_distribution(instance_path(path, varying), output, distribution, a.exportprecision)
     output.line()
-    if distribution.engine.exact and not distribution.exact:
+    if distribution.engine.is_rational and not distribution.exact:
         output.line(
             f"Note: -exact has no effect on {kind} probabilities of a CTMC: they are irrational"
         )

@@ -419,7 +419,7 @@ class Part:
         solution = solve_linear(problem, settings)
         place = int(np.count_nonzero(self._unknown[: self._rows.initial[0]]))
         lower, upper = float(solution.lower[place]), float(solution.upper[place])
-        if solution.exact:
+        if solution.up_to_rounding:
             lower, upper = lower * (1 - ROUNDING), upper * (1 + ROUNDING)
         if constant is None:
             upper = min(upper, 1.0)

@@ -109,13 +109,13 @@ class StateSet(Protocol):
 class ValuesOf(Protocol[S]):
     """A number per reachable state, known to lie between a lower and an upper value.
 
-    `exact` is True where lower and upper are equal and differ from the truth by rounding only.
+    Where they are equal (`is_point`), they differ from the truth by rounding only.
     Constants that `lift` was given, and values of expressions, are taken as they are; what was
     computed in floating point is within ROUNDING.
     """
 
     @property
-    def exact(self) -> bool:
+    def is_point(self) -> bool:
         """Whether lower and upper are equal everywhere."""
         ...
 
@@ -299,7 +299,7 @@ class SystemOf(Protocol[S, V]):
         lower: Numbers,
         upper: Numbers | None,
         rest: Sequence[tuple[S, float]] = (),
-        exact: bool = False,
+        up_to_rounding: bool = False,
     ) -> V:
         """Values on all reachable states.
 
@@ -307,7 +307,7 @@ class SystemOf(Protocol[S, V]):
             lower: values on `states`.
             upper: their upper bounds; None if equal to `lower`.
             rest: constants on other sets, 0 elsewhere.
-            exact: whether the values carry rounding errors only.
+            up_to_rounding: whether the values carry rounding errors only.
         """
         ...
 
@@ -483,7 +483,7 @@ class EngineOf(Protocol[S, V]):
         ...
 
     @property
-    def exact(self) -> bool:
+    def is_rational(self) -> bool:
         """Whether the numbers are rationals (arrays of Fraction objects) instead of doubles."""
         ...
 

@@ -20,7 +20,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import EquationsOf, S, S_contra, SolvedValues, SystemOf, V, V_co
 from symcheck.engines.reward_sums import RewardSums
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.numbers import Numbers, is_exact, is_infinite
+from symcheck.matrices.numbers import Numbers, is_infinite, is_rational
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, per_row, starts_of
 from symcheck.matrices.transition_kernel import TransitionKernel
@@ -102,7 +102,7 @@ def require_normal_rewards(*rewards: Numbers) -> None:
         UnsupportedError: a reward, or its product with a rate, is subnormal.
     """
     for values in rewards:
-        if is_exact(values):
+        if is_rational(values):
             continue
         subnormal = (np.abs(values) < sys.float_info.min) & (values != 0.0)
         if subnormal.any():
@@ -216,7 +216,7 @@ class LinearSystem(SystemOf[S, V]):
         """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
         earned = self.earned(reward)
         steps = _finite(self._per_jump(earned), earned)
-        if steps is not earned and not is_exact(steps):
+        if steps is not earned and not is_rational(steps):
             require_normal_rewards(np.where((steps == 0.0) & (earned != 0.0), LEAST, steps))
         return steps
 
@@ -535,7 +535,7 @@ class Lifts(Protocol[S_contra, V_co]):
         lower: Numbers,
         upper: Numbers | None,
         rest: Sequence[tuple[S_contra, float]] = (),
-        exact: bool = False,
+        up_to_rounding: bool = False,
     ) -> V_co:
         """Values on all states."""
         ...
@@ -558,12 +558,12 @@ def _lifted(
     system: Lifts[S, V], solution: Solution, known: Sequence[tuple[S, float]], settings: Settings
 ) -> SolvedValues[V]:
     """A solution over the unknowns, on all states."""
-    point = solution.exact or not solution.certified
+    point = solution.up_to_rounding or not solution.certified
     values = system.lift(
         solution.middle if point else solution.lower,
         None if point else solution.upper,
         known,
-        exact=point,
+        up_to_rounding=point,
     )
     return SolvedValues(
         values,

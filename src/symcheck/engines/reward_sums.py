@@ -135,7 +135,7 @@ class RewardSums:
     def _items(self, index: int) -> tuple[BoundReward, ...]:
         """The items of a structure; none if floating point cannot cancel them."""
         engine = self.engine
-        if engine.exact or engine.model.builder is not None:
+        if engine.is_rational or engine.model.builder is not None:
             return ()
         items = engine.model.rewards[index].items
         return items if any(map(self._may_be_negative, items)) else ()

@@ -14,7 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 from symcheck.engines import tuning
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.numbers import Numbers, doubles, is_exact
+from symcheck.matrices.numbers import Numbers, doubles, is_rational
 from symcheck.matrices.rows import Bools, Int64s
 from symcheck.semantics.diagnostics import suggest
 from symcheck.semantics.expressions.literals import format_state, format_value
@@ -393,7 +393,7 @@ class StateValues(StateVector):
     def at(self, states: StateSet) -> tuple[Numbers, Numbers]:
         """Lower and upper bounds over a set of the engine, in index order."""
         low, high = self.of_engine.at(states)
-        if self.engine.exact or not is_exact(low):
+        if self.engine.is_rational or not is_rational(low):
             return low, high
         low = doubles(low)  # values of an expression
         return low, low

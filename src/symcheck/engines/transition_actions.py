@@ -90,7 +90,7 @@ def contributions(engine: Engine) -> Contributions | None:
         return imported.contributions
     if model.builder is not None:
         return contributions(_as_read(model))
-    return _rational(engine) if engine.exact else _doubles(model)
+    return _rational(engine) if engine.is_rational else _doubles(model)
 
 
 def _as_read(model: BoundModel) -> Engine:

@@ -20,7 +20,14 @@ from symcheck.errors import Diagnostic, ModelFault, UnsupportedError, converts_m
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import StateLayout, StateTable
 from symcheck.matrices.contributions import Contributions
-from symcheck.matrices.numbers import Numbers, Rationals, doubles, is_exact, rationals, sum_segments
+from symcheck.matrices.numbers import (
+    Numbers,
+    Rationals,
+    doubles,
+    is_rational,
+    rationals,
+    sum_segments,
+)
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
@@ -88,7 +95,7 @@ def reward_structure(
     """A reward structure from the rewards of states and of transitions (None: 0)."""
     if entries is None:
         return ExplicitRewards(name, states, np.zeros(matrix.rows))
-    if not matrix.exact and not is_exact(entries):
+    if not matrix.is_rational and not is_rational(entries):
         return ExplicitRewards(name, states, row_rewards(kind, matrix, entries), entries)
     exact = _rationals(entries)
     rows = sum_segments(_rationals(matrix.data) * exact, matrix.indptr)
@@ -191,7 +198,7 @@ class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
                 "the given probabilities are rounded, and do not sum to 1 exactly"
             )
         exact = RationalModel(
-            replace(self.model, exact=True),
+            replace(self.model, is_rational=True),
             StateList(tuple(explored.states)),
             matrix,
             explored.choice_actions,
@@ -245,7 +252,7 @@ def build_imported(given: ExplicitData, options: Options) -> Engine:
 
 def _explicit(given: ExplicitData, fix_deadlocks: bool, check_sums: bool) -> ImportedEngine:
     fixed, row_actions, rewards, dead = _fixed(given, fix_deadlocks)
-    normal = not given.type.continuous_time and check_sums and not fixed.exact
+    normal = not given.type.continuous_time and check_sums and not fixed.is_rational
     divided, warning = _odd_rows(fixed) if normal else (np.zeros(fixed.rows, np.bool_), None)
     matrix, earned = fixed.doubles(), rewards
     if warning is not None:
@@ -304,7 +311,7 @@ def _rewards_of(matrix: SparseMatrix, given: ExplicitRewards) -> ExplicitRewards
     """The rewards with those of rows for other probabilities."""
     if given.entries is None:
         return given
-    if matrix.exact:
+    if matrix.is_rational:
         of_entries = _rationals(matrix.data) * _rationals(given.entries)
         return given._replace(rows=sum_segments(of_entries, matrix.indptr))
     return given._replace(

@@ -34,7 +34,7 @@ def transition_rewards(engine: Engine, matrix: SparseMatrix) -> list[Numbers]:
         ModelFault: the model is faulty.
         ResourceError: a limit of time or memory was reached.
     """
-    return _rational(engine, matrix) if engine.exact else _doubles(engine.model, matrix)
+    return _rational(engine, matrix) if engine.is_rational else _doubles(engine.model, matrix)
 
 
 def _doubles(model: BoundModel, matrix: SparseMatrix) -> list[Numbers]:

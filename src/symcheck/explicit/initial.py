@@ -57,7 +57,7 @@ def _initial_columns(model: BoundModel) -> list[Column]:
     blocks: list[Columns] = (
         list(_Enumeration(model, model.initial).blocks())
         if model.variables
-        else [{}] * bool(evaluate(model.initial, {}, exact=model.exact))
+        else [{}] * bool(evaluate(model.initial, {}, exact=model.is_rational))
     )
     if not blocks:
         raise ModelFault(no_initial_state(model.initial.span))
@@ -150,7 +150,7 @@ class _Enumeration:
 
     def _holds(self, expression: Expression, values: dict[str, bool | int]) -> bool:
         try:
-            return bool(evaluate(expression, values, exact=self._model.exact))
+            return bool(evaluate(expression, values, exact=self._model.is_rational))
         except InputError as fault:
             read = [v for v in self._model.variables if v.name in values]
             shown = describe_state(read, [values[v.name] for v in read])

@@ -33,7 +33,7 @@ class Contributions(NamedTuple):
     def totals(self, matrix: SparseMatrix) -> Numbers:
         """The entries of a matrix, summed from their contributions where there are some."""
         entry, known = matrix.find(self.source, self.target)
-        sums = full(matrix.entries, 0, exact=matrix.exact)
+        sums = full(matrix.entries, 0, rational=matrix.is_rational)
         np.add.at(sums, entry[known], self.weight[known])
         touched = np.zeros(matrix.entries, bool)
         touched[entry[known]] = True
@@ -80,15 +80,15 @@ class TransitionParts:
         bare = np.ones(matrix.entries, bool)
         bare[entries[known]] = False
         alone = np.flatnonzero(bare)
-        exact = matrix.exact
+        exact = matrix.is_rational
         codes, part = np.unique(
             np.concatenate(
                 [entries[known] * len(rank) + rank[contributions.action[known]], alone * len(rank)]
             ),
             return_inverse=True,
         )
-        weights = full(len(codes), 0, exact=exact)
-        ones = full(len(alone), 1, exact=exact)
+        weights = full(len(codes), 0, rational=exact)
+        ones = full(len(alone), 1, rational=exact)
         np.add.at(weights, part, np.concatenate([contributions.weight[known], ones]))
         entry = codes // len(rank)
         single = np.bincount(entry, minlength=matrix.entries)[entry] == 1

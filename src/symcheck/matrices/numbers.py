@@ -20,8 +20,8 @@ __all__ = [
     "Rationals",
     "doubles",
     "full",
-    "is_exact",
     "is_infinite",
+    "is_rational",
     "numbers",
     "rationals",
     "sum_segments",
@@ -34,7 +34,7 @@ N = TypeVar("N", Floats, Rationals)
 """One of the two types, for functions that keep it."""
 
 
-def is_exact(values: Numbers) -> bool:
+def is_rational(values: Numbers) -> bool:
     """Whether the numbers are rationals."""
     return values.dtype == object
 
@@ -48,14 +48,14 @@ def rationals(values: Iterable[float | Fraction]) -> Rationals:
 
 
 @overload
-def numbers(values: Numbers, *, exact: Literal[True]) -> Rationals: ...
+def numbers(values: Numbers, *, rational: Literal[True]) -> Rationals: ...
 @overload
-def numbers(values: Numbers, *, exact: Literal[False]) -> Floats: ...
+def numbers(values: Numbers, *, rational: Literal[False]) -> Floats: ...
 @overload
-def numbers(values: Numbers, *, exact: bool) -> Numbers: ...
-def numbers(values: Numbers, *, exact: bool) -> Numbers:
+def numbers(values: Numbers, *, rational: bool) -> Numbers: ...
+def numbers(values: Numbers, *, rational: bool) -> Numbers:
     """An array of bools or numbers as a vector of one of the two types."""
-    if exact:
+    if rational:
         return rationals(values.tolist())
     return np.asarray(values, dtype=np.float64)
 
@@ -67,14 +67,14 @@ def _rational(value: float | int | Fraction) -> Fraction | float:
 
 
 @overload
-def full(n: int, value: float | Fraction, *, exact: Literal[True]) -> Rationals: ...
+def full(n: int, value: float | Fraction, *, rational: Literal[True]) -> Rationals: ...
 @overload
-def full(n: int, value: float | Fraction, *, exact: Literal[False]) -> Floats: ...
+def full(n: int, value: float | Fraction, *, rational: Literal[False]) -> Floats: ...
 @overload
-def full(n: int, value: float | Fraction, *, exact: bool) -> Numbers: ...
-def full(n: int, value: float | Fraction, *, exact: bool) -> Numbers:
+def full(n: int, value: float | Fraction, *, rational: bool) -> Numbers: ...
+def full(n: int, value: float | Fraction, *, rational: bool) -> Numbers:
     """A vector with one value everywhere, of either type."""
-    if not exact:
+    if not rational:
         return np.full(n, float(value))
     out = np.empty(n, dtype=object)
     out[:] = _rational(value)
@@ -88,7 +88,7 @@ def is_infinite(values: Numbers) -> Bools:
 
 def sum_segments(values: Rationals, starts: Int64s) -> Rationals:
     """The sum of each segment `values[starts[i]:starts[i+1]]` of rationals; 0 where it is empty."""
-    out = full(len(starts) - 1, 0, exact=True)
+    out = full(len(starts) - 1, 0, rational=True)
     some = starts[1:] > starts[:-1]
     if some.any():
         out[some] = np.add.reduceat(values, starts[:-1][some])

@@ -13,7 +13,7 @@ from symcheck.direction import Direction
 from symcheck.kernels.arrays import Bools, Floats, Int32s, Int64s
 from symcheck.kernels.rows import sparse, submatrix
 from symcheck.matrices import tuning
-from symcheck.matrices.numbers import N, Numbers, doubles, is_exact, sum_segments
+from symcheck.matrices.numbers import N, Numbers, doubles, is_rational, sum_segments
 from symcheck.parallel.threads import even_shares, on_threads, thread_count
 
 __all__ = [
@@ -107,17 +107,17 @@ class SparseMatrix:
         return total + (0 if self.groups is None else self.groups.nbytes)
 
     @property
-    def exact(self) -> bool:
+    def is_rational(self) -> bool:
         """Whether the entries are rationals."""
-        return is_exact(self.data)
+        return is_rational(self.data)
 
     def doubles(self) -> SparseMatrix:
         """The matrix with the nearest doubles as entries."""
-        return replace(self, data=doubles(self.data)) if self.exact else self
+        return replace(self, data=doubles(self.data)) if self.is_rational else self
 
     def multiply(self, x: Numbers) -> Numbers:
         """The product with a vector (one number per column): one number per row."""
-        if self.exact:
+        if self.is_rational:
             return sum_segments(self.data * x[self.indices], self.indptr)
         out, (indptr, indices, data) = np.empty(self.rows), self.arrays
 
@@ -163,7 +163,7 @@ class SparseMatrix:
         """The matrix with columns renumbered by `place` (many to one); entries that coincide are
         added.
         """
-        if not self.exact:
+        if not self.is_rational:
             return SparseMatrix(
                 *sparse.merge_columns(self.indptr, self.indices, self.data, class_of, columns),
                 columns,
@@ -201,7 +201,7 @@ class SparseMatrix:
         """Per row of the chosen states, the sum over chosen columns of the entry, or of entry times
         value.
         """
-        if not self.exact:
+        if not self.is_rational:
             chosen, member = states.view(np.uint8), columns.view(np.uint8)
             return submatrix.sum_columns(
                 self.indptr, self.indices, self.data, self.groups, chosen, member, values
@@ -218,11 +218,11 @@ class SparseMatrix:
         """What a compiled loop moves in place of the entries: doubles themselves, and places of
         rationals.
         """
-        return np.arange(self.entries, dtype=np.float64) if self.exact else self.data
+        return np.arange(self.entries, dtype=np.float64) if self.is_rational else self.data
 
     def from_handles(self, handles: Floats) -> Numbers:
         """The entries that belong to handles which a compiled loop has moved."""
-        return self.data[handles.astype(np.int64)] if self.exact else handles
+        return self.data[handles.astype(np.int64)] if self.is_rational else handles
 
 
 def best_of_rows(values: N, groups: Int64s | None, direction: Direction | None) -> N:

@@ -130,7 +130,7 @@ def likeliest_paths(problem: WalkProblem | StepProblem, initial: int) -> Iterato
     m = problem.matrix
     distances, rows = problem.distances()
     bounded = isinstance(problem, StepProblem)
-    one: float | Fraction = Fraction(1) if m.exact else 1.0
+    one: float | Fraction = Fraction(1) if m.is_rational else 1.0
     start = (initial, len(rows) - 1)
     if not np.isfinite(distances[-1][initial]):
         return

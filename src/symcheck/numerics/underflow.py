@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from symcheck.matrices.numbers import Numbers, is_exact
+from symcheck.matrices.numbers import Numbers, is_rational
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 
 __all__ = ["enclosed", "may_underflow"]
@@ -30,7 +30,7 @@ def may_underflow(values: Numbers, least_entry: float) -> bool:
         >>> may_underflow(np.array([0.0, 1e-200]), 1e-200), may_underflow(np.array([0.5]), 0.5)
         (True, False)
     """
-    if is_exact(values) or len(values) == 0:
+    if is_rational(values) or len(values) == 0:
         return False
     # Doubles without a sign are ordered as their bits; minus 1, those of 0 become the largest.
     bits = np.ascontiguousarray(values).view(np.uint64) << np.uint64(1)
@@ -60,7 +60,7 @@ def enclosed(
         [0.5 0.  0.  0. ] [5.e-001 1.e-307 1.e-307 0.e+000]
     """
     low, high = bounds[0], bounds[-1]
-    if is_exact(low) or not np.any(np.abs(low) < UNDERFLOW_MARGIN):
+    if is_rational(low) or not np.any(np.abs(low) < UNDERFLOW_MARGIN):
         return list(bounds)
     some = (high != 0) | signed
     if not some.all():

@@ -118,7 +118,7 @@ def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tupl
             if branches:
                 rewards = evaluator.rewards(False, event.action)
                 result.append(Choice(event.action, combination, branches, rewards))
-                if not model.exact:
+                if not model.is_rational:
                     total = evaluator.earned(result[-1], nothing if has_choices else total)
     return tuple(result)
 
@@ -185,13 +185,13 @@ class _StateEvaluator:
 
     def value(self, expression: Expression) -> Value:
         try:
-            return evaluate(expression, self.valuation, exact=self.model.exact)
+            return evaluate(expression, self.valuation, exact=self.model.is_rational)
         except InputError as fault:
             raise state_faults.at_state(fault, self.describe()) from None
 
     def real(self, expression: Expression) -> Fraction | float:
         value = self.value(expression)
-        return Fraction(value) if self.model.exact and isinstance(value, int) else value
+        return Fraction(value) if self.model.is_rational and isinstance(value, int) else value
 
     def branches(
         self, commands: tuple[BoundCommand, ...], check_sums: bool

@@ -141,7 +141,7 @@ class BoundModel:
         events: the flattened composition (see `symcheck.semantics.binding.composition`).
         initial: the condition on initial states; None: the variables' initial values.
         definitions: an expression without names for the exact value of each constant.
-        exact: values are computed in exact arithmetic. (Conditions always are.)
+        is_rational: values are computed in exact arithmetic. (Conditions always are.)
         given: the values of constants as they were given, which `constants` may have rounded.
         derivation: of a transformed model (such as a reduced one), the function that transforms
             another bound model of the same text in the same way.
@@ -164,7 +164,7 @@ class BoundModel:
     labels: Mapping[str, Expression]
     rewards: tuple[BoundRewards, ...]
     constants: Mapping[str, Value]
-    exact: bool = False
+    is_rational: bool = False
     given: Mapping[str, Value | str] = field(default_factory=dict, compare=False)
     system: Composition | None = None
     definitions: Mapping[str, Expression] = field(default_factory=dict)

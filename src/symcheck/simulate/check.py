@@ -118,7 +118,7 @@ def check_by_sampling(
             "strategies, and sampling follows one, the uniform strategy; without sampling it is "
             "decided"
         )
-    if model.exact:
+    if model.is_rational:
         raise UnsupportedError(
             "sampling estimates values, and rational arithmetic (exact) computes them: one of the "
             "two has to go"

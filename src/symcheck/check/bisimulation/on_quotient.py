@@ -136,7 +136,7 @@ def _quotient(context: Context, observed: AtomicObservations) -> Quotient:
     if context.options.fairness:
         raise UnsupportedError("-bisim does not support fair strategies")
     engine = context.engine
-    if engine.exact:
+    if engine.is_rational:
         raise UnsupportedError(
             "-bisim compares numbers in floating point, and -exact asks for rationals"
         )

@@ -83,12 +83,12 @@ class _Checker:
             )
             solution = solve_linear(problem, _SETTINGS)
             return solution.lower[first], solution.upper[first]
-        value = full(inside.states, 0, exact=matrix.exact)
+        value = full(inside.states, 0, rational=matrix.is_rational)
         for _ in range(self.steps):
             value = inside.multiply(value) + constant
             if inside.groups is not None:
                 value = np.maximum.reduceat(value, inside.groups[:-1])
-        slack = 0 if matrix.exact else 2 * self.steps * (matrix.longest + 4) * UNIT_ROUNDOFF
+        slack = 0 if matrix.is_rational else 2 * self.steps * (matrix.longest + 4) * UNIT_ROUNDOFF
         return value[first] * (1 - slack), value[first] * (1 + slack)
 
 

@@ -51,7 +51,7 @@ def find_counterexample(
     search = path_search(context, formula)
     limit = tuning.COUNTEREXAMPLE_PATHS if paths is None else paths
     chosen: list[FoundPath] = []
-    total: Number = Fraction(0) if search.engine.exact else 0.0
+    total: Number = Fraction(0) if search.engine.is_rational else 0.0
     complete = _reached(total, chosen, search)
     for path in islice(likeliest_paths(search.problem, search.initial), limit):
         if complete:
@@ -74,7 +74,7 @@ def find_counterexample(
         )
     sums = (
         [sum((p.probability for p in chosen), Fraction(0)), total]
-        if search.engine.exact
+        if search.engine.is_rational
         else [fsum(p.probability for p in chosen), fsum(_weight(p, search) for p in chosen)]
     )
     result = Counterexample(
@@ -102,10 +102,10 @@ def _reached(total: Number, chosen: list[FoundPath], search: PathSearch) -> bool
 
     total: the sum; of doubles, a rough one, which is computed again near the threshold.
     """
-    if not search.engine.exact and total > search.threshold * _NEARLY:
+    if not search.engine.is_rational and total > search.threshold * _NEARLY:
         slack = _ROUNDINGS * UNIT_ROUNDOFF
         total = fsum(_weight(p, search) * (1 - slack * len(p.states)) for p in chosen)
         total *= 1 - 2 * UNIT_ROUNDOFF
-    elif not search.engine.exact:
+    elif not search.engine.is_rational:
         return search.threshold <= 0 and not search.strict
     return total > search.threshold if search.strict else total >= search.threshold

@@ -110,7 +110,7 @@ def labelled_transitions(
     index[target] = n = int(np.count_nonzero(relevant))
     states = cast("list[State]", list(engine.explored.states))
     numbers = {state: int(index[i]) for i, state in enumerate(states)}
-    one: float | Fraction = Fraction(1) if engine.exact else 1.0
+    one: float | Fraction = Fraction(1) if engine.is_rational else 1.0
     parts: list[tuple[int, int, float | Fraction, int]] = []
     commands: dict[int, BoundCommand] = {}
     labels: dict[frozenset[int], int] = {}
@@ -147,7 +147,7 @@ def labelled_transitions(
     row, goal, weight, label_of = zip(*parts, strict=True)
     order = np.lexsort((goal, row))
     needed = np.array([[command in label for command in commands] for label in labels], np.bool_)
-    weights = rationals(weight) if engine.exact else np.array(weight, np.float64)
+    weights = rationals(weight) if engine.is_rational else np.array(weight, np.float64)
     return LabelledTransitions(
         n,
         int(index[initial]),

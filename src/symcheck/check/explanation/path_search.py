@@ -233,7 +233,7 @@ def _steps(matrix: SparseMatrix, window: Window) -> int:
 def _within(engine: ExplicitEngine, time: float | None) -> Callable[[FoundPath], float]:
     """The probability that a path of a CTMC takes at most a time, from below."""
     assert time is not None
-    if engine.exact:
+    if engine.is_rational:
         raise UnsupportedError("counterexamples of time bounds are not supported with -exact")
     exit_rates = engine.system(engine.all).exit_rates
     assert exit_rates is not None

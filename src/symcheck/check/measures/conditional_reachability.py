@@ -83,7 +83,7 @@ def conditional_reachability(
         lower[index], upper[index] = low, high
     note = f"{counted(len(indices), 'state')} with resets"
     context.log.runs.append(SolverRun("linear", "reset", system.n, len(indices), note))
-    if engine.exact:
+    if engine.is_rational:
         # Rationals have no bounds: what is not asked for is not a number.
         absent = np.setdiff1d(np.arange(system.n), indices)
         lower[absent] = np.nan
@@ -175,7 +175,7 @@ class _Reset:
 def _one_step(system: System, values: Values) -> tuple[Numbers, Numbers]:
     """Bounds on the value after a step, per row; only what graph analysis says is 0 counts as 0."""
     low, high = system.one_step_values(values)
-    if system.matrix.exact:
+    if system.matrix.is_rational:
         return low, high
     zero, _ = values.compare("=", 0)
     lost = (high < UNDERFLOW_MARGIN) & (system.one_step_probability(~zero) > 0)
@@ -205,7 +205,7 @@ def _with_ends(
     first = matrix.rows
     own_rows.append(np.arange(first, first + len(extra) + 2))
     columns.append(np.concatenate([np.full(len(extra), n + 2), [n, n + 1]]))
-    data.append(full(len(extra) + 2, 1, exact=matrix.exact))
+    data.append(full(len(extra) + 2, 1, rational=matrix.is_rational))
     owners = np.concatenate([owner, extra, [n, n + 1]])
     order = np.argsort(owners, kind="stable")
     rank = np.empty(len(order), np.int64)

@@ -63,7 +63,7 @@ def next_probability(
     context.log.runs.append(SolverRun("transient", "one jump", system.n, 1))
     certain, impossible = engine.graph.all_successors_in(target), ~engine.graph.predecessors(target)
     if window.trivial:
-        return system.lift(value, None, exact=True).choose(
+        return system.lift(value, None, up_to_rounding=True).choose(
             ~(certain | impossible), engine.indicator(certain)
         )
     _refuse_rationals(context)
@@ -146,14 +146,14 @@ def instantaneous_reward(
     system = context.engine.system(context.engine.all)
     states = system.state_rewards(reward)
     return (
-        system.lift(states, None, exact=True)
+        system.lift(states, None, up_to_rounding=True)
         if time == 0
         else _sum_of_signs(context, states, None, float(time))
     )
 
 
 def _refuse_rationals(context: Context) -> None:
-    if context.engine.exact:
+    if context.engine.is_rational:
         raise UnsupportedError(
             "time-bounded properties of a ctmc have no rational values; check them without -exact"
         )
@@ -196,7 +196,7 @@ def _delayed(
     low, high = values.at(left)
     entered = ~left if outside else None
     lower, upper = _transient_bounds(context, system, time, terminal=low, entered=entered)
-    if not values.exact:
+    if not values.is_point:
         _, upper = _transient_bounds(context, system, time, terminal=high, entered=entered)
     return system.lift(lower, upper, [(~left, outside)])
 

@@ -78,7 +78,7 @@ def discounted_reward(
     if discount == 0 and steps is None:
         steps = 1  # and 0^0 is 1
     signed = None
-    is_long = steps is not None and not engine.exact and _is_long(steps, discount)
+    is_long = steps is not None and not engine.is_rational and _is_long(steps, discount)
     if is_long or is_signed(context, rewards):
         errors = system.step_reward_errors(reward)
         signed = Steps(system, rewards, errors, float(discount), float(1 - discount))
@@ -87,7 +87,7 @@ def discounted_reward(
             zero = system.full(0)
             return signed_steps(context, signed, (zero, zero), steps, direction, _NAME)
         return _iterated(context, system, rewards, discount, steps, direction)
-    if not (system.has_rows or engine.exact):
+    if not (system.has_rows or engine.is_rational):
         if float(discount) == 1.0:
             raise UnsupportedError(
                 "the discount rounds to 1 in floating point, so that iteration does not converge",
@@ -95,8 +95,8 @@ def discounted_reward(
             )
         return _iterated(context, system, rewards, discount, None, direction)
     solution = solved_discounted(context, system, rewards, discount, direction)
-    if engine.exact or not solution.certified:
-        return system.lift(solution.middle, None, exact=True)
+    if engine.is_rational or not solution.certified:
+        return system.lift(solution.middle, None, up_to_rounding=True)
     bounds = solution.lower, solution.upper
     rounding = _Rounding(system, rewards, discount, None)
     margins = rounding.margins(bounds[1], _largest(*bounds))
@@ -184,9 +184,9 @@ def discounted_problem(
         discount: between 0 and 1.
         direction: minimise or maximise; None for a chain.
     """
-    matrix, exact = system.matrix, system.matrix.exact
+    matrix, exact = system.matrix, system.matrix.is_rational
     factor = discount if exact else float(discount)
-    end = full(len(rewards), 1 - discount, exact=exact)
+    end = full(len(rewards), 1 - discount, rational=exact)
     data = matrix.data * factor
     return LinearProblem(
         rewards, replace(matrix, data=data), None, end, direction, probability=False
@@ -208,17 +208,17 @@ def _iterated(
     direction: Direction | None,
 ) -> Values:
     """The values after some steps, or bounds on those of infinitely many, by iteration."""
-    exact, options = context.engine.exact, context.options
+    exact, options = context.engine.is_rational, context.options
     if exact and steps is not None:
         zero = system.full(0)
         whole = steps_in_integers(system, zero, rewards, steps, direction, discount)
         if whole is not None:
             context.log.runs.append(SolverRun("steps", "step by step", system.n, steps))
-            return system.lift(whole, None, exact=True)
+            return system.lift(whole, None, up_to_rounding=True)
     digits = RestOfSteps(context, system, steps, earns=True) if exact and steps else None
-    factors = full(1, discount, exact=exact)
+    factors = full(1, discount, rational=exact)
     factor = factors[0]
-    later = full(1, discount / (1 - discount), exact=exact)[0]
+    later = full(1, discount / (1 - discount), rational=exact)[0]
     rounding = _Rounding(system, rewards, discount, steps)
     # The omitted tail is below `later` in `_Rounding.margins`.
     negligible = 0.0 if exact else UNIT_ROUNDOFF**2 * float(1 - discount)
@@ -249,7 +249,7 @@ def _iterated(
         SolverRun("linear" if steps is None else "steps", name, system.n, taken, about)
     )
     if exact:
-        return system.lift(x, None, exact=True)
+        return system.lift(x, None, up_to_rounding=True)
     if steps is None:  # `later` is the same for all states, and so is its error
         return _lifted(context, rounding, (lower, upper), np.full_like(upper, margin))
     return _lifted(context, rounding, (x, x), rounding.margins(x, largest))
@@ -340,5 +340,5 @@ def _lifted(
         width = largest_width(low, high, relative)
     context.warn_if_wide(width, "discounted rewards")
     if largest_width(low, high, relative=True) <= ROUNDING:
-        return system.lift(0.5 * (lower + upper), None, exact=True)
+        return system.lift(0.5 * (lower + upper), None, up_to_rounding=True)
     return system.lift(low, high)

@@ -48,7 +48,7 @@ def squared_steps(
     """
     if (
         steps <= tuning.SQUARING_STEPS
-        or context.engine.exact
+        or context.engine.is_rational
         or system.n > tuning.SQUARING_STATES
         or not system.has_rows
         or system.matrix.rows > system.n
@@ -123,11 +123,11 @@ class RestOfSteps:
         Raises:
             UnsupportedError: the numbers of exact values become too large.
         """
-        first = tuning.FIRST_STEP_CHECK // (8 if self.context.engine.exact else 1)
+        first = tuning.FIRST_STEP_CHECK // (8 if self.context.engine.is_rational else 1)
         if taken < max(self._next_check, first) or taken >= self.steps:
             return False
         self._next_check = taken + max(taken // 2, 1)
-        if self.context.engine.exact:
+        if self.context.engine.is_rational:
             self._refuse_large_numbers(taken, after)
             return False
         if self.steps - taken < tuning.LIMIT_STEPS:

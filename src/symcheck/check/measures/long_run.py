@@ -54,7 +54,7 @@ def _average(context: Context, reward_of: RewardOf) -> Values:
     engine = context.engine
     recurrent, low, high = (
         engine.none,
-        *(full(engine.states, 0, exact=engine.exact) for _ in range(2)),
+        *(full(engine.states, 0, rational=engine.is_rational) for _ in range(2)),
     )
     summed = False
     for states, members, lower, upper, of_sums in _components(context, reward_of):
@@ -66,14 +66,14 @@ def _average(context: Context, reward_of: RewardOf) -> Values:
     point = np.array_equal(low, high)
     # An average that is no whole number is a sum or quotient in floating point, and a large one may
     # be rounded too.
-    rounded = (low == high) & (not engine.exact)
+    rounded = (low == high) & (not engine.is_rational)
     if rounded.any():
         rounded &= summed | (low % 1 > 0) | (np.abs(low) >= LARGEST_WHOLE)
     if not point:
         margin = np.where(rounded, ROUNDING * np.abs(low), 0)
         low, high = low - margin, high + margin
     exact = point and bool(np.any(rounded))
-    averages = system.lift(low[inside], None if point else high[inside], exact=exact)
+    averages = system.lift(low[inside], None if point else high[inside], up_to_rounding=exact)
     return boundary_values(context, ~recurrent, averages)
 
 
@@ -130,7 +130,7 @@ def _component_average(context: Context, system: System, reward: Numbers) -> tup
     )
     low, high = average.lower, average.upper
     relative, signed = context.options.relative, reward.min() < 0
-    if signed and not context.engine.exact:
+    if signed and not context.engine.is_rational:
         size = long_run_average(weights, np.abs(reward), context.options).upper
         if size > CANCELLATION * abs(low):
             low, high = low - REWARD_ERROR * size, high + REWARD_ERROR * size

@@ -97,7 +97,7 @@ def _solved_averages(
     # Averages that may be negative are shifted up: every strategy stays in some end component with
     # probability 1, so the values are shifted by the same amount. Rational equations may have
     # negative constants.
-    negative = not context.engine.exact and gains.lower.min() < 0
+    negative = not context.engine.is_rational and gains.lower.min() < 0
     shift = 2 * np.abs(gains.lower).max() if negative else 0
     shifted = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
     problem, state, origin = mec_quotient(system.matrix, shifted, direction)
@@ -117,10 +117,12 @@ def _average(
     gains, shift, state = averages.gains, averages.shift, averages.state
     solution = averages.solution
     lower, upper = solution.lower[state], solution.upper[state]
-    exact = solution.exact and shift == 0 and bool(np.array_equal(gains.lower, gains.upper))
+    exact = (
+        solution.up_to_rounding and shift == 0 and bool(np.array_equal(gains.lower, gains.upper))
+    )
     if not exact:
         # The shift is rounded, and so are values that are exact up to rounding.
-        rounding_error = (ROUNDING if solution.exact else 2.0**-51) * upper
+        rounding_error = (ROUNDING if solution.up_to_rounding else 2.0**-51) * upper
         lower, upper = lower - rounding_error - shift, upper + rounding_error - shift
     if share:
         lower, upper = np.clip(lower, 0, 1), np.clip(upper, 0, 1)
@@ -140,7 +142,7 @@ def _average(
     context.log.runs.append(run)
     context.warn_if_wide(largest_width(lower, upper, context.options.relative), explanation)
     values = system.lift(
-        solution.middle[state] if exact else lower, None if exact else upper, exact=exact
+        solution.middle[state] if exact else lower, None if exact else upper, up_to_rounding=exact
     )
     return _with_qualitative(context, gains, values, direction) if share else values
 

@@ -69,5 +69,5 @@ def boundary_values(context: Context, states: StateSet, outside: Values) -> Valu
     """
     system = context.engine.system(states)
     low, high = system.one_step_values(outside)
-    equations = system.equations(low, None if outside.exact else high, probability=False)
+    equations = system.equations(low, None if outside.is_point else high, probability=False)
     return context.solve(equations, known=[]).choose(states, outside)

@@ -112,13 +112,13 @@ def reward_bounded_next(
             allowed &= bound.rewards <= bound.upper
     chances = system.one_step_probability(target)
     sure = per_row(system.groups, engine.to_bools(engine.graph.all_successors_in(target)))
-    if not engine.exact:  # a sum that is rounded to 1 is not known to be 1
+    if not engine.is_rational:  # a sum that is rounded to 1 is not known to be 1
         chances = np.minimum(chances, np.nextafter(1.0, 0.0))
     chances[sure] = Fraction(1)
     chances[~allowed] = Fraction(0)
     values = best(chances, system, direction)
     context.log.runs.append(SolverRun("steps", "one step", system.n, 1))
-    if engine.exact:
+    if engine.is_rational:
         return system.lift(values, None)
     rounding_error = 0.25 * ROUNDING * np.where((values == 0) | (values == 1), 0.0, values)
     return _lift(context, system, values - rounding_error, np.minimum(values + rounding_error, 1.0))
@@ -259,13 +259,13 @@ def _note(context: Context, epochs: EpochValues, problem: RewardBoundedReachabil
 
 def _lift(context: Context, system: System, lower: Numbers, upper: Numbers) -> Values:
     """Bounds as values: exact if only rounding separates them; warn if wider than requested."""
-    if context.engine.exact:
+    if context.engine.is_rational:
         return system.lift(lower, None)
     width = largest_width(lower, upper, context.options.relative)
     context.warn_if_wide(width, "reward bounds")
     if largest_width(lower, upper, relative=True) > ROUNDING:
         return system.lift(lower, upper)
-    values = system.lift(0.5 * (lower + upper), None, exact=True)
+    values = system.lift(0.5 * (lower + upper), None, up_to_rounding=True)
     # Bounds of 0 and 1 are exact without rounding.
     ones = context.engine.from_bools(_spread(context, system, lower == 1.0))
     zeros = context.engine.from_bools(_spread(context, system, upper == 0.0))

@@ -95,7 +95,7 @@ def scale_bound(
             message names the reward and a state.
     """
     distinct, inverse = np.unique(rewards, return_inverse=True)
-    exact = context.engine.exact
+    exact = context.engine.is_rational
     represented = Fraction if exact else _fraction
     values: list[Fraction] = []
     for i, v in enumerate(distinct.tolist()):

@@ -32,7 +32,7 @@ def best(rows: Numbers, system: System, direction: Direction | None) -> Numbers:
 
 def is_signed(context: Context, rewards: Numbers) -> bool:
     """Whether rewards in floating point are negative somewhere."""
-    return not context.engine.exact and bool(rewards.min(initial=0.0) < 0)
+    return not context.engine.is_rational and bool(rewards.min(initial=0.0) < 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ def lifted(
     """
     # Not by `largest_width`, for which what is below the margin of underflow is no width.
     if np.all(upper - lower <= ROUNDING * np.minimum(np.abs(lower), np.abs(upper))):
-        return system.lift(0.5 * (lower + upper), None, exact=True)
+        return system.lift(0.5 * (lower + upper), None, up_to_rounding=True)
     relevant = np.ones(len(lower), np.bool_)
     if context.relevant_states is not None:
         relevant = system.restrict(context.relevant_states) > 0

@@ -28,7 +28,7 @@ from symcheck.check.measures.signed_steps import (
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
-from symcheck.matrices.numbers import Numbers, is_exact
+from symcheck.matrices.numbers import Numbers, is_rational
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.linear.problem import Progress, largest_width
 from symcheck.numerics.tuning import LIMIT_STEPS, UNIT_ROUNDOFF
@@ -62,7 +62,7 @@ def next_probability(
     # If all or none of the successors are in the target, the value is exact in spite of rounding.
     sure = engine.graph.all_successors_in(target)
     never = ~engine.graph.predecessors(target)
-    rest = system.lift(value, None, exact=True)
+    rest = system.lift(value, None, up_to_rounding=True)
     return rest.choose(~(sure | never), engine.indicator(sure))
 
 
@@ -132,7 +132,7 @@ def _delayed(
     ]
     zero, _ = values.compare("<=", 0)
     sides = enclosed(
-        sides[:1] if values.exact else sides,
+        sides[:1] if values.is_point else sides,
         lambda: best(system.one_step_probability(~zero), system, direction),
     )
     return _repeat(context, system, sides, steps, direction, lost, [(~left, outside)], taken=1)
@@ -191,12 +191,12 @@ def _repeat(
     sides: the values so far, or their lower and their upper bounds. rest: values of other states.
     grows, unbounded: as in `RestOfSteps`.
     """
-    if context.engine.exact:
+    if context.engine.is_rational:
         added = add if isinstance(add, np.ndarray) else system.full(0)[:0]
         whole = steps_in_integers(system, sides[0], added, steps - taken, direction)
         if whole is not None:
             _note(context, system.n, steps)
-            return system.lift(whole, None, rest, exact=True)
+            return system.lift(whole, None, rest, up_to_rounding=True)
     squared = squared_steps(context, system, sides, steps - taken, add)
     if squared is not None:
         return system.lift(*squared, rest)
@@ -204,7 +204,7 @@ def _repeat(
     exact = len(sides) == 1 or not np.any(sides[1] - sides[0] > 2 * UNDERFLOW_MARGIN)
     numbers = [*sides, add] if isinstance(add, np.ndarray) else sides
     signed = any(len(x) > 0 and x.min() < 0 for x in numbers)
-    least = 1.0 if context.engine.exact else context.engine.entry_range[0]
+    least = 1.0 if context.engine.is_rational else context.engine.entry_range[0]
     while taken < steps:
         taken += 1
         following = [_product(system, x, add, direction) for x in sides]
@@ -220,10 +220,10 @@ def _repeat(
         if known:
             break
     _note(context, system.n, taken)
-    if context.engine.exact or steps - taken < LIMIT_STEPS:
+    if context.engine.is_rational or steps - taken < LIMIT_STEPS:
         # Rounded values that stay the same may hide changes in each of the other steps.
         rounding = steps * 2 * (system.operator.longest + 2) * UNIT_ROUNDOFF
-        return lift_bounds(context, system, sides, rounding, rest, exact=exact)
+        return lift_bounds(context, system, sides, rounding, rest, up_to_rounding=exact)
     lower, upper = remaining.bounds(taken, before, sides)
     relevant = context.relevant_states
     members = slice(None) if relevant is None else system.restrict(relevant) > 0
@@ -245,25 +245,25 @@ def lift_bounds(
     rounding: float,
     rest: Sequence[tuple[StateSet, float]] = (),
     *,
-    exact: bool = True,
+    up_to_rounding: bool = True,
     explanation: str = "step by step",
 ) -> Values:
     """Values from numbers, or from their lower and upper bounds, and their relative error.
 
-    rest: values of other states. exact: whether bounds differ by underflow only, so that those
-    that are within the error of each other are exact up to rounding.
+    rest: values of other states. up_to_rounding: whether bounds differ by underflow only, so that
+    those that are within the error of each other are exact up to rounding.
     """
     low, high = bounds[0], bounds[-1]
-    exact = exact and rounding <= ROUNDING
-    if is_exact(low) or (exact and high is low):
-        return system.lift(low, None, rest, exact=True)
+    up_to_rounding = up_to_rounding and rounding <= ROUNDING
+    if is_rational(low) or (up_to_rounding and high is low):
+        return system.lift(low, None, rest, up_to_rounding=True)
     with np.errstate(invalid="ignore"):  # of infinite values, whose bounds are equal
-        point = exact & ((low == high) | (high - low <= rounding * np.abs(low)))
+        point = up_to_rounding & ((low == high) | (high - low <= rounding * np.abs(low)))
         middle = np.where(low == high, low, 0.5 * (low + high))
         low = np.where(point, middle, low - rounding * np.abs(low))
         high = np.where(point, middle, high + rounding * np.abs(high))
     context.warn_if_wide(largest_width(low, high, context.options.relative), explanation)
-    return system.lift(low, high, rest, exact=exact)
+    return system.lift(low, high, rest, up_to_rounding=up_to_rounding)
 
 
 def _note(context: Context, unknowns: int, steps: int) -> None:

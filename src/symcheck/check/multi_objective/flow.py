@@ -186,7 +186,7 @@ def _equations(
     rewards: list[Numbers] = []
     costless = np.ones(matrix.rows, dtype=np.bool_)
     for o, t in zip(objectives, terms, strict=True):
-        earned = full(matrix.rows, 0, exact=engine.exact)
+        earned = full(matrix.rows, 0, rational=engine.is_rational)
         if t.reward is not None and t.earning is not None:
             earning = matrix.rows_of(engine.to_bools(t.earning))
             earned = np.where(earning, engine.system(engine.all).step_rewards(t.reward), earned)
@@ -214,9 +214,9 @@ def _equations(
         averages=bool(long_run.any()),
     )
     initial = int(np.flatnonzero(engine.to_bools(engine.initial))[0])
-    kind = object if engine.exact else np.float64
+    kind = object if engine.is_rational else np.float64
     of_objectives = np.array(rewards, dtype=kind).reshape(-1, matrix.rows)
-    none = np.zeros_like(of_objectives) if not engine.exact else 0 * of_objectives
+    none = np.zeros_like(of_objectives) if not engine.is_rational else 0 * of_objectives
     flow = numerics.Flow(
         matrix,
         initial,

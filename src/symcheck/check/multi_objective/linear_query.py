@@ -73,9 +73,9 @@ class LinearQuery:
         room = None if is_infinite(self.least).all() else flow.margin(self.least)
         if not is_infinite(self.least).all():
             if room is None:
-                self.close = not flow.exact  # the margin is unknown
+                self.close = not flow.is_rational  # the margin is unknown
                 return self._none(), _NONE
-            self.close = not flow.exact and -_DOUBT <= room.value <= _DOUBT
+            self.close = not flow.is_rational and -_DOUBT <= room.value <= _DOUBT
             if room.value < -flow.tolerance:
                 about = f"{_NONE}: they are missed by {float(-room.value):.3g}"
                 return self._none(), about
@@ -103,11 +103,11 @@ class LinearQuery:
         """The solution at a vertex: optimal for weights between those of the facets around it."""
         chosen, slack = list(self.optimised), 10 * flow.tolerance * max(1, *np.abs(vertex))
         tight = [
-            numbers(np.array(f.weights, dtype=object), exact=flow.exact)
+            numbers(np.array(f.weights, dtype=object), rational=flow.is_rational)
             for f in corners.facets
             if sum(w * x for w, x in zip(f.weights, vertex, strict=True)) >= f.bound - slack
         ]
-        weights = full(len(self.objectives), 0, exact=flow.exact)
+        weights = full(len(self.objectives), 0, rational=flow.is_rational)
         weights[chosen] = sum(tight)
         optimum = flow.best(weights, self.least)
         if optimum is None or optimum.x is None or (optimum.gains[chosen] < vertex - slack).any():
@@ -124,8 +124,8 @@ class LinearQuery:
 
     def _best(self, flow: numerics.Flow, least: Numbers) -> tuple[Answer, str]:
         (index,) = self.optimised
-        weights = full(len(self.objectives), 0, exact=flow.exact)
-        weights[index] = full(1, 1, exact=flow.exact)[0]
+        weights = full(len(self.objectives), 0, rational=flow.is_rational)
+        weights[index] = full(1, 1, rational=flow.is_rational)[0]
         optimum = flow.best(weights, least)
         if optimum is None:
             return nan, _NONE
@@ -133,7 +133,7 @@ class LinearQuery:
             return inf, "rewards can be accumulated without bound"
         self.solution = optimum.x
         optimal = "optimal vertex of the achievable set"
-        about = optimal if flow.exact else f"the dual bound differs by {optimum.gap:.1E}"
+        about = optimal if flow.is_rational else f"the dual bound differs by {optimum.gap:.1E}"
         return _plain(self.objectives[index].shown(optimum.value)), about
 
     def _curve(self, flow: numerics.Flow, least: Numbers) -> tuple[Answer, str]:
@@ -141,6 +141,6 @@ class LinearQuery:
         if front is None:
             return self._none(), _NO_CURVE
         optimised = [self.objectives[i] for i in self.optimised]
-        self.front = front_of(optimised, front, exact=flow.exact)
+        self.front = front_of(optimised, front, exact=flow.is_rational)
         self.corners = front
         return list(self.front.vertices), "Pareto curve" if len(optimised) == 2 else "Pareto front"

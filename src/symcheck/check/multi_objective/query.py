@@ -79,7 +79,7 @@ def check_multi(context: Context, formula: MultiObjective) -> Result:
         NumericalError: the verdict is within the rounding error.
     """
     check_supported(context, formula)
-    if context.engine.exact:
+    if context.engine.is_rational:
         return _result(context, solve_query(context, formula))
     explored = to_explicit(context)
     result = solve_query(explored, formula)
@@ -141,7 +141,7 @@ def _result(context: Context, result: QueryResult) -> Result:
     whole = isinstance(result.value, bool) or (
         isinstance(result.value, float) and not isfinite(result.value)
     )
-    accuracy = Exact(rounding=not whole and not context.engine.exact)
+    accuracy = Exact(rounding=not whole and not context.engine.is_rational)
     return Result(result.value, accuracy, result.about, front_or_none=result.front)
 
 
@@ -166,7 +166,7 @@ def solve_query(context: Context, formula: MultiObjective) -> QueryResult:
         )
     flow = query.flow
     size, equations = flow.gains.shape[1], flow.equations + len(objectives)
-    return QueryResult(value, about, size, equations, flow.exact, close, query.front, query)
+    return QueryResult(value, about, size, equations, flow.is_rational, close, query.front, query)
 
 
 def _lexicographic(context: Context, objectives: Sequence[Objective]) -> QueryResult:
@@ -206,14 +206,18 @@ def _lexicographic(context: Context, objectives: Sequence[Objective]) -> QueryRe
     point = [tuple(values)] if met else []
     about = "lexicographic optimum" if met else about
     equations = flow.equations + len(fixed)
-    return QueryResult(point, about, flow.gains.shape[1], equations, flow.exact, close, query=last)
+    return QueryResult(
+        point, about, flow.gains.shape[1], equations, flow.is_rational, close, query=last
+    )
 
 
 def _query(
     context: Context, objectives: Sequence[Objective], optimised: Sequence[int]
 ) -> LinearQuery:
     product = flow_of(context, objectives)
-    least = numbers(np.array([o.least for o in objectives], dtype=object), exact=product.flow.exact)
+    least = numbers(
+        np.array([o.least for o in objectives], dtype=object), rational=product.flow.is_rational
+    )
     return LinearQuery(objectives, optimised, product.engine, product.flow, least)
 
 

@@ -68,7 +68,7 @@ def conditional_probability(
             values, _ = _of_mdp(inner.with_epsilon(finer), path, condition, direction)
     _refuse_undefined(context, quantity, undefined, direction)
     relevant = _compared(context) - undefined
-    if context.engine.exact or relevant.count > tuning.CONDITIONAL_STATES:
+    if context.engine.is_rational or relevant.count > tuning.CONDITIONAL_STATES:
         for warning in parts_log.warnings:
             context.log.warn(warning)
         return values
@@ -121,7 +121,7 @@ def _accurate(
 
 def _finer(context: Context, values: Values) -> float | None:
     """The accuracy with which 1 minus a probability is accurate enough; None where it is."""
-    if context.engine.exact or not context.options.relative:
+    if context.engine.is_rational or not context.options.relative:
         return None
     low, high = defined_bounds(values, _compared(context))
     epsilon = context.options.epsilon

@@ -66,7 +66,7 @@ def complement_of(context: Context, probabilities: Callable[[Context], Values]) 
     values = _complement(context, probabilities(context))
     states = context.engine.all if context.relevant_states is None else context.relevant_states
     epsilon = context.options.epsilon
-    if context.engine.exact or not context.options.relative:
+    if context.engine.is_rational or not context.options.relative:
         return values
     if states.count > tuning.MAX_COMPARED_STATES:
         return values
@@ -111,7 +111,7 @@ def probability(
         satisfied = context.engine.indicator(known - path.right if path.negative else path.right)
         return satisfied.choose(known, context.engine.constant(0, 1))
     # A difference of rationals is exact; one of doubles loses the digits of a small probability.
-    if isinstance(path, UntilPath) and path.negative and not context.engine.exact:
+    if isinstance(path, UntilPath) and path.negative and not context.engine.is_rational:
         from symcheck.check.queries.complement_until import complement_until
 
         certain = _probability_zero(context, path.left, path.right, direction and direction.dual)
@@ -155,7 +155,7 @@ def probability(
 
 def _decided(context: Context, path: UntilPath[StateSet]) -> bool:
     """Whether the model is large and the formula is decided at each relevant state by its sets."""
-    if context.engine.exact:  # values that are not computed have bounds only
+    if context.engine.is_rational:  # values that are not computed have bounds only
         return False
     relevant = context.relevant_states
     if (

@@ -116,7 +116,7 @@ def _require_finite(
     """
     engine = context.engine
     states = engine.all if context.relevant_states is None else context.relevant_states
-    if engine.exact or not states:
+    if engine.is_rational or not states:
         return
     low, high = values.maximum(states)[0], values.minimum(states)[1]
     if -math.inf < high and low < math.inf:

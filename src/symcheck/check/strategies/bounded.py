@@ -74,7 +74,7 @@ def first_steps(
     sign = 1 if direction is Direction.MAX else -1
     x = system.full(0) if last is None else last
     rows = np.tile(matrix.groups[:-1], (steps + 1, 1))
-    discount: Numbers = full(1, factor, exact=context.engine.exact)
+    discount: Numbers = full(1, factor, rational=context.engine.is_rational)
     for left in range(1, steps + 1):
         y = np.asarray(system.operator.multiply(x)) * discount
         y = y if rewards is None else y + rewards

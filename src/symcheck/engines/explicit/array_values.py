@@ -94,14 +94,12 @@ class ArrayValues:
     slack: Floats | float = field(default=0.0, repr=False)
 
     @cached_property
-    def exact(self) -> bool:
+    def is_point(self) -> bool:
         """Whether lower and upper are the same everywhere."""
         return self.lower is self.upper or np.array_equal(self.lower, self.upper, equal_nan=True)
 
     def __repr__(self) -> str:
-        return (
-            f"<ArrayValues of {len(self.lower):,} states, {'exact' if self.exact else 'certified'}>"
-        )
+        return f"<ArrayValues of {len(self.lower):,} states, {'exact' if self.is_point else 'certified'}>"
 
     def rounded(self, states: ArraySet) -> bool:
         """Whether some value over the set was computed in floating point."""
@@ -167,7 +165,7 @@ class ArrayValues:
             return compose(operation, _calculated, operands)
 
     def _negative(self) -> ArrayValues:
-        if self.exact:
+        if self.is_point:
             value = _unsigned(-self.lower)
             return _without_cancellation(ArrayValues(value, value, self.computed, self.slack))
         low, high = self._margins()
@@ -178,7 +176,7 @@ class ArrayValues:
         m = states.members
         other = _operand(other, len(m))
         lower = np.where(m, self.lower, other.lower)
-        upper = lower if self.exact and other.exact else np.where(m, self.upper, other.upper)
+        upper = lower if self.is_point and other.is_point else np.where(m, self.upper, other.upper)
         empty = np.zeros(len(m), bool)
         if self.computed is None and other.computed is None:
             return ArrayValues(lower, upper)
@@ -221,7 +219,7 @@ def total_of(parts: Sequence[tuple[ArrayValues, int]]) -> tuple[float, float]:
     lower = upper = error = size = 0.0
     between = False
     for values, times in parts:
-        between = between or not values.exact
+        between = between or not values.is_point
         low, high = times * _sum(values.lower), times * _sum(values.upper)
         lower, upper, size = lower + low, upper + high, size + max(abs(low), abs(high))
         if values.computed is not None:
@@ -342,7 +340,7 @@ _COMPARISONS: Mapping[Operator, Callable[[Floats, Floats, float, float], _Decisi
 
 def _calculated(instruction: Instruction, x: ArrayValues, y: ArrayValues) -> ArrayValues:
     slack = _slack(instruction, x, y)
-    if slack is not None and x.exact and y.exact:
+    if slack is not None and x.is_point and y.is_point:
         value = _unsigned(_POINTS[instruction](x.lower, y.lower))
         computed = _any((x.computed, y.computed))
         if computed is None:

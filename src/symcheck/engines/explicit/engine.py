@@ -62,9 +62,9 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
     represented: Represented | None = None
 
     @property
-    def exact(self) -> bool:
+    def is_rational(self) -> bool:
         """Whether numbers are rationals, as those of the explored model are."""
-        return self.weights.exact
+        return self.weights.is_rational
 
     @property
     def model(self) -> BoundModel:
@@ -159,14 +159,16 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
     def values(self, expression: Expression, type: Type) -> Numeric:  # noqa: ARG002 (numbers hold all three types)
         """The value of an expression over the variables, at each state (1 and 0 for a bool)."""
         value = np.asarray(self.explored.evaluate(expression))
-        return self._known(numbers(np.broadcast_to(value, (self.states,)), exact=self.exact))
+        return self._known(
+            numbers(np.broadcast_to(value, (self.states,)), rational=self.is_rational)
+        )
 
     def constant(
         self, lower: Number, upper: Number | None = None, *, rounded: bool = False
     ) -> Numeric:
         """The same value (or bounds of it) everywhere."""
-        low = full(self.states, lower, exact=self.exact)
-        if self.exact:
+        low = full(self.states, lower, rational=self.is_rational)
+        if self.is_rational:
             assert upper is None or upper == lower or isnan(upper), "rational values have no bounds"
             return RationalValues(low)
         high = low if upper is None or upper == lower else np.full(self.states, float(upper))
@@ -178,11 +180,11 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
 
     def indicator(self, states: ArraySet) -> Numeric:
         """1 on the set and 0 elsewhere."""
-        return self._known(numbers(states.members, exact=self.exact))
+        return self._known(numbers(states.members, rational=self.is_rational))
 
     def _known(self, array: Numbers) -> Numeric:
         """Values without rounding; zeros of one sign."""
-        if self.exact:
+        if self.is_rational:
             return RationalValues(array)
         array = array + 0.0
         return ArrayValues(array, array)
@@ -195,7 +197,7 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
         return ExplicitSystem(self, states, direction)
 
     def _require_normal_numbers(self) -> None:
-        if not self.exact and self.transitions:
+        if not self.is_rational and self.transitions:
             rates = self.model.type.continuous_time
             require_normal_numbers(*self.entry_range, self.weights.longest, rates)
 
@@ -243,7 +245,7 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
                 assert_never(reward)
 
     def _full(self, n: int, value: int) -> Numbers:
-        return full(n, value, exact=self.exact)
+        return full(n, value, rational=self.is_rational)
 
     def valuations(
         self, states: ArraySet, limit: int | None = None, start: int = 0
@@ -342,7 +344,7 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
         """Per row: sum over successors outside of the states of weight × value (lower, upper)."""
         outside = ~self.states.members
         lower = self._sums(outside, values.lower)
-        return lower, lower if values.exact else self._sums(outside, values.upper)
+        return lower, lower if values.is_point else self._sums(outside, values.upper)
 
     def _sums(self, columns: Bools, values: Numbers | None) -> Numbers:
         return self.engine.weights.sums(self.states.members, columns, values)
@@ -365,34 +367,34 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
     def restrict(self, values: Numeric | ArraySet) -> Numbers:
         """A lower value (or 0/1 membership) per state of the system."""
         array = values.members if isinstance(values, ArraySet) else values.lower
-        return numbers(array[self.states.members], exact=self.engine.exact)
+        return numbers(array[self.states.members], rational=self.engine.is_rational)
 
     def full(self, value: Number) -> Numbers:
         """The same number for each state of the system."""
-        return full(self.n, value, exact=self.engine.exact)
+        return full(self.n, value, rational=self.engine.is_rational)
 
     def lift(
         self,
         lower: Numbers,
         upper: Numbers | None,
         rest: Sequence[tuple[ArraySet, float]] = (),
-        exact: bool = False,
+        up_to_rounding: bool = False,
     ) -> Numeric:
         """Values on all states: these on the states of the system, constants on the sets in `rest`,
         0 elsewhere.
         """
         low = self._spread(lower, rest)
-        if self.engine.exact:
+        if self.engine.is_rational:
             assert upper is None or upper is lower, "rational values have no bounds"
             assert all(isinstance(v, Fraction) or not isfinite(v) for v in low), "a float crept in"
             return RationalValues(low)
         high = low if upper is None or upper is lower else self._spread(upper, rest)
-        return ArrayValues(low, high, self.states.members if exact else None)
+        return ArrayValues(low, high, self.states.members if up_to_rounding else None)
 
     def _spread(self, values: Numbers, rest: Sequence[tuple[ArraySet, float]]) -> Numbers:
-        exact = self.engine.exact
-        out = full(self.engine.states, 0, exact=exact)
+        rational = self.engine.is_rational
+        out = full(self.engine.states, 0, rational=rational)
         for states, constant in rest:
-            out[states.members] = full(1, constant, exact=exact)[0]
+            out[states.members] = full(1, constant, rational=rational)[0]
         out[self.states.members] = values
         return out

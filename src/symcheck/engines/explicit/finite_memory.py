@@ -81,7 +81,7 @@ def finite_memory_strategy(base: ExplicitEngine, decisions: Decisions, first: in
     counts = np.where(free, 1, end - begin)
     groups = starts_of(counts)
     rows, after = np.empty(groups[-1], np.int64), np.empty(groups[-1], np.int64)
-    weights = full(int(groups[-1]), 1, exact=base.exact)
+    weights = full(int(groups[-1]), 1, rational=base.is_rational)
     chosen, parts = np.repeat(~free, counts), spans(begin, end)
     rows[chosen], after[chosen], weights[chosen] = row[parts], following[parts], share[parts]
     rows[~chosen], after[~chosen] = first_rows[state[free]], memory[free]

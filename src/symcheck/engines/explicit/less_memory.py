@@ -114,8 +114,8 @@ def _without_memory(strategy: Strategy, rows: Int64s) -> Strategy:
     # Each state has the decision of its first pair.
     _, first = np.unique(origin, return_index=True)
     kept = spans(strategy.starts[:-1][first], strategy.starts[1:][first])
-    weights = full(base.matrix.rows, 0, exact=base.exact)
-    weights[chosen] = full(1, 1, exact=base.exact)[0]
-    weights[chosen[origin]] = full(1, 0, exact=base.exact)[0]
+    weights = full(base.matrix.rows, 0, rational=base.is_rational)
+    weights[chosen] = full(1, 1, rational=base.is_rational)[0]
+    weights[chosen[origin]] = full(1, 0, rational=base.is_rational)[0]
     np.add.at(weights, rows[strategy.taken[kept]], strategy.shares[kept])
     return replace(plain, weights=weights)

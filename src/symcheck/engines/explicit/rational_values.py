@@ -42,7 +42,7 @@ class RationalValues:
     array: Rationals = field(repr=False)
 
     @property
-    def exact(self) -> bool:
+    def is_point(self) -> bool:
         """Always: there is one bound."""
         return True
 

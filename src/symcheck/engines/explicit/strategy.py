@@ -78,7 +78,7 @@ class Strategy(Tabular):
     def shares(self) -> Numbers:
         """The probability of each row in `taken`, float64[k] or Fractions."""
         if self.weights is None:
-            return full(len(self.rows), 1, exact=self.engine.exact)
+            return full(len(self.rows), 1, rational=self.engine.is_rational)
         return np.asarray(self.weights[self.taken])
 
     @property

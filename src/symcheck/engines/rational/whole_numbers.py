@@ -122,7 +122,7 @@ def _with_whole_weights(model: BoundModel) -> tuple[BoundModel, int] | None:
     events = tuple(_whole(event, unit, most) for event in model.events)
     rates = ModelType.with_properties(continuous_time=True)
     kind = model.type if model.type.has_choices else rates
-    return replace(model, type=kind, events=events, exact=False, rewards=()), factor
+    return replace(model, type=kind, events=events, is_rational=False, rewards=()), factor
 
 
 def _sums_to_one(event: Event) -> bool:
@@ -155,7 +155,7 @@ def _times(command: BoundCommand, factor: int) -> BoundCommand:
 
 def _rewards(model: BoundModel, found: ExplicitModel, items: Sequence[BoundReward]) -> Rationals:
     """The sum of the items whose guards hold, in each state."""
-    total = full(len(found.states), 0, exact=True)
+    total = full(len(found.states), 0, rational=True)
     for item in items:
         there = np.flatnonzero(evaluate_states(model, found.states, item.guard))
         if isinstance(item.value, Literal):
@@ -176,7 +176,7 @@ def _choice_rewards(
     model: BoundModel, found: ExplicitModel, items: Sequence[BoundReward]
 ) -> Rationals:
     """The transition reward of each row of an MDP; 0 in a chain, which has none here."""
-    rows = full(found.matrix.rows, 0, exact=True)
+    rows = full(found.matrix.rows, 0, rational=True)
     owner = found.matrix.state_of_row
     loops = np.zeros(len(found.states), np.bool_)
     loops[found.deadlocks] = True

@@ -94,7 +94,7 @@ def solve_acyclic(
     # The sum over the column bits is a tree with one level per bit.
     error = 1.01 * len(levels) * (len(d.columns) + 4) * UNIT_ROUNDOFF
     make = partial(_pieces, d, x, states.bdd, error, known)
-    return Acyclic(RestrictableValues(d, make, exact=False), len(levels), error)
+    return Acyclic(RestrictableValues(d, make, is_point=False), len(levels), error)
 
 
 @dataclass(frozen=True, eq=False)

@@ -214,7 +214,7 @@ class _ReducedUnknowns:
         lower: Floats,
         upper: Floats | None,
         rest: Sequence[tuple[SymbolicSet, float]] = (),  # noqa: ARG002 (in `known` already)
-        exact: bool = False,
+        up_to_rounding: bool = False,
     ) -> SymbolicValues:
         """Values on all states."""
         low = self.known.copy()
@@ -223,9 +223,9 @@ class _ReducedUnknowns:
         if upper is not None and upper is not lower:
             high = self.known.copy()
             high[self.unknown] = upper
-        values = ArrayValues(low, high, self.unknown if exact else None)
+        values = ArrayValues(low, high, self.unknown if up_to_rounding else None)
         pieces = partial(_pieces, self.successors, values)
-        return RestrictableValues(self.successors.diagrams, pieces, values.exact)
+        return RestrictableValues(self.successors.diagrams, pieces, values.is_point)
 
 
 def _pieces(successors: Successors, values: ArrayValues, states: Bdd) -> tuple[Piece, ...]:

@@ -62,7 +62,7 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
     diagrams: Diagrams = field(repr=False)
     space: StateSpace = field(repr=False)
     name: ClassVar[str] = "symbolic"
-    exact: ClassVar[bool] = False
+    is_rational: ClassVar[bool] = False
     has_rows: ClassVar[bool] = False
     rows_limit: ClassVar[int | None] = 0
     """Entries up to which the rows of a system are written out to solve equations on them; None:

@@ -177,13 +177,13 @@ class SymbolicValues:
 
     def __repr__(self) -> str:
         numbers = sum(len(p.values.lower) for p in self.pieces)
-        kind = "exact" if self.exact else "certified"
+        kind = "exact" if self.is_point else "certified"
         return f"<SymbolicValues: {len(self.pieces)} pieces with {numbers:,} numbers, {kind}>"
 
     @cached_property
-    def exact(self) -> bool:
+    def is_point(self) -> bool:
         """Whether lower and upper are the same everywhere."""
-        return all(p.values.exact for p in self.pieces)
+        return all(p.values.is_point for p in self.pieces)
 
     def rounded(self, states: SymbolicSet) -> bool:
         """Whether some value over the set was computed in floating point."""
@@ -218,7 +218,7 @@ class SymbolicValues:
                 values = in_doubles(values)
             low[where] = values.lower
             high[where] = values.upper
-        return low, low if self.exact else high
+        return low, low if self.is_point else high
 
     def minimum(self, states: SymbolicSet) -> tuple[Number, Number]:
         """Bounds of the least value over the set."""
@@ -345,23 +345,23 @@ class LazyValues(SymbolicValues):
 class RestrictableValues(LazyValues):
     """Values that can be computed on any set of states: the initial state needs no others.
 
-    make: gives the values on a set that is not empty. exact: whether lower and upper are equal.
+    make: gives the values on a set that is not empty. is_point: whether lower and upper are equal.
     """
 
     _make_on: Callable[[Bdd], tuple[Piece, ...]]
-    _is_exact: bool
+    _is_point: bool
 
     def __init__(
-        self, diagrams: Diagrams, make: Callable[[Bdd], tuple[Piece, ...]], exact: bool
+        self, diagrams: Diagrams, make: Callable[[Bdd], tuple[Piece, ...]], is_point: bool
     ) -> None:
         super().__init__(diagrams, partial(make, diagrams.states))
         object.__setattr__(self, "_make_on", make)
-        object.__setattr__(self, "_is_exact", exact)
+        object.__setattr__(self, "_is_point", is_point)
 
     @property
-    def exact(self) -> bool:
+    def is_point(self) -> bool:
         """Whether lower and upper are the same everywhere."""
-        return self._is_exact
+        return self._is_point
 
     def _parts(self, states: SymbolicSet) -> Iterator[tuple[Bdd, Numeric]]:
         for piece in self._make_on(states.bdd):

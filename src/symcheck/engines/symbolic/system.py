@@ -187,7 +187,7 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
         """Per row: sum over successors outside of the states of weight × value (lower, upper)."""
         outside = ~self.states
         lower: Floats = np.zeros(self.rows)
-        upper = lower if values.exact else lower.copy()
+        upper = lower if values.is_point else lower.copy()
         for piece in values.pieces:
             target = SymbolicSet(self._d, piece.states & outside.bdd)
             if not target:
@@ -238,7 +238,7 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
         lower: Floats,
         upper: Floats | None,
         rest: Sequence[tuple[SymbolicSet, float]] = (),
-        exact: bool = False,
+        up_to_rounding: bool = False,
     ) -> SymbolicValues:
         """Values on all states: these on the states of the system, constants on the sets in `rest`,
         0 elsewhere.
@@ -248,7 +248,9 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
         if self.states:
             same = upper is None or upper is lower
             pieces.append(
-                array_piece(self.states.bdd, self.odd, lower, None if same else upper, exact)
+                array_piece(
+                    self.states.bdd, self.odd, lower, None if same else upper, up_to_rounding
+                )
             )
         pieces.extend(constants_on(d.states - self.states.bdd, rest))
         return SymbolicValues(d, merged(d, pieces))

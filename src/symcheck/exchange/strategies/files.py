@@ -224,7 +224,7 @@ def _memory(strategy: Strategy, states: Sequence[str], shown: Bools) -> Iterator
 
 def _export(strategy: Strategy, target: StrategyTarget) -> ExplicitExport:
     data = induced_data(strategy, reach=target.reach, restrict=target.restrict)
-    engine = build_imported(data, Options(exact=strategy.engine.exact))
+    engine = build_imported(data, Options(exact=strategy.engine.is_rational))
     model = engine.model
 
     def states(name: str) -> StateSet:

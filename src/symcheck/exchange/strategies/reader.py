@@ -120,7 +120,7 @@ class _File:
             pairs[:, 0],
             pairs[:, 1],
             np.array([r for d in decisions.values() for r in d.rows], np.int64),
-            numbers(np.array(exact, dtype=object), exact=self.engine.exact),
+            numbers(np.array(exact, dtype=object), rational=self.engine.is_rational),
             np.array([m for d in decisions.values() for m in d.following], np.int64),
         )
         if remembers:
@@ -133,8 +133,8 @@ class _File:
         strategy = Strategy(self.engine, rows, None, decided)
         if len(read.row) == len(decisions):
             return strategy
-        weights = numbers(np.zeros(self.engine.matrix.rows), exact=self.engine.exact)
-        weights[rows[~decided]] = numbers(np.ones(1), exact=self.engine.exact)[0]
+        weights = numbers(np.zeros(self.engine.matrix.rows), rational=self.engine.is_rational)
+        weights[rows[~decided]] = numbers(np.ones(1), rational=self.engine.is_rational)[0]
         np.add.at(weights, read.row, read.share)
         return replace(strategy, weights=weights)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
-from symcheck.matrices.numbers import Numbers, is_exact, sum_segments
+from symcheck.matrices.numbers import Numbers, is_rational, sum_segments
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Int64s, SparseMatrix
 from symcheck.matrices.weights import Expectation
@@ -122,9 +122,9 @@ class LinearProblem:
         return self.constant if self.upper is None else self.upper
 
     @property
-    def exact(self) -> bool:
+    def is_rational(self) -> bool:
         """Whether the numbers are rationals."""
-        return is_exact(self.constant)
+        return is_rational(self.constant)
 
     @property
     def signed(self) -> bool:
@@ -136,7 +136,7 @@ class LinearProblem:
         """`exit`, or its default, per row."""
         if self.exit is not None:
             out = np.asarray(self.exit)
-        elif self.exact:
+        elif self.is_rational:
             out = 1 - sum_segments(self.rows.data, self.rows.indptr)
         elif self.matrix is not None:
             out = 1.0 - self.matrix.row_sums()
@@ -159,8 +159,8 @@ class LinearProblem:
 class Solution:
     """Bounds on the solution, float64[n] each (or the same rationals twice).
 
-    exact: the bounds differ from each other and from the solution by rounding only, relatively by
-      less than ROUNDING.
+    up_to_rounding: the bounds differ from each other and from the solution by rounding only,
+      relatively by less than ROUNDING.
     certified: the bounds are proved; otherwise both are the same estimate.
     strategy: a row per state (-1: any) that attains `lower` ('max') or `upper` ('min').
     explanation: one line on how the solution was found.
@@ -169,7 +169,7 @@ class Solution:
     lower: Numbers
     upper: Numbers
     method: str
-    exact: bool = False
+    up_to_rounding: bool = False
     certified: bool = True
     iterations: int = 0
     explanation: str = ""
@@ -178,7 +178,7 @@ class Solution:
     @property
     def middle(self) -> Numbers:
         """The midpoint of the bounds."""
-        if is_exact(self.lower):
+        if is_rational(self.lower):
             return self.lower
         out = np.empty(len(self.lower))
         with np.errstate(invalid="ignore"):
@@ -198,7 +198,7 @@ def largest_width(lower: Numbers, upper: Numbers, relative: bool) -> float:
     0 without states, and for rationals, whose bounds are equal.
     """
     largest = 0.0
-    if is_exact(lower):
+    if is_rational(lower):
         return largest
     for part in _slices(len(lower)):
         low, high = lower[part], upper[part]

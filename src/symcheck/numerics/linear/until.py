@@ -43,8 +43,8 @@ def until_bounds(
     # The analysis of probability 1 assumes rows that sum to 1.
     yes = graph.prob1(source, left, right, direction) if closed else right
     no = graph.prob0(source, left, right, direction)
-    exact = matrix.exact
-    low = numbers(yes, exact=exact)
+    exact = matrix.is_rational
+    low = numbers(yes, rational=exact)
     high = low.copy()
     unknown = ~(yes | no)
     if unknown.any():
@@ -53,7 +53,7 @@ def until_bounds(
         solution = solve_linear(
             LinearProblem(enter, part, None, leave, direction, True), settings, observer
         )
-        rounding_error = ROUNDING if solution.exact and not exact else 0
+        rounding_error = ROUNDING if solution.up_to_rounding and not exact else 0
         low[unknown], high[unknown] = (
             solution.lower * (1 - rounding_error),
             np.minimum(solution.upper * (1 + rounding_error), 1),

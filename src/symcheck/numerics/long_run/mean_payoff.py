@@ -100,15 +100,15 @@ class _EndComponent:
 
     def rounding_errors(self, h: Numbers) -> Numbers:
         """A bound on the rounding error of r + P h - h in each row, relative to its own terms."""
-        if self.matrix.exact:
-            return full(self.matrix.rows, 0, exact=True)
+        if self.matrix.is_rational:
+            return full(self.matrix.rows, 0, rational=True)
         of_state = np.repeat(np.abs(h), np.diff(self.groups))
         terms = np.abs(self.rewards) + self.matrix.multiply(np.abs(h)) + of_state
         return np.asarray((self.matrix.longest + 6) * 2.0**-52 * terms)
 
     def rounding_error(self, h: Numbers) -> float:
         """A bound on the rounding error of T h - h; 0 in rational arithmetic."""
-        if self.matrix.exact:
+        if self.matrix.is_rational:
             return 0
         return float(
             (self.matrix.longest + 6)
@@ -138,14 +138,14 @@ def component_gains(
     """
     sign = -1 if direction is Direction.MIN else 1
     parts = graph.maximal_end_components(matrix, np.ones(matrix.states, np.bool_))
-    lower, upper = (full(parts.count, 0, exact=matrix.exact) for _ in range(2))
+    lower, upper = (full(parts.count, 0, rational=matrix.is_rational) for _ in range(2))
     iterations = largest = 0
     sizes = np.bincount(parts.of[parts.of >= 0], minlength=parts.count)
     owner = graph.Incidence(matrix).owner_of_rows
     singleton = sizes == 1
     if singleton.any():
         # Components of one state: the best self-loop.
-        best = full(parts.count, -np.inf, exact=matrix.exact)
+        best = full(parts.count, -np.inf, rational=matrix.is_rational)
         np.maximum.at(best, parts.of[owner[parts.rows]], sign * rewards[parts.rows])
         lower[singleton] = upper[singleton] = best[singleton]
     for c, part in _larger_components(matrix, sign * rewards, parts, sizes, owner):
@@ -211,7 +211,7 @@ def _best_policy(part: _EndComponent, low: float, high: float, settings: Setting
     if policy is not None:
         return policy
     finest = Accuracy(epsilon=0.0, relative=settings.relative)
-    if not part.matrix.exact:
+    if not part.matrix.is_rational:
         if n > tuning.DIRECT_EVALUATION_STATES:
             raise NumericalError(f"an end component has {n:,} states, too many for a strategy")
         *_, policy = _policies(part, np.zeros(n), finest)
@@ -222,7 +222,7 @@ def _best_policy(part: _EndComponent, low: float, high: float, settings: Setting
                 f"rounding hides which choices are best in an end component of {n:,} states"
             )
         part = _in_rationals(part)
-    *_, policy = _policies(part, full(n, 0, exact=True), finest)
+    *_, policy = _policies(part, full(n, 0, rational=True), finest)
     return policy
 
 
@@ -276,7 +276,7 @@ def _rational_gain(part: _EndComponent) -> tuple[float, float]:
     stationary probability relatively by at most 2n times as much, however small it is (O'Cinneide
     1993), and so the average of the absolute rewards under each policy.
     """
-    n, nothing = part.matrix.states, full(part.matrix.states, 0, exact=True)
+    n, nothing = part.matrix.states, full(part.matrix.states, 0, rational=True)
     exact, finest = _in_rationals(part), Accuracy(epsilon=0.0)
     low, high, *_ = _policies(exact, nothing, finest)
     if (part.rewards >= 0).all() or (part.rewards <= 0).all():
@@ -296,8 +296,8 @@ def _gain(part: _EndComponent, settings: Settings, observer: Observer | None) ->
     if _top_policy(part) is not None:
         top = part.rewards.max()
         return Gain(top, top)
-    if part.matrix.exact:
-        low, high, *_ = _policies(part, full(n, 0, exact=True), Accuracy(epsilon=0.0))
+    if part.matrix.is_rational:
+        low, high, *_ = _policies(part, full(n, 0, rational=True), Accuracy(epsilon=0.0))
         if low < high:
             raise NumericalError("policy iteration for a long-run average did not end")
         return Gain(low, high)
@@ -412,7 +412,7 @@ def _bias(part: _EndComponent, policy: Int64s) -> Numbers | None:
     """
     chain = part.matrix.choose(policy)
     anchor = int(graph.bsccs(chain)[0][0])
-    solve = _rational_bias if chain.exact else _floating_bias
+    solve = _rational_bias if chain.is_rational else _floating_bias
     return solve(chain, part.rewards[policy], anchor)
 
 
@@ -426,7 +426,7 @@ def _rational_bias(chain: SparseMatrix, rewards: Numbers, anchor: int) -> Number
     index = np.arange(n, dtype=np.int32)
     index[anchor] = -1
     cycle = chain.select(np.arange(n), index, n)
-    reward, length = (solve_chain(cycle, v) for v in (rewards, full(n, 1, exact=True)))
+    reward, length = (solve_chain(cycle, v) for v in (rewards, full(n, 1, rational=True)))
     return np.asarray(reward - reward[anchor] / length[anchor] * length)
 
 
@@ -480,7 +480,10 @@ def mec_quotient(
     of = np.concatenate((state[owner[rows]], stopping))
     order = np.argsort(of, kind="stable").astype(np.int64)
     groups = starts_of(np.bincount(of, minlength=count))
-    none, one = full(len(rows), 0, exact=matrix.exact), full(parts.count, 1, exact=matrix.exact)
+    none, one = (
+        full(len(rows), 0, rational=matrix.is_rational),
+        full(parts.count, 1, rational=matrix.is_rational),
+    )
     low, high = (np.concatenate((none, g))[order] for g in (gains.lower, gains.upper))
     leave = np.concatenate((none, one))[order]
     origin = np.concatenate((rows, np.full(parts.count, -1)))[order]

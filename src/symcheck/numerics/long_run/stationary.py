@@ -130,7 +130,7 @@ def long_run_average(
     Returns:
         Certified bounds, which are equal if the rates are rationals.
     """
-    if rates.exact:
+    if rates.is_rational:
         average = (rational.stationary_distribution(rates) * rewards).sum()
         note = f"{counted(rates.states, 'state')}: rational elimination"
         return Average(average, average, 1, note)

@@ -20,7 +20,7 @@ import numpy as np
 
 from symcheck.errors import NumericalError
 from symcheck.machine import require_memory_for_scipy
-from symcheck.matrices.numbers import Numbers, doubles, full, is_exact
+from symcheck.matrices.numbers import Numbers, doubles, full, is_rational
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.numerics.linear.rational import Number, Row, flint_number, fractions
 from symcheck.time_limit import seconds_left
@@ -61,9 +61,9 @@ class Program:
     cost: Numbers = field(repr=False)
 
     @property
-    def exact(self) -> bool:
+    def is_rational(self) -> bool:
         """Whether the numbers are rationals."""
-        return is_exact(self.cost)
+        return is_rational(self.cost)
 
     def extended(
         self, rows: Int64s, columns: Int64s, values: Numbers, right: Numbers, cost: Numbers
@@ -103,7 +103,7 @@ def solve_program(program: Program) -> Optimum | None:
         NumericalError: HiGHS does not solve the program, the vertex that it finds could not be
             proved optimal, or there are more than ROWS rows.
     """
-    if program.exact and len(program.right) > ROWS:
+    if program.is_rational and len(program.right) > ROWS:
         raise NumericalError(
             f"linear programs are solved exactly up to {ROWS:,} equations, and this one has "
             f"{len(program.right):,}"
@@ -111,13 +111,13 @@ def solve_program(program: Program) -> Optimum | None:
     answer = _by_highs(program)
     match answer.status:
         case 0:
-            return _proved(program, answer) if program.exact else _estimated(program, answer)
+            return _proved(program, answer) if program.is_rational else _estimated(program, answer)
         case 2:
-            if program.exact:
+            if program.is_rational:
                 _prove_infeasible(program)
             return None
         case 3:
-            if program.exact:
+            if program.is_rational:
                 _prove_unbounded(program)
             return Optimum(inf)
         case _:
@@ -277,7 +277,7 @@ class _Vertex:
                 left[i] += value * x
         if any(v != flint_number(b) for v, b in zip(left, self.program.right, strict=True)):
             return None
-        values = full(len(self.program.cost), 0, exact=True)
+        values = full(len(self.program.cost), 0, rational=True)
         values[list(self.basis)] = fractions(self.x)
         return values
 
@@ -289,8 +289,8 @@ def _dot(column: Row[Number], weights: Row[Number]) -> Number:
 def _prove_infeasible(program: Program) -> None:
     """Prove that the least violation is not 0. Raises NumericalError otherwise."""
     n, size = len(program.right), len(program.cost)
-    sign = np.where(program.right >= 0, full(n, 1, exact=True), full(n, -1, exact=True))
-    cost = np.concatenate((full(size, 0, exact=True), full(n, -1, exact=True)))
+    sign = np.where(program.right >= 0, full(n, 1, rational=True), full(n, -1, rational=True))
+    cost = np.concatenate((full(size, 0, rational=True), full(n, -1, rational=True)))
     violation = solve_program(
         program.extended(np.arange(n), size + np.arange(n), sign, program.right, cost)
     )
@@ -301,7 +301,7 @@ def _prove_infeasible(program: Program) -> None:
 def _prove_unbounded(program: Program) -> None:
     """Find an improving ray and a solution, exactly. Raises NumericalError otherwise."""
     n, size = len(program.right), len(program.cost)
-    one, nothing = full(size + 1, 1, exact=True), full(n + size, 0, exact=True)
+    one, nothing = full(size + 1, 1, rational=True), full(n + size, 0, rational=True)
     ray = solve_program(
         program.extended(
             np.full(size + 1, n),

@@ -160,14 +160,14 @@ class Flow:
     banned: Bools | None = field(default=None, repr=False)
 
     @property
-    def exact(self) -> bool:
+    def is_rational(self) -> bool:
         """Whether the numbers are rationals."""
-        return self.matrix.exact
+        return self.matrix.is_rational
 
     @property
     def tolerance(self) -> float | Fraction:
         """What the linear programs leave open: nothing for rationals."""
-        return Fraction(0) if self.exact else TOLERANCE
+        return Fraction(0) if self.is_rational else TOLERANCE
 
     @property
     def objectives(self) -> int:
@@ -217,7 +217,7 @@ class Flow:
         return self.matrix.sums(np.ones(self.matrix.states, np.bool_), states)
 
     def _full(self, n: int, value: float) -> Numbers:
-        return full(n, value, exact=self.exact)
+        return full(n, value, rational=self.is_rational)
 
     def _zeros(self, rows: int, columns: int) -> Numbers:
         return self._full(rows * columns, 0).reshape(rows, columns)
@@ -316,7 +316,7 @@ class Flow:
         """What each variable of the program gives each objective: [objectives, variables]."""
         parts = [self.rewards[:, self.usable]]
         parts += [
-            np.tile(numbers(stay.gains, exact=self.exact)[:, None], len(settling_states))
+            np.tile(numbers(stay.gains, rational=self.is_rational)[:, None], len(settling_states))
             for stay, settling_states in zip(self.stays, self.settling_states, strict=True)
         ]
         parts += [self.averages[:, rows] for rows in self.lasting]
@@ -428,7 +428,7 @@ class Flow:
         """How much the flow enters each, up to 1, where the sum is greatest; None if infeasible."""
         bounded = np.flatnonzero(~is_infinite(least))
         k, size = len(components), self.gains.shape[1]
-        unit = numbers(np.eye(k).ravel(), exact=self.exact).reshape(k, k)
+        unit = numbers(np.eye(k).ravel(), rational=self.is_rational).reshape(k, k)
         above = np.concatenate(
             (
                 np.concatenate((-self._entering(components), unit), axis=1),
@@ -436,7 +436,7 @@ class Flow:
                 np.concatenate((-self.gains[bounded], self._zeros(len(bounded), k)), axis=1),
             )
         )
-        slack = 0 if self.exact else TOLERANCE / 100
+        slack = 0 if self.is_rational else TOLERANCE / 100
         zeros, ones = self._full(k, 0), self._full(k, 1)
         limit = np.concatenate((zeros, ones, -least[bounded] + slack))
         objective = np.concatenate((self._full(size, 0), ones))

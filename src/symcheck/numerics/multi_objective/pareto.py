@@ -69,8 +69,8 @@ def pareto_front(flow: Flow, optimised: Sequence[int], least: Numbers) -> Front 
     chosen = list(optimised)
 
     def best(weights: Sequence[Fraction]) -> Numbers | None:
-        w = full(flow.objectives, 0, exact=flow.exact)
-        w[chosen] = numbers(np.array(weights, dtype=object), exact=flow.exact)
+        w = full(flow.objectives, 0, rational=flow.is_rational)
+        w[chosen] = numbers(np.array(weights, dtype=object), rational=flow.is_rational)
         optimum = flow.best(w, least)
         if optimum is None:
             return None
@@ -117,7 +117,7 @@ def _excess(point: Numbers, others: Sequence[Numbers]) -> Any:
     """By how much every convex combination of `others` is below a point in some coordinate."""
     k, d = len(others), len(point)
     exact = isinstance(point[0], Fraction)
-    one, zero = full(1, 1, exact=exact)[0], full(1, 0, exact=exact)[0]
+    one, zero = full(1, 1, rational=exact)[0], full(1, 0, rational=exact)[0]
     # Combination + excess - surplus = point, in each coordinate. The excess is a difference.
     matrix = np.concatenate(
         (

@@ -76,7 +76,7 @@ def strategy_of_flow(flow: Flow, x: Numbers) -> ModeDecisions:
     Raises:
         UnsupportedError: no strategy with finite memory attains the values of the solution.
     """
-    return _Solution(flow, x if flow.exact else np.where(x > _NOTHING, x, 0.0)).decisions()
+    return _Solution(flow, x if flow.is_rational else np.where(x > _NOTHING, x, 0.0)).decisions()
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +96,14 @@ class _Solution:
         usable = flow.usable
         amount = self.x[: len(usable)]
         rows, weights = usable[amount > 0], amount[amount > 0]
-        total = full(n, 0, exact=flow.exact)
+        total = full(n, 0, rational=flow.is_rational)
         np.add.at(total, self.owner[rows], weights)
         for settled in modes:
             np.add.at(total, settled.settling_states, settled.amounts)
         lost, detour = self._stuck(rows, modes, np.asarray(total > 0))
         kept = ~lost[self.owner[rows]]
         rows, weights = rows[kept], weights[kept] / total[self.owner[rows[kept]]]
-        one = full(len(detour), 1, exact=flow.exact)
+        one = full(len(detour), 1, rational=flow.is_rational)
         zeros = np.zeros(len(rows) + len(detour), np.int64)
         rows = np.concatenate((rows, detour))
         parts = [(self.owner[rows], zeros, rows, np.concatenate((weights, one)), zeros)]
@@ -120,7 +120,7 @@ class _Solution:
             share, after = settling * settled.shares[taken], np.full(len(taken), number)
             parts.append((states[taken], 0 * after, settled.rows[taken], share, after))
         state, mode, row, share, following = map(np.concatenate, zip(*parts, strict=True))
-        sums = full(n * (len(modes) + 1), 0, exact=flow.exact)
+        sums = full(n * (len(modes) + 1), 0, rational=flow.is_rational)
         np.add.at(sums, state + mode * n, share)
         result = ModeDecisions(state, mode, row, share / sums[state + mode * n], following)
         self._check_reached(result, total)
@@ -134,7 +134,7 @@ class _Solution:
         start = np.zeros(flow.matrix.states, np.bool_)
         start[flow.initial] = True
         missed = total[~graph.forward_reachable(chain, start)]
-        if (missed > (0 if flow.exact else _LOST * max(1.0, total.max()))).any():
+        if (missed > (0 if flow.is_rational else _LOST * max(1.0, total.max()))).any():
             raise UnsupportedError(
                 "no strategy attains this value: strategies only come as close to it as desired"
             )
@@ -179,7 +179,7 @@ class _Solution:
 
     def _uniform(self, rows: Int64s) -> Numbers:
         counts = np.bincount(self.owner[rows], minlength=self.flow.matrix.states)
-        return full(len(rows), 1, exact=self.flow.exact) / counts[self.owner[rows]]
+        return full(len(rows), 1, rational=self.flow.is_rational) / counts[self.owner[rows]]
 
     def _staying(self, stay: Stay) -> Int64s:
         """The rows of the accepting end components; each state keeps to its first pair."""
@@ -200,17 +200,17 @@ class _Solution:
         assert stay.parts is not None
         matrix, n = self.flow.matrix, self.flow.matrix.states
         rows, often = lasting[often > 0], often[often > 0]
-        frequency = full(n, 0, exact=self.flow.exact)
+        frequency = full(n, 0, rational=self.flow.is_rational)
         np.add.at(frequency, self.owner[rows], often)
         within = np.asarray(frequency > 0)
-        component = full(stay.parts.count, 0, exact=self.flow.exact)
+        component = full(stay.parts.count, 0, rational=self.flow.is_rational)
         np.add.at(component, stay.parts.of[self.owner[rows]], often)
         for states in graph.bsccs(_graph(matrix, self.owner, rows), within):
             inside = np.zeros(n, np.bool_)
             inside[states] = True
             number = stay.parts.of[states[0]]
             part = frequency[states].sum() / component[number]
-            if not self.flow.exact and part <= _RARE:
+            if not self.flow.is_rational and part <= _RARE:
                 continue
             ((_, visits),) = stay.accepted
             if not all((inside & visit).any() for visit in visits):
@@ -226,7 +226,7 @@ class _Solution:
             )
             towards = np.flatnonzero(inner)[ahead[ahead >= 0]]
             all_rows = np.concatenate((rows[taken], towards))
-            one = full(len(towards), 1, exact=self.flow.exact)
+            one = full(len(towards), 1, rational=self.flow.is_rational)
             shares = np.concatenate((often[taken] / frequency[owners], one))
             order = np.argsort(all_rows)
             here = stay.parts.of[settling_states] == number

@@ -64,7 +64,7 @@ def solve_cost_bounded(
         MemoryLimitError: the levels that are kept at a time do not fit into EPOCH_BYTES.
         UnsupportedError: a least reward is infinite.
     """
-    m, n, exact = problem.matrix, problem.matrix.states, problem.matrix.exact
+    m, n, exact = problem.matrix, problem.matrix.states, problem.matrix.is_rational
     within = (problem.costs > 0) & (problem.costs <= problem.budget)
     slots = int(problem.costs[within].max(initial=0)) + 1
     if slots * n * 16 > tuning.EPOCH_BYTES:
@@ -90,7 +90,7 @@ def solve_cost_bounded(
         max_iterations=settings.max_iterations,
     )
     for level in range(problem.budget + 1):
-        constant = full(m.rows, 0, exact=exact)
+        constant = full(m.rows, 0, rational=exact)
         constant[rows_of_free] = problem.rewards[rows_of_free]
         upper = constant.copy()
         for cost, rows, part in by_cost:
@@ -125,7 +125,7 @@ class _FreeSteps:
         lengths = np.where(free, m.lengths, 1)
         starts = starts_of(np.append(lengths, 1))
         indices = np.full(starts[-1], n, np.int32)
-        data = full(int(starts[-1]), 1, exact=m.exact)
+        data = full(int(starts[-1]), 1, rational=m.is_rational)
         kept, old = np.repeat(free, m.lengths), spans(starts[:-2][free], starts[1:-1][free])
         indices[old], data[old] = m.indices[kept], m.data[kept]
         groups = np.append(problem.groups, m.rows + 1)
@@ -178,11 +178,11 @@ class _FreeSteps:
         self, constant: Numbers, upper: Numbers, settings: Settings
     ) -> tuple[Numbers, Numbers]:
         """Bounds on the values of a level, given those of the rows with a cost."""
-        n, exact = self.problem.matrix.states, self.closed.exact
+        n, exact = self.problem.matrix.states, self.closed.is_rational
         infinite = self._reaching(constant, None if self._is_least else self.forever)
         unbounded = self._reaching(upper)  # infinite, or no upper bound is proved
         unknown = self.states & ~(self.nothing | infinite)
-        low = full(n + 1, 0, exact=exact)
+        low = full(n + 1, 0, rational=exact)
         low[infinite] = np.inf
         high = low.copy()
         if unknown.any():
@@ -205,7 +205,7 @@ class _FreeSteps:
     ) -> tuple[Numbers, Numbers]:
         from symcheck.numerics.linear.methods import solve_linear
 
-        direction, exact = self.problem.direction, self.closed.exact
+        direction, exact = self.problem.direction, self.closed.is_rational
         if self._known is None or not np.array_equal(self._known, unknown):
             part = self.closed.among(unknown)
             if direction is None:
@@ -231,5 +231,5 @@ class _FreeSteps:
         else:
             inner = replace(quotient.problem, direction=direction)
             solution = quotient.expand(solve_linear(inner, settings))
-        rounding = ROUNDING if solution.exact and not exact else 0
+        rounding = ROUNDING if solution.up_to_rounding and not exact else 0
         return solution.lower * (1 - rounding), solution.upper * (1 + rounding)

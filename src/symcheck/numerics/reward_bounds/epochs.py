@@ -64,14 +64,14 @@ def solve_epochs(
     """
     n = problem.matrix.states
     if problem.upper is not None and problem.upper < problem.lower:
-        nothing = numbers(np.zeros(n, np.bool_), exact=problem.matrix.exact)
+        nothing = numbers(np.zeros(n, np.bool_), rational=problem.matrix.is_rational)
         return EpochValues(nothing, nothing, 0, 0, 0)
     reach = problem.upper if problem.upper is not None else problem.lower
     # Larger rewards have the same effect as the number of epochs: the budget is exhausted.
     rewards = np.minimum(problem.rewards, reach + (problem.upper is not None))
     slots = int(rewards[rewards <= reach].max(initial=0)) + 1
     problem = replace(problem, rewards=rewards)
-    if problem.matrix.exact:
+    if problem.matrix.is_rational:
         # Rationals are slow compared with graph analysis, which the epochs save.
         copies, _ = unfold_reward_dimension(problem, rewards, problem.lower, problem.upper)
         values, _ = _unbounded(copies, settings)

@@ -135,7 +135,7 @@ class _Builder:
             labels=labels,
             rewards=rewards,
             constants=constants,
-            exact=self.table.exact,
+            is_rational=self.table.exact,
             given=dict(self.given),
             system=self.program.system,
             warnings=warnings,
@@ -240,7 +240,7 @@ class _Builder:
 
 def exactly_bound(model: BoundModel) -> BoundModel:
     """The model with the numbers of its text as rationals."""
-    if model.exact:
+    if model.is_rational:
         return model
     # What is divided by its sum in the model is divided by it here, too.
     normalise = bool(model.warnings)

@@ -94,7 +94,7 @@ class _Conditions:
             self.report.input("not-constant", f"{what} must be constant", expression.span)
             return None
         try:
-            if self.model.exact:
+            if self.model.is_rational:
                 return evaluate(expression, {}, exact=True)
             return evaluate_constant(expression)
         except InputError as fault:

@@ -50,9 +50,15 @@ def solve_linear(
     method = _select(problem, settings.method)
     if problem.n == 0:
         none = problem.constant[:0]
-        return Solution(none, none, method.name, exact=True, explanation="nothing to solve")
+        return Solution(
+            none, none, method.name, up_to_rounding=True, explanation="nothing to solve"
+        )
     quotient = None
-    if (method.sound or settings.strategy) and problem.matrix is not None and not problem.exact:
+    if (
+        (method.sound or settings.strategy)
+        and problem.matrix is not None
+        and not problem.is_rational
+    ):
         quotient = collapse(problem)
     if quotient is None:
         solution = method.solve(problem, settings, observer)
@@ -63,7 +69,7 @@ def solve_linear(
 
 def _select(problem: LinearProblem, name: str) -> Method:
     """The method of this name, once its requirements are checked."""
-    if problem.exact:
+    if problem.is_rational:
         name = "rational"
     if name == "auto":
         simple = problem.mode == 0 and problem.probability
@@ -72,7 +78,7 @@ def _select(problem: LinearProblem, name: str) -> Method:
     method = METHODS.get(name)
     if method is None:
         raise UnsupportedError(f"there is no method '{name}'; there are {', '.join(METHODS)}")
-    if method.exact and not problem.exact:
+    if method.is_rational and not problem.is_rational:
         raise UnsupportedError(f"method '{name}' solves over the rationals", hint="use -exact")
     if method.requires == "rows" and problem.matrix is None:
         others = ", ".join(m.name for m in METHODS.values() if m.requires == "products")
@@ -129,7 +135,7 @@ METHODS: Mapping[str, Method] = {
             "rows",
             True,
             "elimination and policy iteration over the rationals",
-            exact=True,
+            is_rational=True,
         ),
     )
 }

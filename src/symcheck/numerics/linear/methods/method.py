@@ -29,7 +29,7 @@ class Method:
     sound: whether its bounds are proved.
     description: one line for users.
     rewards: whether it solves expected rewards as well as probabilities.
-    exact: whether it is for rationals, and for these only.
+    is_rational: whether it is for rationals, and for these only.
     """
 
     name: str
@@ -38,4 +38,4 @@ class Method:
     sound: bool
     description: str
     rewards: bool = True
-    exact: bool = False
+    is_rational: bool = False

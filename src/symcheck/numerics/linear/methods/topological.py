@@ -379,7 +379,7 @@ def _signed(problem: LinearProblem, settings: Settings, observer: Observer | Non
         lower,
         upper,
         "topological",
-        plus.exact and minus.exact and _keeps_digits(plus, minus),
+        plus.up_to_rounding and minus.up_to_rounding and _keeps_digits(plus, minus),
         True,
         plus.iterations + minus.iterations,
         note,
