@@ -156,7 +156,7 @@ class _Writer:
     @cached_property
     def _stay(self) -> Rationals:
         """The mean time of a step of each row."""
-        exit_rates = self.model.exit_rates
+        exit_rates = self.exact.engine.system(self.exact.engine.all).exit_rates
         if exit_rates is None:
             return full(self._matrix.rows, 1, rational=True)
         return rationals((1 / exit_rates).tolist())

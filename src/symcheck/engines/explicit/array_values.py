@@ -99,7 +99,8 @@ class ArrayValues:
         return self.lower is self.upper or np.array_equal(self.lower, self.upper, equal_nan=True)
 
     def __repr__(self) -> str:
-        return f"<ArrayValues of {len(self.lower):,} states, {'exact' if self.is_point else 'certified'}>"
+        kind = "exact" if self.is_point else "certified"
+        return f"<ArrayValues of {len(self.lower):,} states, {kind}>"
 
     def rounded(self, states: ArraySet) -> bool:
         """Whether some value over the set was computed in floating point."""
