@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 from symcheck.check.result import Line, SolverRun
 from symcheck.engines.base import Engine, Equations, StateSet, Values
 from symcheck.errors import Diagnostic, NameFault
+from symcheck.lazy_dataclass import dataclass
 from symcheck.numerics.linear.problem import Observer
 from symcheck.options import Options
 from symcheck.semantics.expressions.types import type_of

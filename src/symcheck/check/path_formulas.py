@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import assert_never
 
 from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import NO_SPAN, Span
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.path_normal_form import (
     Connected,

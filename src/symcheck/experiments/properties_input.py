@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from itertools import chain
 from pathlib import Path
 
 from symcheck.errors import Span, SymcheckError, SyntaxFault
+from symcheck.lazy_dataclass import dataclass
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import (
     is_jani,

@@ -4,13 +4,14 @@ float64 or rationals.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from symcheck.kernels.arrays import Bools, Floats, Int32s, Int64s
 from symcheck.kernels.rows import sparse, submatrix
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices import tuning
 from symcheck.matrices.numbers import Numbers, doubles, is_exact, sum_segments
 from symcheck.parallel.threads import even_shares, on_threads, thread_count

@@ -12,7 +12,6 @@ import os
 import re
 import sys
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache, cached_property
 from hashlib import sha256
 from importlib.util import find_spec
@@ -21,6 +20,7 @@ from typing import Any, cast
 
 import lark
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.syntax.tree_builder import Builder, ModelBuilder, PropertiesBuilder
 
 __all__ = ["Language", "cache_directory", "grammar_text", "load", "load_interactive"]

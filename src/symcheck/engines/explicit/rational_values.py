@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from functools import reduce
 from math import inf, isfinite, nan, nextafter
@@ -12,6 +12,7 @@ from operator import eq, ge, gt, le, lt, ne
 import numpy as np
 
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Rationals, rationals
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.expressions.evaluate import BINARY, FUNCTIONS

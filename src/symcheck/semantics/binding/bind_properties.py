@@ -6,10 +6,11 @@ Each property is bound separately: its fault or its missing constants do not aff
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.binding.bound_conditions import check_conditions
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, undefined
 from symcheck.semantics.binding.property_references import PropertyReferences

@@ -13,11 +13,12 @@ A dead value that may leave its variable's range is still checked: faults of the
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from functools import reduce as fold
 from itertools import starmap
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.model import (
     BoundCommand,
     BoundModel,

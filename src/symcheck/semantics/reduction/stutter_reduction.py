@@ -14,9 +14,10 @@ to be in the variable's range.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.model import BoundModel, BoundUpdate, Event
 from symcheck.semantics.reduction.control_locations import Location, Locations, simplified
 from symcheck.semantics.reduction.live_variables import is_safe, may_be_undefined
