@@ -22,7 +22,6 @@ from symcheck.semantics.expressions.vectorised import evaluate_columns
 from symcheck.semantics.model import Variable
 from symcheck.semantics.path_normal_form import StateFormula, normal_form
 from symcheck.semantics.reduction.live_variables import may_be_undefined
-from symcheck.semantics.reduction.reset_dead_variables import reads_rewards
 from symcheck.semantics.reduction.stutter_reduction import counts_steps
 from symcheck.semantics.rewards import Steps
 from symcheck.simulate.monitors import reward_monitor
@@ -39,6 +38,7 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.operators import Operator, Signature, connect
 from symcheck.syntax.printer import pretty
+from symcheck.syntax.traversal import reads_rewards
 
 VARIABLES = (
     Variable("a", Type.BOOL, 0, 1, False, "m"),

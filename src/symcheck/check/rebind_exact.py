@@ -9,9 +9,8 @@ from symcheck.engines.base import Engine, erased
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.binding.bind import exactly_bound
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.reduction.reset_dead_variables import reads_rewards
 from symcheck.syntax.ast import Expression, LabelReference
-from symcheck.syntax.traversal import nodes
+from symcheck.syntax.traversal import nodes, reads_rewards
 
 __all__ = ["exact_twin"]
 

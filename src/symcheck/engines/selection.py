@@ -171,10 +171,10 @@ def _explore_first(
     """Explore shortly, and longer where states are symmetric or have few transitions: then anew, up
     to symmetry.
     """
-    from symcheck.explicit.build import Exploration
-    from symcheck.semantics.reduction.symmetry import observed_symmetries
-
     if not exploration.run(tuning.SMALL_MODEL_STATES):
+        from symcheck.explicit.build import Exploration
+        from symcheck.semantics.reduction.symmetry import observed_symmetries
+
         if symmetries := observed_symmetries(model):
             exploration = Exploration(model, options, symmetries=symmetries)
             exploration.run(_states_up_to_symmetry(symmetries), observer)

@@ -38,15 +38,14 @@ from symcheck.syntax.ast import (
     LabelReference,
     Literal,
     Name,
-    RewardBound,
     StateFilter,
     StateOperator,
     Type,
 )
 from symcheck.syntax.operators import Operator
-from symcheck.syntax.traversal import Tree, children, nodes, transform
+from symcheck.syntax.traversal import Tree, children, nodes, reads_rewards, transform
 
-__all__ = ["Reduction", "expanded", "observe", "reads_rewards", "reduce"]
+__all__ = ["Reduction", "expanded", "observe", "reduce"]
 
 _KEPT_BY_BISIMULATION = {"min", "max", "range", "forall", "exists"}
 _TRUE = Literal(True, Type.BOOL)
@@ -95,11 +94,6 @@ def _seen(formula: Expression, labels: Mapping[str, Expression]) -> Iterator[Exp
                     yield expanded(node, labels)  # type: ignore[arg-type]
                 else:
                     stack += children(node)
-
-
-def reads_rewards(node: Tree) -> bool:
-    """Whether a node of a formula itself may read the rewards of the model."""
-    return isinstance(node, RewardBound) or (isinstance(node, StateOperator) and node.reads_rewards)
 
 
 def _is_state_expression(below: Sequence[Tree]) -> bool:
