@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -66,8 +67,9 @@ def _lazy(
         for name in () if slots else own.__dataclass_fields__:
             if name in own.__dict__:
                 setattr(cls, name, own.__dict__[name])
-            elif name in cls.__dict__:
-                delattr(cls, name)  # it has no default, or a factory
+            else:  # it has no default, or a factory; another thread may be as far
+                with suppress(AttributeError):
+                    delattr(cls, name)
         own.__dataclass_params__.frozen = frozen
         cls.__dataclass_params__ = own.__dataclass_params__
         cls.__dataclass_fields__ = fields | own.__dataclass_fields__
