@@ -24,10 +24,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property, wraps
 from itertools import takewhile
 from typing import ParamSpec, TypeVar
+
+from symcheck.lazy_dataclass import dataclass
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from fractions import Fraction
 from typing import Literal, NamedTuple, TypedDict, TypeVar, cast, get_args
 
 from symcheck.errors import UsageError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.machine import read_bytes
 
 __all__ = [

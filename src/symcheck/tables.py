@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from importlib import import_module
 from itertools import islice, zip_longest
 from types import ModuleType
 from typing import TYPE_CHECKING
 
 from symcheck.errors import UnsupportedError
+from symcheck.lazy_dataclass import dataclass
 
 if TYPE_CHECKING:
     import numpy as np

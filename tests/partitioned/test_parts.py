@@ -22,7 +22,8 @@ from symcheck.check.result import Certified, Exact
 from symcheck.distributed import DistributedModel, explore_on_cluster, parts, tuning
 from symcheck.distributed import model as model_module
 from symcheck.distributed import part as part_module
-from symcheck.distributed.part import Message, Part
+from symcheck.distributed.messages import Message
+from symcheck.distributed.part import Part
 from symcheck.distributed.partition import Partition, choose_partition
 from symcheck.distributed.substitution import Substitution
 from symcheck.errors import (

@@ -23,7 +23,6 @@ from symcheck.semantics.model import Variable
 from symcheck.semantics.path_normal_form import StateFormula, normal_form
 from symcheck.semantics.query import query_of
 from symcheck.semantics.reduction.live_variables import may_be_undefined
-from symcheck.semantics.reduction.reset_dead_variables import reads_rewards
 from symcheck.syntax.ast import (
     Binary,
     Expression,
@@ -37,6 +36,7 @@ from symcheck.syntax.ast import (
 from symcheck.syntax.operators import Operator, Signature, connect
 from symcheck.syntax.parse import parse_model
 from symcheck.syntax.printer import pretty
+from symcheck.syntax.traversal import reads_rewards
 
 VARIABLES = (
     Variable("a", Type.BOOL, 0, 1, False, "m"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -23,6 +23,7 @@ from symcheck.check.result import Result
 from symcheck.constant_values import ConstantValue, GivenConstants, constant_values
 from symcheck.engines.states import States
 from symcheck.errors import ResourceError, SymcheckError, UsageError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.numerics.linear.problem import Observer as IterationObserver
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import BoundProperties, BoundProperty, bind_properties

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -16,6 +15,7 @@ from symcheck.check.result import Result
 from symcheck.constant_values import GivenConstants, constant_values
 from symcheck.engines.states import Named, States
 from symcheck.errors import UsageError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers
 from symcheck.semantics.model import Value, Variable
 from symcheck.semantics.rewards import Structure

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, wraps
 from typing import TYPE_CHECKING, Concatenate, NamedTuple, ParamSpec, Self, TypeVar, Unpack
 
@@ -11,6 +11,7 @@ from symcheck.api.arguments import takes_options
 from symcheck.constant_values import GivenConstants, constant_values
 from symcheck.engines import registry
 from symcheck.engines.base import Engine
+from symcheck.lazy_dataclass import dataclass
 from symcheck.options import Options, OptionValues, make_options
 from symcheck.semantics.binding.bind import bind, check_constant_names, undefined_constants
 from symcheck.semantics.expressions.literals import as_expression

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TypeVar, cast
 
 from symcheck.check.result import Line, SolverRun
 from symcheck.engines.base import Engine, Equations, StateSet, Values
 from symcheck.errors import Diagnostic, NameFault
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Int64s
 from symcheck.numerics.linear.problem import Observer
 from symcheck.options import Options

@@ -8,9 +8,8 @@ from symcheck.check.context import Context
 from symcheck.engines.base import Engine, erased
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.binding.bind import exactly_bound
-from symcheck.semantics.reduction.reset_dead_variables import reads_rewards
 from symcheck.syntax.ast import LabelReference
-from symcheck.syntax.traversal import nodes
+from symcheck.syntax.traversal import nodes, reads_rewards
 
 __all__ = ["exact_twin"]
 

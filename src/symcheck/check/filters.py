@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Generic, TypeVar, assert_never
 
@@ -14,6 +13,7 @@ from symcheck.check.result import Line
 from symcheck.check.thresholds import by_rationals
 from symcheck.engines.base import Number, StateSet, Values
 from symcheck.errors import Diagnostic, InputError, SymcheckError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import is_rational, rationals
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics import rational_limits

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeVar
 
 from symcheck.constant_values import ConstantValue, GivenConstants, combinations
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.binding.bind import BoundProperty, bind_property, needed_constants
 from symcheck.semantics.model import BoundModel, Observations
 from symcheck.syntax.ast import Expression, Name, PathQuantifier

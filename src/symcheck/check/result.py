@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar, assert_never
 
 from symcheck.engines.base import Engine
 from symcheck.engines.states import States, StateValues
 from symcheck.errors import NoStrategyError, NotInResultError, UnsupportedError, UsageError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.expressions.literals import format_state, format_value, to_float
 from symcheck.tables import Table
 

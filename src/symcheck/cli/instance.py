@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import perf_counter
 
 from symcheck.api.model import Model
@@ -21,6 +21,7 @@ from symcheck.cli.run_state import RunState
 from symcheck.cli.simulation.sampling import sampling_plan, write_path
 from symcheck.constant_values import typed_value
 from symcheck.errors import OutputError, ResourceError, SymcheckError, UsageError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.binding.bind import without_unused_faults
 from symcheck.semantics.model import Value
 from symcheck.syntax.declarations import PropertiesFile

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ from symcheck.cli.output import Output
 from symcheck.cli.progress import Progress
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.experiments.rows import Row
+from symcheck.lazy_dataclass import dataclass
 from symcheck.options import Options
 
 if TYPE_CHECKING:  # most runs do without

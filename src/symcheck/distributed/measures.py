@@ -13,7 +13,8 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.distributed import tuning
 from symcheck.distributed.end_components import end_components
-from symcheck.distributed.part import Message, Part
+from symcheck.distributed.messages import Message
+from symcheck.distributed.part import Part
 from symcheck.distributed.parts import Parts
 from symcheck.errors import MemoryLimitError, NumericalError, ResourceError, UnsupportedError
 from symcheck.matrices.rows import Floats

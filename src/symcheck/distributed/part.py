@@ -1,8 +1,4 @@
-"""The part of a model that one worker holds: exploration, backward search and iteration.
-
-Values at the boundaries are exchanged as pairs of arrays: places in the list of the ghosts of
-another part, and their new values.
-"""
+"""The part of a model that one worker holds, as its owner calls it: exploration and iteration."""
 
 from __future__ import annotations
 
@@ -11,13 +7,14 @@ from functools import cached_property
 from typing import NamedTuple, assert_never
 
 import numpy as np
-from numpy.typing import NDArray
 
 from symcheck.direction import Direction
 from symcheck.distributed import tuning
+from symcheck.distributed.backward_search import BackwardSearch
 from symcheck.distributed.checkpoints import PartFiles
 from symcheck.distributed.end_components import CollapsedComponents, StayingRows
 from symcheck.distributed.exploration import PartExploration, PartRows
+from symcheck.distributed.messages import Boundary, Message
 from symcheck.distributed.partition import Partition
 from symcheck.distributed.substitution import PartEquations, Substitution
 from symcheck.errors import UnsupportedError
@@ -25,7 +22,6 @@ from symcheck.explicit.compile import compile_expression
 from symcheck.explicit.states import Rows, StateLayout
 from symcheck.explicit.tables import total_reward
 from symcheck.kernels.arrays import Masks
-from symcheck.kernels.graph.partial_search import search
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.part_sweeps import PartSweeps
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
@@ -37,10 +33,7 @@ from symcheck.semantics.state_faults import describe_state
 from symcheck.simulate.state_predicates import compile_predicate
 from symcheck.syntax.ast import Expression
 
-__all__ = ["Counts", "Message", "Part"]
-
-Message = tuple[Int32s | None, NDArray[np.generic]]
-"""Places in the list of the ghosts of a part (None: all of them), and their values."""
+__all__ = ["Counts", "Part"]
 
 _UNIT_ROUNDOFF = float(np.finfo(np.float64).eps)
 
@@ -158,6 +151,7 @@ class Part:
 
     def _start(self, rows: PartRows) -> None:
         self._rows, self._matrix = rows, rows.matrix
+        self._boundary = Boundary(rows)
         self._n, self._total = len(rows.states), int(rows.starts[-1])
         self._sets: dict[str, Bools] = {}
         self._collapsed: CollapsedComponents | None = None
@@ -189,11 +183,11 @@ class Part:
             members = np.asarray(holds(self._rows.states, self._rows.deadlocks), np.bool_)
             bits[: self._n] |= members.astype(np.uint8) << np.uint8(bit)
         self._bits = bits
-        return [(None, bits[s]) for s in self._rows.sent]
+        return self._boundary.all(bits)
 
     def receive_sets(self, incoming: Sequence[Message]) -> None:
         """Complete the sets by the ghosts; `through` are the states of `left` and not `right`."""
-        self._receive(self._bits, incoming)
+        self._boundary.receive(self._bits, incoming)
         left, right = (self._bits & 1).astype(np.bool_), (self._bits & 2).astype(np.bool_)
         self._sets |= {"left": left, "right": right, "through": left & ~right}
 
@@ -217,8 +211,7 @@ class Part:
         hit = np.zeros(self._matrix.rows, np.uint8)
         if inside is not None:
             hit |= self._matrix.multiply((~self._sets[inside]).astype(np.float64)) > 0
-        self._begin(self._sets[source].copy(), self._sets[through], hit, every_choice)
-        return self._new_members()
+        return self._begin(self._sets[source].copy(), self._sets[through], hit, every_choice)
 
     def begin_loop_search(self, unknown: str) -> list[Message]:
         """Begin the search for states that must leave the choices of `unknown` without reward.
@@ -234,55 +227,22 @@ class Part:
         free = np.bincount(self._row_state[~excluded], minlength=self._total)
         source = ~self._sets[unknown] | (free == 0)
         source[self._n :] = ~self._sets[unknown][self._n :]
-        self._begin(source, self._sets[unknown], excluded.view(np.uint8), True)
-        return self._new_members()
+        return self._begin(source, self._sets[unknown], excluded.view(np.uint8), True)
 
-    def _begin(self, source: Bools, through: Bools, hit: Masks, every: bool) -> None:
-        self._hit = hit
-        self._misses = (
-            np.bincount(self._row_state[self._hit == 0], minlength=self._total).astype(np.int32)
-            if every
-            else None
+    def _begin(self, source: Bools, through: Bools, hit: Masks, every: bool) -> list[Message]:
+        self._search = BackwardSearch(
+            self._boundary, self._columns, self._row_state, source, through, hit, every
         )
-        self._through = through.view(np.uint8)
-        self._reached = source.view(np.uint8)
-        self._told = [self._no_reached(s) for s in self._rows.sent]
-        self._extend(np.flatnonzero(self._reached).astype(np.int32))
-
-    @staticmethod
-    def _no_reached(sent: Int32s) -> Bools:
-        return np.zeros(len(sent), np.bool_)
-
-    def _extend(self, found: Int32s) -> None:
-        search(
-            *self._columns,
-            self._row_state,
-            self._hit,
-            self._misses,
-            self._through,
-            found,
-            self._reached,
-        )
+        return self._search.messages()
 
     def continue_search(self, incoming: Sequence[Message]) -> list[Message]:
         """Go on from the ghosts that are reached."""
-        ghosts = self._ghosts(incoming)
-        new = ghosts[self._reached[ghosts] == 0]
-        self._reached[new] = 1
-        self._extend(new)
-        return self._new_members()
-
-    def _new_members(self) -> list[Message]:
-        messages: list[Message] = []
-        for sent, told in zip(self._rows.sent, self._told, strict=True):
-            places = np.flatnonzero(self._reached[sent].view(np.bool_) & ~told).astype(np.int32)
-            told[places] = True
-            messages.append((places, np.empty(0, np.bool_)))
-        return messages
+        self._search.go_on(incoming)
+        return self._search.messages()
 
     def end_search(self, name: str) -> None:
         """Keep the reached states as a set."""
-        self._sets[name] = self._reached.view(np.bool_)
+        self._sets[name] = self._search.reached
 
     # ----------------------------------------------------------------------- end components
 
@@ -291,13 +251,13 @@ class Part:
         own = self._sets["staying"][: self._n]
         self._numbers = np.full(self._total, -1, np.int32)
         self._numbers[: self._n][own] = firsts[self._number] + np.arange(np.count_nonzero(own))
-        return [(None, self._numbers[s]) for s in self._rows.sent]
+        return self._boundary.all(self._numbers)
 
     def staying_rows(self, incoming: Sequence[Message]) -> StayingRows:
         """The choices without a reward that lead to states of `staying` only, after its search."""
-        self._receive(self._numbers, incoming)
+        self._boundary.receive(self._numbers, incoming)
         own = np.flatnonzero(self._sets["staying"][: self._n])
-        rows = np.flatnonzero((self._hit == 0) & self._sets["staying"][self._row_state])
+        rows = np.flatnonzero((self._search.hit == 0) & self._sets["staying"][self._row_state])
         matrix = self._matrix.choose(rows)
         choices = np.bincount(self._row_state[rows], minlength=self._n)[own]
         return StayingRows(choices, matrix.lengths, self._numbers[matrix.indices])
@@ -307,11 +267,11 @@ class Part:
         (components,) = given
         self._components = np.full(self._total, -1, np.int32)
         self._components[: self._n][self._sets["staying"][: self._n]] = components
-        return [(None, self._components[s]) for s in self._rows.sent]
+        return self._boundary.all(self._components)
 
     def collapse(self, incoming: Sequence[Message], count: int) -> None:
         """Let the values of components come from all parts, instead of sweeps."""
-        self._receive(self._components, incoming)
+        self._boundary.receive(self._components, incoming)
         self._collapsed = CollapsedComponents(
             self._matrix, self._row_state, self._components, count, self._constant
         )
@@ -343,7 +303,7 @@ class Part:
         self._total_sum = np.zeros(len(self._rows.initial))
         self._upper: Floats | None = None
         self._upper_of_known = self._lower
-        self._sent_lower = [self._lower[s] for s in self._rows.sent]
+        self._sent_lower = [self._lower[s] for s in self._boundary.sent]
 
     @property
     def _mode(self) -> int:
@@ -435,7 +395,7 @@ class Part:
         number: of a checkpoint of the substitution to go on from; None: there is none.
         """
         values = np.stack([self._lower, self._lower], axis=1)
-        self._told = [~self._unknown[s] for s in self._rows.sent]
+        self._told = [~self._unknown[s] for s in self._boundary.sent]
         unknown = self._unknown.copy()
         if number is not None:
             assert self._files is not None
@@ -464,14 +424,9 @@ class Part:
         """Solve the components whose last successors have become known, and tell the others."""
         substitution = self._substitution
         assert substitution is not None
-        self._receive(substitution.values, incoming)
-        substitution.decide(self._ghosts(incoming))
-        messages: list[Message] = []
-        for sent, told in zip(self._rows.sent, self._told, strict=True):
-            places = np.flatnonzero(~substitution.unknown[sent] & ~told).astype(np.int32)
-            told[places] = True
-            messages.append((places, substitution.values[sent[places]]))
-        return messages
+        self._boundary.receive(substitution.values, incoming)
+        substitution.decide(self._boundary.ghosts(incoming))
+        return self._boundary.of_new(~substitution.unknown, self._told, substitution.values)
 
     def end_substitution(self) -> tuple[float, list[tuple[float, float]]]:
         """Continue with the states that are still unknown: the largest relative width of the bounds
@@ -483,7 +438,7 @@ class Part:
         self._substitution = None
         self._unknown_own &= self._unknown
         self._lower, self._upper_of_known = values[:, 0].copy(), values[:, 1].copy()
-        self._sent_lower = [self._lower[s] for s in self._rows.sent]
+        self._sent_lower = [self._lower[s] for s in self._boundary.sent]
         known = self._rows.initial[~self._unknown[self._rows.initial]]
         return width, [(float(low), float(high)) for low, high in values[known]]
 
@@ -493,7 +448,7 @@ class Part:
         """Begin a phase of `improve`, in which all lower bounds may rise."""
         self._system = self._sweeps()
         self._active = self._unknown_own.astype(np.uint8)
-        return self._changes(self._lower, 0.0)
+        return self._boundary.of_changes(self._lower, self._sent_lower, 0.0)
 
     def improve(
         self, incoming: Sequence[Message], threshold: float, components: Floats | None
@@ -504,14 +459,18 @@ class Part:
         threshold: relative changes up to this one are not passed on.
         components: the values of components by all parts; None: not yet, or there are none.
         """
-        self._receive(self._lower, incoming)
-        self._activate_before(self._ghosts(incoming))
+        self._boundary.receive(self._lower, incoming)
+        self._activate_before(self._boundary.ghosts(incoming))
         if self._collapsed is not None and components is not None:
             self._activate_before(self._collapsed.raise_lower(self._lower, components))
         left = self._system.raise_lower(
             self._lower, self._active, threshold, tuning.SWEEPS_PER_ROUND
         )
-        return left, self._changes(self._lower, threshold), self._leave(self._lower, upwards=False)
+        return (
+            left,
+            self._boundary.of_changes(self._lower, self._sent_lower, threshold),
+            self._leave(self._lower, upwards=False),
+        )
 
     def _leave(self, values: Floats, *, upwards: bool) -> Floats | None:
         if self._collapsed is None:
@@ -536,9 +495,9 @@ class Part:
             )
             self._violated = self._unknown.astype(np.uint8)
             self._violated[self._n :] = 0
-            self._sent_upper = [np.full(len(s), np.nan) for s in self._rows.sent]
+            self._sent_upper = [np.full(len(s), np.nan) for s in self._boundary.sent]
         self._active = self._unknown_own.astype(np.uint8)
-        return self._changes(self._upper, 0.0, self._sent_upper)
+        return self._boundary.of_changes(self._upper, self._sent_upper, 0.0)
 
     def lower(
         self, incoming: Sequence[Message], threshold: float, components: Floats | None
@@ -547,8 +506,8 @@ class Part:
         candidates are not yet bounds.
         """
         assert self._upper is not None
-        self._receive(self._upper, incoming)
-        self._activate_before(self._ghosts(incoming))
+        self._boundary.receive(self._upper, incoming)
+        self._activate_before(self._boundary.ghosts(incoming))
         if self._collapsed is not None and components is not None:
             values = np.minimum(components, self._cap)
             self._activate_before(self._collapsed.lower_upper(self._upper, self._violated, values))
@@ -560,7 +519,7 @@ class Part:
             threshold,
             tuning.SWEEPS_PER_ROUND,
         )
-        messages = self._changes(self._upper, threshold, self._sent_upper)
+        messages = self._boundary.of_changes(self._upper, self._sent_upper, threshold)
         return left, messages, self._leave(self._upper, upwards=True), violated
 
     @property
@@ -584,7 +543,7 @@ class Part:
         self._step_values = np.empty(len(self._step_states))
         if rate is not None:
             self._stay = 1 - self._matrix.row_sums()[self._step_states] / rate
-        return self._changes(self._lower, 0.0)
+        return self._boundary.of_changes(self._lower, self._sent_lower, 0.0)
 
     def greatest_rate(self) -> float:
         """The greatest exit rate of the unknowns."""
@@ -596,7 +555,7 @@ class Part:
 
     def step(self, incoming: Sequence[Message], weight: float) -> tuple[list[float], list[Message]]:
         """Add the weighted values of the initial states, and go a step; the sums, and messages."""
-        self._receive(self._lower, incoming)
+        self._boundary.receive(self._lower, incoming)
         x, states, new = self._lower, self._step_states, self._step_values
         self._total_sum += weight * x[self._rows.initial]
         sparse.best_products(
@@ -605,7 +564,9 @@ class Part:
         if self._rate is not None:
             new = new / self._rate + self._stay * x[states]
         x[states] = new
-        return [float(s) for s in self._total_sum], self._changes(x, 0.0)
+        return [float(s) for s in self._total_sum], self._boundary.of_changes(
+            x, self._sent_lower, 0.0
+        )
 
     # ------------------------------------------------------------------------- checkpoints
 
@@ -628,44 +589,3 @@ class Part:
         values = self._substitution.values[: self._n].copy()
         values[self._substitution.unknown[: self._n]] = np.nan
         self._files.save_values(formula, number, {"values": values})
-
-    # ----------------------------------------------------------------------------- messages
-
-    def _changes(
-        self, values: Floats, threshold: float, sent_values: list[Floats] | None = None
-    ) -> list[Message]:
-        """The values that differ from those that another part knows, by default lower ones."""
-        known = self._sent_lower if sent_values is None else sent_values
-        messages: list[Message] = []
-        for sent, told in zip(self._rows.sent, known, strict=True):
-            new = values[sent]
-            changed = new != told
-            if threshold:
-                with np.errstate(invalid="ignore"):
-                    changed &= np.abs(new - told) > threshold * new
-            count = np.count_nonzero(changed)
-            if count > tuning.DENSE_SHARE * len(new):
-                told[:] = new
-                messages.append((None, new))
-                continue
-            places = np.flatnonzero(changed).astype(np.int32)
-            told[places] = new[places]
-            messages.append((places, new[places]))
-        return messages
-
-    def _ghosts(self, incoming: Sequence[Message]) -> Int32s:
-        """The ghosts that messages are about."""
-        starts = self._rows.starts
-        found = [np.empty(0, np.int32)]
-        for part, (places, _) in enumerate(incoming):
-            first, last = starts[part], starts[part + 1]
-            ghosts = np.arange(first, last) if places is None else first + places
-            found.append(ghosts.astype(np.int32))
-        return np.concatenate(found)
-
-    def _receive(self, values: NDArray[np.generic], incoming: Sequence[Message]) -> None:
-        """Write values of ghosts."""
-        starts = self._rows.starts
-        for part, (places, new) in enumerate(incoming):
-            of_part = values[starts[part] : starts[part + 1]]
-            of_part[slice(None) if places is None else places] = new

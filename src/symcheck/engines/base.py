@@ -11,12 +11,12 @@ file (`Engine`, `System`, ...), where S is any `StateSet` and V any `Values`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from math import inf, nextafter
 from typing import Generic, Protocol, Self, TypeVar, cast
 
 from symcheck.direction import Direction
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, Rationals
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -20,6 +20,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import EquationsOf, S, S_contra, SolvedValues, SystemOf, V, V_co
 from symcheck.engines.reward_sums import RewardSums
 from symcheck.errors import UnsupportedError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, is_infinite, is_rational
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, per_row, starts_of

@@ -9,7 +9,7 @@ values finds these states on every engine; the interpreter evaluates the rewards
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ import numpy as np
 from symcheck.engines import tuning
 from symcheck.engines.capabilities import HasActions
 from symcheck.errors import InputError, UnsupportedError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Bools, Floats, Int64s, per_row
 from symcheck.numerics import rational_limits
 from symcheck.numerics.tuning import UNIT_ROUNDOFF

@@ -27,13 +27,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import prod
 from typing import TYPE_CHECKING
 
 from symcheck.engines import tuning
 from symcheck.engines.base import Engine, erased
 from symcheck.errors import MemoryLimitError, TimeLimitError, UnsupportedError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.machine import available_memory
 from symcheck.options import Options
 from symcheck.syntax.ast import Call
@@ -132,10 +133,12 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
             possible.
         ModelFault, ResourceError: as for `choose`.
     """
+    from symcheck.explicit.build import Exploration
     from symcheck.kernels.explore.breadth_first import malloc_trim
 
+    exploration = Exploration(model, options)
     with _diagrams_need_less(model):
-        exploration = _explore_first(model, options, observer)
+        exploration = _explore_first(exploration, model, options, observer)
         if exploration.complete:
             return _small_model(exploration, observer)
     if (reason := _why_no_diagrams(model)) is not None:
@@ -162,13 +165,16 @@ def _take_turns(model: BoundModel, options: Options, observer: Observer | None) 
     return _symbolic_engine(space, options, observer, reason, restricted)
 
 
-def _explore_first(model: BoundModel, options: Options, observer: Observer | None) -> Exploration:
-    """The short exploration: longer where states are symmetric or have few transitions."""
-    from symcheck.explicit.build import Exploration
-    from symcheck.semantics.reduction.symmetry import observed_symmetries
-
-    exploration = Exploration(model, options)
+def _explore_first(
+    exploration: Exploration, model: BoundModel, options: Options, observer: Observer | None
+) -> Exploration:
+    """Explore shortly, and longer where states are symmetric or have few transitions: then anew, up
+    to symmetry.
+    """
     if not exploration.run(tuning.SMALL_MODEL_STATES):
+        from symcheck.explicit.build import Exploration
+        from symcheck.semantics.reduction.symmetry import observed_symmetries
+
         if symmetries := observed_symmetries(model):
             exploration = Exploration(model, options, symmetries=symmetries)
             exploration.run(_states_up_to_symmetry(symmetries), observer)

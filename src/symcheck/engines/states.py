@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from sys import maxsize
 from typing import TYPE_CHECKING, ClassVar, TypeVar, overload
@@ -14,6 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 from symcheck.engines import tuning
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import UnsupportedError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, doubles, is_rational
 from symcheck.matrices.rows import Bools, Int64s
 from symcheck.semantics.diagnostics import suggest

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
 
 from symcheck.errors import InputError, Span, SymcheckError, SyntaxFault
+from symcheck.lazy_dataclass import dataclass
 from symcheck.syntax.ast import LETTERS
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import (

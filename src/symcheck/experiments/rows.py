@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Accuracy, Answer, Estimate, Result, show_value
 from symcheck.constant_values import ConstantValue, GivenConstants, typed_value
 from symcheck.errors import SymcheckError, UnsupportedError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.expressions.literals import format_value, to_float
 
 __all__ = ["Row", "constant_names", "constant_text", "error_text", "records", "row_of"]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import TYPE_CHECKING, NoReturn, assert_never
 
@@ -34,6 +34,7 @@ from symcheck.explicit.states import Rows, StateLayout, StateTable
 from symcheck.explicit.tables import tables, total_reward
 from symcheck.explicit.unbounded import ReachedValues, growth
 from symcheck.kernels.explore.breadth_first import CsrBuilder, Explorer, Outcome, malloc_trim
+from symcheck.lazy_dataclass import dataclass
 from symcheck.machine import available_memory
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.options import Options

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from symcheck.explicit.decider import Decider
 from symcheck.explicit.faults import raise_expression_fault
 from symcheck.explicit.states import Rows, StateLayout
 from symcheck.kernels.explore.register_machine import run_packed
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.expressions.vectorised import Column
 from symcheck.semantics.model import BoundModel, Variable

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from symcheck.explicit.compile import compile_expression
 from symcheck.explicit.states import StateTable
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.expressions.vectorised import Column
 from symcheck.semantics.model import BoundModel

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.model import Variable
 from symcheck.syntax.ast import Type

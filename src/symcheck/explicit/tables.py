@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
 from math import inf
@@ -17,6 +16,7 @@ from symcheck.explicit.candidates import Forest, Masks, all_of, any_of, conjunct
 from symcheck.explicit.code_generation import CodeGenerator
 from symcheck.explicit.decider import Decider
 from symcheck.explicit.states import StateLayout
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate
 from symcheck.semantics.state_faults import sum_tolerance

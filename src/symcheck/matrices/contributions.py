@@ -7,11 +7,11 @@ source to its target, and these commands may have different actions.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix
 

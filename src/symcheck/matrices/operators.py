@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol, Self
 
 from symcheck.direction import Direction
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices import tuning
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Floats

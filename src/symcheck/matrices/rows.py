@@ -4,7 +4,7 @@ float64 or rationals.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from symcheck.direction import Direction
 from symcheck.kernels.arrays import Bools, Floats, Int32s, Int64s
 from symcheck.kernels.rows import sparse, submatrix
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices import tuning
 from symcheck.matrices.numbers import N, Numbers, doubles, is_rational, sum_segments
 from symcheck.parallel.threads import even_shares, on_threads, thread_count

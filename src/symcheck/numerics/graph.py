@@ -9,7 +9,6 @@ Sources: Baier & Katoen (2008), 10.1 and 10.6; de Alfaro (1997) for end componen
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +18,7 @@ from symcheck.kernels.arrays import Masks
 from symcheck.kernels.graph import components as kernel
 from symcheck.kernels.graph import mdp_graph
 from symcheck.kernels.rows import sparse
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.numerics import tuning
 

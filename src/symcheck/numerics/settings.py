@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
+
+from symcheck.lazy_dataclass import dataclass
 
 __all__ = ["ROUNDING", "Accuracy", "Settings"]
 

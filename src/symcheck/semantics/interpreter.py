@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 from typing import cast
 
 from symcheck.errors import InputError, ModelFault
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics import state_faults
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import to_float

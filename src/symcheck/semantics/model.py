@@ -7,9 +7,10 @@ renamings are expanded, and `LabelReference` does not occur.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.syntax.ast import Expression, Literal, ModelType, Node, Type
 from symcheck.syntax.declarations import Composition, Program
 

@@ -9,10 +9,10 @@ Source: Baier & Katoen (2008), 5.1.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Generic, TypeVar, assert_never
 
 from symcheck.errors import UnsupportedError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.time_bounds import RewardWindow, Window, counts, window
 from symcheck.syntax.ast import (

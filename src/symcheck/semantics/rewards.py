@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import assert_never, cast
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundModel, BoundReward
 from symcheck.syntax.ast import Expression, Literal, RewardBound, RewardOperator, Type

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, floor, isfinite
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, Span
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.expressions.evaluate import evaluate_constant
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, bounded_reward

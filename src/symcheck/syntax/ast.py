@@ -8,13 +8,14 @@ the boolean `Unary`, `Binary` and `Conditional` nodes of state formulas. Declara
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from fractions import Fraction
 from typing import ClassVar, get_args
 from typing import Literal as Choice
 
 from symcheck.errors import NO_SPAN, Span
+from symcheck.lazy_dataclass import dataclass
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 
 __all__ = [

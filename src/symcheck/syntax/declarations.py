@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal as Choice
 
 from symcheck.errors import InputError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.syntax.ast import Expression, ModelType, Node, Type
 
 __all__ = [

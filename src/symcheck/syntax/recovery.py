@@ -13,12 +13,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 from copy import copy
-from dataclasses import dataclass
 from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, cast
 
 from lark import Token, UnexpectedToken
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.syntax.grammars import Language
 
 if TYPE_CHECKING:

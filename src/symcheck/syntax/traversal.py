@@ -16,7 +16,9 @@ from symcheck.syntax.ast import (
     Node,
     PathBound,
     PathFormula,
+    RewardBound,
     RewardQuery,
+    StateOperator,
 )
 from symcheck.syntax.declarations import Composition
 
@@ -26,6 +28,7 @@ __all__ = [
     "names",
     "nodes",
     "operands",
+    "reads_rewards",
     "substitute",
     "transform",
     "with_children",
@@ -129,3 +132,8 @@ def substitute(tree: T, mapping: Mapping[str, Expression]) -> T:
         return mapping.get(node.name, node) if isinstance(node, Name) else node
 
     return transform(tree, put)
+
+
+def reads_rewards(node: Tree) -> bool:
+    """Whether a node of a formula itself may read the rewards of the model."""
+    return isinstance(node, RewardBound) or (isinstance(node, StateOperator) and node.reads_rewards)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -24,6 +24,7 @@ from symcheck.check.context import Context
 from symcheck.check.result import SolverRun
 from symcheck.engines.base import ROUNDING, System, Values
 from symcheck.errors import UnsupportedError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Floats
 from symcheck.numerics import tuning

@@ -4,8 +4,6 @@ value, so that lower and upper bounds are carried along.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from symcheck.check.context import Context
@@ -13,6 +11,7 @@ from symcheck.check.measures.long_horizons import RestOfSteps, squared_steps
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, System, Values
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Floats, best_of_rows
 from symcheck.numerics.linear.problem import Progress, largest_width

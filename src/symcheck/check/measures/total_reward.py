@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from symcheck.check.context import Context
@@ -12,6 +10,7 @@ from symcheck.check.measures.step_bounded import best
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph

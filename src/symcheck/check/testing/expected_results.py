@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from math import isfinite, isnan
@@ -18,6 +17,7 @@ from typing import assert_never
 
 from symcheck.check.result import Number, Result, Statistical, show_value
 from symcheck.errors import InternalError, ResourceError, SymcheckError, UnsupportedError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import Value
 

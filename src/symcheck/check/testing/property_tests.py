@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
@@ -15,6 +15,7 @@ from symcheck.check.result import Result, show_value
 from symcheck.check.testing.expected_results import Verdict, VerdictKind, expected_value, judge
 from symcheck.constant_values import GivenConstants
 from symcheck.errors import UsageError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.model import Value
 from symcheck.tables import Table, Tabular
 from symcheck.whole_file import write_whole

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from symcheck.errors import UsageError
+from symcheck.lazy_dataclass import dataclass
 
 __all__ = ["Adapted", "adapt", "ignored_switches", "refused_switches"]
 

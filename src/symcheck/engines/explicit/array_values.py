@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from functools import cached_property, partial
 from math import fsum, isfinite, nan
@@ -16,6 +16,7 @@ import numpy as np
 
 from symcheck.engines.base import ROUNDING, bracket
 from symcheck.kernels.explore.register_machine import Op, apply_to_doubles
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.expressions.literals import LARGEST_WHOLE, LEAST_NORMAL, to_float

@@ -7,7 +7,7 @@ Its numbers are those of the explored model: float64, or rationals (the exact en
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from functools import cached_property
 from math import isfinite, isnan
@@ -39,6 +39,7 @@ from symcheck.engines.linear_system import (
 )
 from symcheck.engines.reward_sums import RewardSums
 from symcheck.explicit.explored import ExploredModel
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, Rationals, full, is_infinite, numbers
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel

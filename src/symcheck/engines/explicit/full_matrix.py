@@ -5,7 +5,7 @@ submatrix.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 from symcheck.engines import tuning
@@ -18,6 +18,7 @@ from symcheck.engines.linear_system import (
     require_normal_rewards,
     solved_values,
 )
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, per_row
 from symcheck.numerics.linear.masked_problem import MaskedProblem

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.base import ExplicitOwner
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Bools, spans
 from symcheck.numerics import graph
 

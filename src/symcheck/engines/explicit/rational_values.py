@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from functools import partial, reduce
 from math import inf, isfinite, nan, nextafter
@@ -11,6 +11,7 @@ from math import inf, isfinite, nan, nextafter
 import numpy as np
 
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Rationals, rationals
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.expressions.evaluate import apply_exactly

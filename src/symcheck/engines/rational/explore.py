@@ -7,7 +7,7 @@ oracle in tests.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,7 @@ from symcheck.errors import (
 from symcheck.explicit import tuning
 from symcheck.explicit.initial import initial_states
 from symcheck.explicit.unbounded import growth
+from symcheck.lazy_dataclass import dataclass
 from symcheck.machine import available_memory, used_data
 from symcheck.matrices.numbers import Numbers, Rationals, rationals
 from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix

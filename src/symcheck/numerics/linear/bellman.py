@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from symcheck.direction import Direction
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.operators import BoundStep
 from symcheck.matrices.rows import Floats, Int64s, best_of_rows, first_best
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN

@@ -6,13 +6,14 @@ If most states are unknown, a submatrix would take as much memory as the matrix 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.kernels.rows import submatrix as kernel
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Bools, Floats, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem

@@ -9,11 +9,12 @@ Sources: Haddad & Monmege (2018); Baier, Klein, Leuschner, Parker & Wunderlich (
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from symcheck.direction import Direction
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem, Solution

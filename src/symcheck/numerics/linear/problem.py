@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, is_rational, sum_segments
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Int64s, SparseMatrix

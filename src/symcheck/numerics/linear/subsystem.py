@@ -9,7 +9,7 @@ relative: w/x is the expected number of steps to the target, under the condition
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -19,6 +19,7 @@ from symcheck.direction import Direction
 from symcheck.kernels.chains.gth_elimination import GthElimination
 from symcheck.kernels.solve.certificates import certify
 from symcheck.kernels.solve.component_bounds import Block, ComponentSolver
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import (
     Bools,
     Floats,

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import NamedTuple
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.binding.bound_conditions import check_conditions
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, undefined
 from symcheck.semantics.binding.property_references import PropertyReferences

@@ -11,9 +11,9 @@ their guards are satisfiable.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import assert_never
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.model import BoundCommand, BoundModule, Event
 from symcheck.syntax.declarations import (
     Composition,

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from symcheck.errors import Span
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.syntax.declarations import Module, Program, RenamedModule
 

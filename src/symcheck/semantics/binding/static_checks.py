@@ -6,9 +6,9 @@ They check names, types, and which modules and commands write which variables.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 from symcheck.errors import NO_SPAN, NameFault, Span
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.binding.module_renaming import ModuleInstance, module_instances
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, names_in, undefined
 from symcheck.semantics.diagnostics import suggest

@@ -11,13 +11,13 @@ analysis).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
 from math import e, inf, isfinite
 from typing import Generic, NamedTuple, TypeVar, assert_never
 
 from symcheck.kernels.explore.register_machine import Op
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.expressions.literals import to_float, to_signed_float
 from symcheck.semantics.expressions.operations import Instruction, compose
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Type, Unary

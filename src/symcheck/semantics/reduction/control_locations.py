@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import product
 from math import prod
 from typing import cast
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.expressions.simplify import simplify
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Name, Type, Unary

@@ -10,11 +10,12 @@ analysis. SAS 1999, LNCS 1694.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import product
 from math import inf, isfinite
 from typing import assert_never
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.semantics.reduction.control_locations import (
     Location,

@@ -11,11 +11,12 @@ A dead value that may leave its variable's range is still checked: faults of the
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from functools import reduce as fold
 from itertools import starmap
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.model import (
     BoundCommand,
     BoundModel,
@@ -33,14 +34,13 @@ from symcheck.syntax.ast import (
     LabelReference,
     Literal,
     Name,
-    RewardBound,
     StateOperator,
     Type,
 )
 from symcheck.syntax.operators import Operator
-from symcheck.syntax.traversal import Tree, children, nodes, transform
+from symcheck.syntax.traversal import Tree, children, nodes, reads_rewards, transform
 
-__all__ = ["Reduction", "expanded", "observe", "reads_rewards", "reduce"]
+__all__ = ["Reduction", "expanded", "observe", "reduce"]
 
 _TRUE = Literal(True, Type.BOOL)
 _MAX_CONDITION_LOCATIONS = 40
@@ -85,11 +85,6 @@ def _seen(formula: Expression, labels: Mapping[str, Expression]) -> Iterator[Exp
                     yield expanded(node, labels)  # type: ignore[arg-type]
                 else:
                     stack += children(node)
-
-
-def reads_rewards(node: Tree) -> bool:
-    """Whether a node of a formula itself may read the rewards of the model."""
-    return isinstance(node, RewardBound) or (isinstance(node, StateOperator) and node.reads_rewards)
 
 
 def _is_state_expression(below: Sequence[Tree]) -> bool:

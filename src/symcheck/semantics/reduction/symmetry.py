@@ -16,12 +16,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import reduce as fold
 from math import factorial, prod
 
 import numpy as np
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
 from symcheck.semantics.model import (
     BoundCommand,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal, Protocol
 
+from symcheck.lazy_dataclass import dataclass
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Solution
 from symcheck.numerics.settings import Settings
 

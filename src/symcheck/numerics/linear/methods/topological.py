@@ -11,7 +11,7 @@ optimistic value iteration.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from symcheck.errors import NumericalError
 from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.certificates import component_depths
 from symcheck.kernels.solve.component_bounds import Block, ComponentSolver
+from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import doubles, rationals, sum_segments
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
