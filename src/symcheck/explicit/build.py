@@ -392,6 +392,7 @@ def explore(
     """The reachable states and transitions of a model, breadth first.
 
     Args:
+        model: the model.
         options: limits of time (seconds) and memory (bytes of the search's arrays), and checks.
         observer: is called with the progress about every 50 ms.
         seed: packed states that another search has reached already.

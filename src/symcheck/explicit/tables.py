@@ -95,6 +95,8 @@ def tables(
     """Compile a model for `symcheck.kernels.explore`.
 
     Args:
+        model: the model.
+        layout: how the states are packed.
         check_sums: check that the probabilities of each choice sum to 1 (never done for the rates
             of a CTMC).
         separate_choices: give each joint choice a row of its own, as in an MDP, also in a DTMC or

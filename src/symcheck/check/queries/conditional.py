@@ -84,6 +84,8 @@ def _accurate(
     """The values, by rational arithmetic where the bounds are wider than requested.
 
     Args:
+        context: the engine, the options and the log.
+        values: bounds on the values.
         relevant: the states that are asked for, where the values are defined.
         exactly: see `conditional_probability`.
     """

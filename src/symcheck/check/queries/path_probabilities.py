@@ -61,6 +61,7 @@ def complement_of(context: Context, probabilities: Callable[[Context], Values]) 
     more, and p is computed again, more accurately.
 
     Args:
+        context: the engine, the options and the log.
         probabilities: computes p with the accuracy of a context.
     """
     values = _complement(context, probabilities(context))

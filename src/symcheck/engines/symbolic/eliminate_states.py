@@ -36,7 +36,8 @@ def eliminate(
 
     Args:
         d: the diagrams of the model.
-        left, right: sets of states.
+        left: the states in which a path may go on.
+        right: the states in which it ends.
         limit: bytes that the result and graph questions on it may take.
         reward: the reward to accumulate; None for probabilities.
 
