@@ -194,7 +194,7 @@ def path_of(context: Context, formula: PathQuantifier) -> PathFormula[StateSet]:
 def applied_filter(
     context: Context, formula: Filter | StateFilter, relevant: StateSet
 ) -> AppliedFilter:
-    """A filter on the states of the engine; its formula is also right at the states that matter."""
+    """A filter on the states of the engine; its formula is also right at relevant states."""
     node = formula if isinstance(formula, Filter) else modern_filter(formula)
     states = context.engine.all if node.states is None else states_of(context)(node.states)
     also = states | relevant if node.operator in ("print", "printall") else states
@@ -282,7 +282,7 @@ def _bounded(context: Context, formula: AnyMeasure, relevant: StateSet) -> State
 def _exactly(context: Context, formula: Expression, relevant: StateSet) -> StateSet:
     """The states that satisfy a part of the checked formula in rational arithmetic.
 
-    It is right at the states that matter.
+    It is right at the relevant states.
 
     Raises UnsupportedError where the formula cannot be evaluated exactly.
     """

@@ -69,8 +69,8 @@ def reward_bounded_until(
 
     """
     engine = context.engine
-    trivial = [c for c in counts if c.window.trivial]
-    counts = [c for c in counts if c not in trivial]
+    unbounded = [c for c in counts if c.window.is_unbounded]
+    counts = [c for c in counts if c not in unbounded]
     if not counts:
         from symcheck.check.measures.reachability import until
 

@@ -209,13 +209,13 @@ class SymbolicGraph(Components):
     def _unavoidable(self, left: Bdd, right: Bdd) -> Bdd:
         """States from where all strategies have a positive probability of left U right."""
         reach = fresh = right
-        before = [self._d.manager.false] * len(self._d.slot_guards)
+        before = [self._d.manager.false] * len(self._d.class_guards)
         while fresh:
-            found = self.steps.slots_before(fresh)
+            found = self.steps.classes_before(fresh)
             before = [known | more for known, more in zip(before, found, strict=True)]
             near = (left & self._d.union(found)) - reach
             escape = self._d.union(
-                [(guard & near) - b for guard, b in zip(self._d.slot_guards, before, strict=True)]
+                [(guard & near) - b for guard, b in zip(self._d.class_guards, before, strict=True)]
             )
             fresh = near - escape
             reach |= fresh
@@ -240,10 +240,10 @@ class SymbolicGraph(Components):
 
         All choices on it stay within `candidates` with probability 1.
         """
-        within = [w & left for w in self.steps.slots_within(candidates)]
+        within = [w & left for w in self.steps.classes_within(candidates)]
         sure = fresh = right
         while fresh:
-            before = self.steps.slots_before(fresh)
+            before = self.steps.classes_before(fresh)
             fresh = self._d.union([w & b for w, b in zip(within, before, strict=True)]) - sure
             sure = sure | fresh
             self.steps.tell("sure", sure)
