@@ -74,6 +74,7 @@ def set_alarm(seconds: float, interval: float = 0.0) -> None:
     """Send ALARM to this process after so many seconds; 0: do not.
 
     Args:
+        seconds: the time until then; 0: never.
         interval: seconds after which it is repeated; 0: it is not.
     """
     if hasattr(signal, "setitimer"):

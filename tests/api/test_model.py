@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import symcheck
-from symcheck.engines.selection import Choice
+from symcheck.engines.selection import EngineChoice
 from symcheck.errors import NameFault, UsageError
 from symcheck.syntax.parse import parse_properties
 
@@ -40,7 +40,7 @@ def test_variants_keep_everything_else():
 def test_an_observer_is_told_of_the_chosen_engine():
     events: list[object] = []
     assert symcheck.loads(WALK, "N=3").with_observer(events.append).engine.states == 5
-    assert any(isinstance(event, Choice) for event in events)
+    assert any(isinstance(event, EngineChoice) for event in events)
 
 
 def test_an_observer_sees_iterations_and_may_end_them():

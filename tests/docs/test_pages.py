@@ -168,3 +168,14 @@ def test_paths_in_contributing_exist() -> None:
     for path in paths:
         found = [(base / path).exists() for base in (ROOT, ROOT / "src" / "symcheck")]
         assert any(found) or path == "tuning.py", path
+
+
+PROSE = [*sorted(DOCS.glob("*.md")), ROOT / "models" / "README.md", *sorted(ROOT.glob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PROSE, ids=[str(page.relative_to(ROOT)) for page in PROSE])
+def test_prose_has_lines_of_at_most_100_characters(page: Path) -> None:
+    """Code, what commands print, tables and definitions of links are as wide as they are."""
+    prose = re.sub(r"^( *```).*?^\1", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    lines = [line for line in prose.splitlines() if not re.match(r" *(\||\[[^]]+\]:)", line)]
+    assert [line for line in lines if len(line) > 100] == []

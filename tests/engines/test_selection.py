@@ -47,7 +47,7 @@ def chosen(text, monkeypatch, **settings):
     engine = selection.choose(
         bind(parse_model(text)),
         Options(),
-        lambda news: choices.append(news) if isinstance(news, selection.Choice) else None,
+        lambda news: choices.append(news) if isinstance(news, selection.EngineChoice) else None,
     )
     return engine, choices[-1]
 
@@ -192,7 +192,7 @@ def test_states_beyond_the_memory_limit_become_a_diagram():
     chosen: list[object] = []
     engine = build(bind(parse_model(text), {}), options, chosen.append)
     assert engine.states == 500_500
-    (choice,) = [c for c in chosen if isinstance(c, selection.Choice)]
+    (choice,) = [c for c in chosen if isinstance(c, selection.EngineChoice)]
     assert "exceed the memory limit" in choice.reason
     with pytest.raises(MemoryLimitError, match="of 8 MB is reached"):
         build(bind(parse_model(text), {}), replace(options, engine="explicit"))

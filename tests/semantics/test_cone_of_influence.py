@@ -200,7 +200,7 @@ def test_the_default_engine_counts_all_states_and_checks_few() -> None:
     model = symcheck.loads(text, symmetry=True).with_observer(choices.append)
     whole = symcheck.loads(text, engine="explicit")
     engine = model.reduced_for(instances_of(asked)).engine
-    (choice,) = (c for c in choices if isinstance(c, selection.Choice))
+    (choice,) = (c for c in choices if isinstance(c, selection.EngineChoice))
     assert choice.reason.startswith("the properties do not depend on t; ")
     assert engine.states == 4
     counts = engine.represented

@@ -9,7 +9,7 @@ import pytest
 
 from kernels.columns import run_masked
 from symcheck.check.context import Context
-from symcheck.check.state_formulas import is_plain, numbers, satisfying
+from symcheck.check.state_formulas import is_plain, satisfying, values_of
 from symcheck.errors import UnsupportedError
 from symcheck.explicit.compile import compile_expression
 from symcheck.options import Options
@@ -81,7 +81,7 @@ X = Name("x")
         lambda node: compile_expression(node, VARIABLES),
         lambda node: Typer(DiagnosticCollector(), lambda _: None, lambda _: None).state(node),
         lambda node: satisfying(CONTEXT, node, None),
-        lambda node: numbers(CONTEXT, node, None),
+        lambda node: values_of(CONTEXT, node, None),
     ],
 )
 def test_an_unknown_state_operator_is_named(ask) -> None:

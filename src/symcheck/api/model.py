@@ -63,7 +63,7 @@ class Model(CheckedModel):
     first used. With the option `reduce`, properties are checked on a smaller model, made for each
     `check` (or `check_all`); `engine` is that of the whole model.
 
-    Args:
+    Attributes:
         program: the parsed text.
         given_constants: one value for each constant that the text leaves open.
         options: how the model is built and checked.

@@ -61,7 +61,7 @@ class Smaller(NamedTuple):
 class Stages:
     """A program with constants and options, and what is made of it, each when it is first used.
 
-    The arguments are those of `symcheck.api.model.Model`.
+    The fields are those of `symcheck.api.model.Model`.
     """
 
     program: Program

@@ -204,6 +204,9 @@ def _substituted(
     """Every subformula, by number, with the unbounded ones of a kind replaced.
 
     Args:
+        factory: makes the new formulas.
+        formula: the formula.
+        kind: the kind of the subformulas that are replaced.
         other: what replaces a formula, from it and its replaced parts.
     """
     result: dict[int, LtlFormula] = {}

@@ -195,7 +195,7 @@ class _Writer:
                     "right": self._set(right),
                     "negated": negative,
                 }
-                if window.trivial:
+                if window.is_unbounded:
                     guess = self._values(self.formula)
                     guess, towards = (
                         (1 - guess, direction and direction.dual)
@@ -210,12 +210,14 @@ class _Writer:
                         name: self._until(*sets, towards, guess, upper=upper)
                         for name, upper in _SIDES
                     }
-                if not window.at_once:
+                if not window.contains_zero:
                     raise _unsupported()
                 if self._continuous:
                     return {**statement, "time": str(window.upper)}, {}
                 return {**statement, "steps": _steps(window)}, {}
-            case NextPath(target, window, negative), _ if window.trivial and not self._continuous:
+            case NextPath(target, window, negative), _ if (
+                window.is_unbounded and not self._continuous
+            ):
                 inside = {"not": self._set(target)} if negative else self._set(target)
                 return {"measure": "instantaneous", "states": inside, "steps": 1}, {}
             case _:

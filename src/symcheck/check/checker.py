@@ -28,7 +28,7 @@ from symcheck.check.result import (
     SolverRun,
     Statistical,
 )
-from symcheck.check.state_formulas import applied_filter, numbers, path_of, satisfying
+from symcheck.check.state_formulas import applied_filter, path_of, satisfying, values_of
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.engines.capabilities import RepresentsOrbits
 from symcheck.engines.explicit.rational_values import enclosure
@@ -293,7 +293,7 @@ def _explain(context: Context, formula: PathQuantifier, value: bool) -> None:
 
 
 def _numeric(context: Context, formula: Expression, type: Type) -> Result:
-    return _initially(context, numbers(context, formula, context.engine.initial), type)
+    return _initially(context, values_of(context, formula, context.engine.initial), type)
 
 
 def _initially(context: Context, values: Values, type: Type) -> Result:

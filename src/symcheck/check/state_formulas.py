@@ -48,11 +48,11 @@ __all__ = [
     "applied_filter",
     "is_plain",
     "modern_filter",
-    "numbers",
     "path_of",
     "query_of",
     "satisfying",
     "states_of",
+    "values_of",
 ]
 
 
@@ -111,13 +111,13 @@ def satisfying(context: Context, formula: Expression, relevant: StateSet) -> Sta
             assert_never(formula)
 
 
-def numbers(context: Context, formula: Expression, relevant: StateSet) -> Values:
+def values_of(context: Context, formula: Expression, relevant: StateSet) -> Values:
     """The value of a numeric formula at each state, within the requested accuracy."""
     if is_plain(formula):
         known = expression_values(context, formula)
         if known is not None:
             return known
-    here = partial(numbers, context, relevant=relevant)
+    here = partial(values_of, context, relevant=relevant)
     context = context.relevant_at(relevant)
     match formula:
         case Unary(UnaryOperator.MINUS, operand):
@@ -129,7 +129,7 @@ def numbers(context: Context, formula: Expression, relevant: StateSet) -> Values
         case Conditional(condition, then, otherwise):
             return here(then).choose(satisfying(context, condition, relevant), here(otherwise))
         case LabelReference():
-            return numbers(context.inside(formula), context.referred(formula), relevant)
+            return values_of(context.inside(formula), context.referred(formula), relevant)
         case Measure():
             query = query_of(context, formula)
             found = values(context, query, partial(_rationals, context, formula))
@@ -194,7 +194,7 @@ def path_of(context: Context, formula: PathQuantifier) -> PathFormula[StateSet]:
 def applied_filter(
     context: Context, formula: Filter | StateFilter, relevant: StateSet
 ) -> AppliedFilter:
-    """A filter on the states of the engine; its formula is also right at the states that matter."""
+    """A filter on the states of the engine; its formula is also right at relevant states."""
     node = formula if isinstance(formula, Filter) else modern_filter(formula)
     states = context.engine.all if node.states is None else states_of(context)(node.states)
     also = states | relevant if node.operator in ("print", "printall") else states
@@ -203,7 +203,7 @@ def applied_filter(
         node,
         states,
         lambda f: satisfying(context, f, also),
-        lambda f: numbers(context, f, also),
+        lambda f: values_of(context, f, also),
         partial(_exactly, context, formula, also),
     )
 
@@ -234,10 +234,10 @@ def _comparison(context: Context, formula: Binary, relevant: StateSet) -> StateS
     threshold = Fraction(right.value if isinstance(right, Literal) else 0)
 
     def compared(c: Context) -> Values:
-        found = numbers(c, left, relevant)
+        found = values_of(c, left, relevant)
         if isinstance(right, Literal):
             return found
-        return found.map(Operator.MINUS, numbers(c, right, relevant))
+        return found.map(Operator.MINUS, values_of(c, right, relevant))
 
     exactly = partial(_exactly, context, formula, relevant)
     return decide(context, compared, formula.operator.value, threshold, relevant, exactly)
@@ -282,7 +282,7 @@ def _bounded(context: Context, formula: AnyMeasure, relevant: StateSet) -> State
 def _exactly(context: Context, formula: Expression, relevant: StateSet) -> StateSet:
     """The states that satisfy a part of the checked formula in rational arithmetic.
 
-    It is right at the states that matter.
+    It is right at the relevant states.
 
     Raises UnsupportedError where the formula cannot be evaluated exactly.
     """

@@ -199,7 +199,7 @@ class _Session:
         """Report what has ended a run before its end, after the finished results are written."""
         self._reserve.clear()
         if isinstance(error, TimeLimitError):
-            self.signals.tell_time()
+            self.signals.note_timeout()
         if self.signals.signal is not None:  # whatever the interrupted code has made of it
             stopped = self.signals.error
             if isinstance(error, ResourceError):

@@ -165,7 +165,7 @@ def export_model(
 
 
 def _export_dot(path: str, output: Output, engine: Engine, varying: ConstantTexts) -> None:
-    """Write the diagrams of the matrix, one for each choice slot.
+    """Write the diagrams of the matrix, one for each choice class.
 
     Raises UnsupportedError on engines without diagrams.
     """

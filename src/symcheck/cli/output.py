@@ -12,7 +12,7 @@ from symcheck.check.result import Estimate, Result
 from symcheck.check.testing.property_tests import PropertyTests
 from symcheck.engines.base import Engine
 from symcheck.engines.capabilities import RepresentsOrbits
-from symcheck.engines.selection import Choice
+from symcheck.engines.selection import EngineChoice
 from symcheck.errors import InputError, OutputError, SymcheckError
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel, Value
@@ -102,7 +102,7 @@ class Output:
         self.out.flush()
 
     def built(
-        self, engine: Engine, choice: Choice | None, seconds: float, *, partial: bool
+        self, engine: Engine, choice: EngineChoice | None, seconds: float, *, partial: bool
     ) -> None:
         """Counts of a built model, or of the part that the properties need."""
         initial = engine.initial.count

@@ -12,7 +12,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 from symcheck.cli.output import Output
-from symcheck.engines.selection import Choice
+from symcheck.engines.selection import EngineChoice
 
 if TYPE_CHECKING:
     from symcheck.numerics.linear.problem import Progress as Iteration
@@ -45,7 +45,7 @@ class Progress:
         self.output = output
         self.terminal = output.out is sys.stdout and sys.stderr.isatty()
         self.wanted = self.terminal or output.verbose
-        self.choice: Choice | None = None
+        self.choice: EngineChoice | None = None
         self.sampled: SampledSoFar | None = None
         self._shown = perf_counter()
         self._visible = False
@@ -53,7 +53,7 @@ class Progress:
 
     def __call__(self, event: object) -> None:
         """Take note of an event of a builder."""
-        if isinstance(event, Choice):
+        if isinstance(event, EngineChoice):
             self.choice = event
             return
         self.output.detail(str(event))

@@ -110,10 +110,10 @@ class StopSignals:
         if ALARM in self._previous:
             set_alarm(max(seconds, 1e-6))
             return
-        self._timer = ThreadTimer(max(seconds, 0.0), self.tell_time)
+        self._timer = ThreadTimer(max(seconds, 0.0), self.note_timeout)
         self._timer.start()
 
-    def tell_time(self) -> None:
+    def note_timeout(self) -> None:
         """The time limit was reached, which what computes may notice before the signal comes."""
         self.signal = self.signal or ALARM
 

@@ -210,7 +210,8 @@ class DiagramManager:
         """Prepare images and preimages of relations that touch these variables.
 
         Args:
-            rows, columns: current-state and next-state variables, pairwise.
+            rows: current-state variables.
+            columns: next-state variables, one for each of `rows`.
         """
         return Transition(
             self.core, list(zip(map(self.index_of, rows), map(self.index_of, columns), strict=True))

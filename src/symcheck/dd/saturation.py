@@ -23,6 +23,8 @@ def saturate(
     does the same on every machine.
 
     Args:
+        saturation: the relations.
+        states: the states to begin with.
         within: states that the relations may lead to; None: all.
 
     Returns:

@@ -121,6 +121,7 @@ class Folder:
         """A folder for this model: a new one, or that of an earlier run with as many parts.
 
         Args:
+            path: the folder.
             model: names the model and its constants.
             partition: for a new folder.
 

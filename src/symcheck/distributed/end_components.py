@@ -121,7 +121,8 @@ class CollapsedComponents:
         """The best value of a choice of this part that leaves each component, rounded.
 
         Args:
-            x: float64[states].
+            x: the values of the states, float64[states].
+            upwards: round up, else down.
 
         Returns:
             float64[components]; for a component without such a choice here, 0 or infinite.

@@ -19,7 +19,7 @@ from symcheck.explicit.build import row_arrays
 from symcheck.explicit.faults import raise_model_fault
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.states import Rows, StateLayout
-from symcheck.explicit.tables import tables
+from symcheck.explicit.tables import compile_model
 from symcheck.kernels.explore.breadth_first import Explorer, Outcome, malloc_trim
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.model import BoundModel
@@ -76,7 +76,7 @@ class PartExploration:
         self._check_sums = check_sums
         self.layout = StateLayout.of(model.variables)
         self._explorer = Explorer(
-            tables(model, self.layout, check_sums=check_sums), None, partition.of(number)
+            compile_model(model, self.layout, check_sums=check_sums), None, partition.of(number)
         )
         self._owners: list[Int32s] = []
         self._classified = 0

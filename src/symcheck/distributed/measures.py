@@ -123,7 +123,7 @@ class Measures:
                 )
                 return Bounds(_complement(upper, 0.0), _complement(lower, 1.0), method)
             case UntilPath(left, right, window):
-                if not window.at_once:
+                if not window.contains_zero:
                     raise UnsupportedError(f"{_SUPPORTED}; not with lower bounds")
                 self._evaluate(left, right, labels)
                 if window.upper is None:

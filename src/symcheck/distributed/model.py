@@ -231,6 +231,7 @@ class DistributedModel:
         """As `check`, for a bound formula.
 
         Args:
+            formula: the formula, bound to the model.
             labels: state formulas of the properties file by name.
         """
         if self.initial != 1:

@@ -17,7 +17,7 @@ from symcheck.distributed import tuning
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.states import Rows, StateLayout
 from symcheck.explicit.successors import SuccessorGenerator
-from symcheck.explicit.tables import tables
+from symcheck.explicit.tables import compile_model
 from symcheck.kernels.explore.breadth_first import Explorer
 from symcheck.kernels.explore.breadth_first import owners as hashed_owners
 from symcheck.matrices.rows import Int32s
@@ -114,7 +114,7 @@ def _sample(model: BoundModel, layout: StateLayout) -> tuple[Rows, Rows, Rows]:
 
     Faults of the model are left to the exploration, which tells them.
     """
-    explorer = Explorer(tables(replace(model, rewards=()), layout))
+    explorer = Explorer(compile_model(replace(model, rewards=()), layout))
     explorer.add(initial_rows(model, layout))
     explorer.run(tuning.SAMPLE_STATES, _FOREVER)
     rows = explorer.states.view_rows()

@@ -78,7 +78,8 @@ def require_normal_numbers(smallest: float, largest: float, successors: int, rat
     """Refuse a matrix whose one-step probabilities are not all normal doubles.
 
     Args:
-        smallest, largest: the positive entries lie between them.
+        smallest: the least positive entry, or less.
+        largest: the largest entry, or more.
         successors: the most entries of a row, or more.
         rates: whether entries are rates, which will be divided by the sum of their row.
 

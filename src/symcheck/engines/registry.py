@@ -91,7 +91,8 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
     Args:
         model: the bound model.
         options: the engine, limits, and the order of the variables.
-        observer: receives the events of the builders: progress, iterations, the Choice of 'auto'.
+        observer: receives the events of the builders: progress, iterations, the EngineChoice of
+            'auto'.
 
     Raises:
         UsageError: the order names unknown variables.
@@ -100,11 +101,11 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
     """
     name: EngineName = "exact" if options.exact else options.engine
     if name == "auto" and options.workdir is not None:
-        from symcheck.engines.selection import Choice
+        from symcheck.engines.selection import EngineChoice
 
         name = "explicit"
         if observer is not None:
-            observer(Choice(name, "its arrays may be in files"))
+            observer(EngineChoice(name, "its arrays may be in files"))
     if options.order is not None:  # checked even if no diagram is made
         from symcheck.symbolic.ordering.order import check_order
 

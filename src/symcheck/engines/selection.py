@@ -47,13 +47,13 @@ if TYPE_CHECKING:
     from symcheck.symbolic.model import StateSpace, Transitions
     from symcheck.symbolic.reachability.search import SearchState
 
-__all__ = ["Choice", "choose"]
+__all__ = ["EngineChoice", "choose"]
 
 _TOO_MANY_READS = "updates read too many variables for diagrams"
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class EngineChoice:
     """The name of the chosen engine, and the reason of the choice."""
 
     engine: str
@@ -72,7 +72,7 @@ def choose(model: BoundModel, options: Options, observer: Observer | None = None
     Args:
         model: the bound model.
         options: limits of time and memory, and the order of the variables.
-        observer: receives the events of the builders, and the Choice.
+        observer: receives the events of the builders, and the EngineChoice.
 
     Returns:
         An explicit, sparse or hybrid engine.
@@ -513,4 +513,4 @@ def _symbolic_engine(
 
 def _report_choice(observer: Observer | None, engine: str, reason: str) -> None:
     if observer is not None:
-        observer(Choice(engine, reason))
+        observer(EngineChoice(engine, reason))

@@ -31,7 +31,7 @@ from symcheck.explicit.file_arrays import arrays_in
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateLayout, StateTable
-from symcheck.explicit.tables import tables, total_reward
+from symcheck.explicit.tables import compile_model, total_reward
 from symcheck.explicit.unbounded import ReachedValues, growth
 from symcheck.kernels.explore.breadth_first import CsrBuilder, Explorer, Outcome, malloc_trim
 from symcheck.lazy_dataclass import dataclass
@@ -168,7 +168,7 @@ class Exploration:
         if self.orbits is not None:
             self._initial = self.orbits.representatives(self._initial)
         self._explorer = Explorer(
-            tables(self.model, self.layout, check_sums=self.options.check_sums),
+            compile_model(self.model, self.layout, check_sums=self.options.check_sums),
             None if self.orbits is None else self.orbits.compiled,
         )
         self._reached = ReachedValues(self.layout)
@@ -392,6 +392,7 @@ def explore(
     """The reachable states and transitions of a model, breadth first.
 
     Args:
+        model: the model.
         options: limits of time (seconds) and memory (bytes of the search's arrays), and checks.
         observer: is called with the progress about every 50 ms.
         seed: packed states that another search has reached already.

@@ -50,7 +50,8 @@ class Code:
         """The value in each of n packed states.
 
         Args:
-            rows: uint64[n, words], states packed by `layout`.
+            layout: how the states are packed.
+            rows: the states, uint64[n, words].
 
         Returns:
             bool[n], int64[n] or float64[n] by `type`.

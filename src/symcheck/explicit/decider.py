@@ -46,6 +46,7 @@ class Decider:
         """The value of the expression of a decision; a bool is 0 or 1.
 
         Args:
+            number: the number of the decision (see `number`).
             values: those of the variables that it reads.
 
         Raises:

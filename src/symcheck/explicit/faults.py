@@ -25,6 +25,8 @@ def raise_expression_fault(
     """Raise the ModelFault of an expression that has no value.
 
     Args:
+        expression: the expression.
+        variables: the variables of the model.
         values: variable index to value, with those of all variables that the expression reads.
         status: of the register machine, for the message of an internal error.
     """

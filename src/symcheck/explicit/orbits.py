@@ -108,8 +108,10 @@ class StateOrbits:
 
         Args:
             states: the representatives.
-            initial, deadlocks: the numbers of some of them, ascending.
-            choices, transitions: how many each of them has in the whole model, int64[n].
+            initial: the numbers of the initial ones, ascending, int64[].
+            deadlocks: the numbers of the deadlocks among them, ascending, int64[].
+            choices: how many choices each of them has in the whole model, int64[n].
+            transitions: how many transitions each of them has in the whole model, int64[n].
         """
         factors = (self._sizes(states[initial], symmetry).tolist() for symmetry in self.symmetries)
         orbits = tuple(map(prod, zip(*factors, strict=True)))

@@ -13,7 +13,7 @@ import numpy as np
 from symcheck.explicit.compile import Code, compile_expression
 from symcheck.explicit.faults import raise_model_fault
 from symcheck.explicit.states import Rows, StateLayout
-from symcheck.explicit.tables import tables, total_reward
+from symcheck.explicit.tables import compile_model, total_reward
 from symcheck.kernels.explore.breadth_first import Expander
 from symcheck.matrices.rows import Bools, Floats, Int64s
 from symcheck.semantics.expressions.literals import LEAST
@@ -78,7 +78,9 @@ class SuccessorGenerator:
         self, model: BoundModel, layout: StateLayout, reward: Reward | None = None
     ) -> None:
         self._model, self._layout = model, layout
-        self._expander = Expander(tables(replace(model, rewards=()), layout, separate_choices=True))
+        self._expander = Expander(
+            compile_model(replace(model, rewards=()), layout, separate_choices=True)
+        )
         items = () if reward is None else reward_items(reward, model)
         self._state_reward = self._sum([i for i in items if i.on_states])
         self._action_rewards = {

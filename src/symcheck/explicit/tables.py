@@ -23,14 +23,14 @@ from symcheck.semantics.state_faults import sum_tolerance
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Name, Type
 from symcheck.syntax.operators import Operator
 
-__all__ = ["Tables", "tables"]
+__all__ = ["CompiledModel", "compile_model"]
 
 Assignments = Sequence[tuple[int, Expression]]
 _ALL = (1 << 64) - 1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
-class Tables:
+class CompiledModel:
     """A compiled model, as `symcheck.kernels.explore.breadth_first.Expander` reads it.
 
     Commands, updates and assignments are numbered consecutively; `x_ys[i]` to `x_ys[i+1]` are the
@@ -85,16 +85,18 @@ class Tables:
     decider: Decider
 
 
-def tables(
+def compile_model(
     model: BoundModel,
     layout: StateLayout,
     *,
     check_sums: bool = True,
     separate_choices: bool = False,
-) -> Tables:
+) -> CompiledModel:
     """Compile a model for `symcheck.kernels.explore`.
 
     Args:
+        model: the model.
+        layout: how the states are packed.
         check_sums: check that the probabilities of each choice sum to 1 (never done for the rates
             of a CTMC).
         separate_choices: give each joint choice a row of its own, as in an MDP, also in a DTMC or
@@ -137,7 +139,7 @@ class _Builder:
         self.keep: list[list[int]] = []
         self.preset: list[list[int]] = []
 
-    def build(self, kind: int, check_sums: bool) -> Tables:
+    def build(self, kind: int, check_sums: bool) -> CompiledModel:
         forest = Forest(self.layout.lows.tolist())
         root = self.events(forest)
         action_rewards, rewards, structures = self.rewards()
@@ -148,7 +150,7 @@ class _Builder:
         sizes = [
             [sum(len(c.updates) for c in p) for p in e.participants] for e in self.model.events
         ]
-        return Tables(
+        return CompiledModel(
             kind=kind,
             words=self.layout.words,
             tolerance=sum_tolerance(self.model.unchecked_sums),

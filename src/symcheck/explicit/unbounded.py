@@ -28,6 +28,7 @@ def growth(model: BoundModel, reached: Mapping[int, tuple[int, int]]) -> Growth 
     Diagrams do not help, because they need bounds.
 
     Args:
+        model: the model.
         reached: the least and the largest value so far of each such variable, by its index.
     """
     widest = sorted(

@@ -99,6 +99,7 @@ def quad_dag(matrices: Sequence[Mtbdd], row: Odd, column: Odd, columns: Sequence
     of the diagrams down.
 
     Args:
+        matrices: MTBDDs over the row and column bits.
         row: the ODD of the states that are rows.
         column: the ODD of the states that are columns, over row bits as well.
         columns: the column bits.
@@ -125,6 +126,7 @@ def flatten(
     """The matrices of a quad-DAG as compressed rows.
 
     Args:
+        quad: the matrices.
         layout: groups the rows of several matrices by state; None for one matrix.
 
     Returns:

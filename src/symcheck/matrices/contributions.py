@@ -40,7 +40,7 @@ class Contributions(NamedTuple):
         return np.where(touched, sums, matrix.data)
 
     def renumbered(self, number: Int64s) -> Contributions:
-        """The contributions after state i is called `place[i]`."""
+        """The contributions after state i is called `number[i]`."""
         return self._replace(source=number[self.source], target=number[self.target])
 
 

@@ -150,7 +150,7 @@ class SparseMatrix:
     def select(
         self, rows: Int64s | Int32s, index: Int32s, columns: int, groups: Int64s | None = None
     ) -> SparseMatrix:
-        """The chosen rows, with only the columns c where place[c] >= 0, renumbered to place[c]."""
+        """The chosen rows, with only the columns c where index[c] >= 0, renumbered to index[c]."""
         indptr, indices, data = sparse.select(
             self.indptr, self.indices, self.handles, np.asarray(rows, np.int64), index
         )
@@ -161,7 +161,7 @@ class SparseMatrix:
         return self.select(rows, np.arange(self.columns, dtype=np.int32), self.columns, groups)
 
     def merge(self, class_of: Int32s, columns: int) -> SparseMatrix:
-        """The matrix with columns renumbered by `place` (many to one); entries that coincide are
+        """The matrix with columns renumbered by `class_of` (many to one); entries that coincide are
         added.
         """
         if not self.is_rational:

@@ -100,6 +100,8 @@ def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tupl
     """The enabled choices in a state, unlabelled ones first.
 
     Args:
+        model: the model.
+        state: the values of its variables, in the order of declaration.
         check_sums: check that the probabilities of updates sum to 1.
 
     Raises:

@@ -129,8 +129,8 @@ def normal_form(path: PathFormula, model: BoundModel) -> NormalForm[Expression]:
             extent, a, not_b = _extent(bound, model), inner(left), _negation(inner(right))
             neither = _conjunction(_negation(a), not_b)
             # Without a lower bound, !b U (!a & !b) is equivalent, and its automaton is smaller.
-            at_once = isinstance(extent, Window) and extent.at_once
-            before = not_b if at_once else _conjunction(a, not_b)
+            contains_zero = isinstance(extent, Window) and extent.contains_zero
+            before = not_b if contains_zero else _conjunction(a, not_b)
             return Negated(UntilReached(before, neither, extent))
         case Unary(UnaryOperator.NOT, operand):
             form = inner(operand)

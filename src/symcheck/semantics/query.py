@@ -344,7 +344,7 @@ def _expected(
     match query:
         case ast.CumulativeReward(bound):
             time = window(bound)
-            if time.upper is None or not time.at_once:
+            if time.upper is None or not time.contains_zero:
                 raise UnsupportedError("a cumulative reward has an upper bound only: C<=k")
             return CumulativeReward(reward, time)
         case ast.CostBoundedReward(bound):
@@ -372,6 +372,10 @@ def _until_shown(
     reward: Reward, path: ast.PathFormula, model: BoundModel
 ) -> ReachReward[Expression] | CoSafeReward[Expression]:
     form = path_formula(path, model)
-    if isinstance(path, ast.Eventually) and isinstance(form, UntilPath) and form.window.trivial:
+    if (
+        isinstance(path, ast.Eventually)
+        and isinstance(form, UntilPath)
+        and form.window.is_unbounded
+    ):
         return ReachReward(reward, form.right)
     return CoSafeReward(reward, replace(as_ltl(form), span=path.span))

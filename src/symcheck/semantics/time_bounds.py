@@ -12,7 +12,7 @@ from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, bounded_reward
 from symcheck.syntax.ast import Expression, Limits, RewardBound, RewardBounds, TimeBound
 
-__all__ = ["RewardWindow", "Steps", "Window", "bound_value", "counts", "window"]
+__all__ = ["RewardWindow", "StepRange", "Window", "bound_value", "counts", "window"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,20 +26,20 @@ class Window:
     span: Span = NO_SPAN
 
     @property
-    def trivial(self) -> bool:
+    def is_unbounded(self) -> bool:
         """Whether the interval contains all times."""
         return self.lower == 0 and self.upper is None and not self.lower_strict
 
-    def steps(self) -> Steps:
+    def steps(self) -> StepRange:
         """The interval in steps. Raises InputError if a bound is not an integer or it is empty."""
         lower = _whole(self.lower, self.span) + self.lower_strict
         upper = None if self.upper is None else _whole(self.upper, self.span) - self.upper_strict
         if upper is not None and upper < lower:
             raise InputError(_empty(self.span))
-        return Steps(lower, upper)
+        return StepRange(lower, upper)
 
     @property
-    def at_once(self) -> bool:
+    def contains_zero(self) -> bool:
         """Whether time 0 is in the interval."""
         return self.lower == 0 and not self.lower_strict
 
@@ -52,7 +52,7 @@ class Window:
 
 
 @dataclass(frozen=True, slots=True)
-class Steps:
+class StepRange:
     """Step numbers from `lower` to `upper` (None: unbounded), both included."""
 
     lower: int

@@ -85,6 +85,7 @@ def check_by_sampling(
     threshold.
 
     Args:
+        model: the model.
         formula: a bound formula (see `bind_properties`).
         plan: method and size of the sample; None: the default plan.
         labels: labels of the properties file.

@@ -135,6 +135,7 @@ def interval(
 
     Args:
         samples: finite, and at least two.
+        error: the probability of missing the mean, between 0 and 1.
         support: what is known of the range of the samples.
         probability: the samples are 0 or 1.
         limit: prefer the approximation of this distribution; None: only if no other is possible.

@@ -192,6 +192,7 @@ class LazyChain:
         """A random branch of each of these states, by inversion of its distribution.
 
         Args:
+            ids: numbers of expanded states, int32[n].
             uniform: float64[n], numbers drawn uniformly from [0, 1).
 
         Returns:

@@ -50,6 +50,7 @@ class _PathNumbers:
         Args:
             paths: numbers of paths, int64[n], ascending. The cost is that of all between them.
             step: the step that these paths take.
+            stream: which of the numbers of this step.
         """
         if not len(paths):
             return np.empty(0)

@@ -40,6 +40,8 @@ def compile_predicate(
     """Compile a state formula.
 
     Args:
+        formula: the formula.
+        model: the model.
         layout: how the states are packed.
         labels: label names and their state formulas.
 

@@ -73,6 +73,8 @@ def estimate(samples: Samples, plan: Plan, *, probability: bool) -> IntervalEsti
     infinite if a sampled path earns an infinite reward.
 
     Args:
+        samples: draws the samples.
+        plan: method, number of samples, error and width.
         probability: the samples are 0 or 1.
 
     Raises:

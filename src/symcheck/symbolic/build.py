@@ -37,6 +37,7 @@ def build(
     """Encode a model as diagrams: bits, guards, updates and transition relations.
 
     Args:
+        model: the model.
         options: limits of memory and time, and the variable order.
         observer: is called with a SiftedOrder, where sifting finds one, and with each EncodedEvent.
         order: names of variables from the top of the diagrams down; None: as in the options.
@@ -105,6 +106,8 @@ def construct(
     """Encode a model, search its reachable states and compute its matrices.
 
     Args:
+        model: the model.
+        options: as in `build`.
         observer: is called with events, iterations and the results of the stages.
         order: as in `build`.
 

@@ -306,7 +306,7 @@ class _Writer:
         try:
             query = query_of(context, bound.formula)
             match query.quantity:
-                case PathProbability(UntilPath() as path) if path.window.trivial:
+                case PathProbability(UntilPath() as path) if path.window.is_unbounded:
                     yield from self._until(path, query.direction, symbolic)
                 case ReachReward(reward, target):
                     yield from self._reward(reward, target, query.direction)

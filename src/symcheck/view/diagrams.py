@@ -112,7 +112,10 @@ def shared_picture(
 
     Args:
         diagrams: at least one.
-        encoding, max_nodes, bits, title: as for `picture`.
+        encoding: says which bits encode which variable.
+        max_nodes: the most nodes that are drawn.
+        bits: draw one node per bit (see `picture`).
+        title: the caption.
 
     Returns:
         The picture, and the name of the root of each diagram.

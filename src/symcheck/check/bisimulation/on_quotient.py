@@ -26,7 +26,7 @@ from symcheck.check.bisimulation.quotient import (
 )
 from symcheck.check.context import Context
 from symcheck.check.filters import AppliedFilter
-from symcheck.check.state_formulas import is_plain, modern_filter, numbers, satisfying, states_of
+from symcheck.check.state_formulas import is_plain, modern_filter, satisfying, states_of, values_of
 from symcheck.engines.base import Engine, StateSet, V, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import InputError, NumericalError, UnsupportedError
@@ -175,7 +175,7 @@ def applied_filter(
         node,
         states,
         lambda f: smaller.lift_set(satisfying(inner, f, inner.engine.all)),
-        lambda f: smaller.lift(numbers(inner, f, inner.engine.all)),
+        lambda f: smaller.lift(values_of(inner, f, inner.engine.all)),
     )
 
 

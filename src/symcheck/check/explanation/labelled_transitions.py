@@ -89,7 +89,8 @@ def labelled_transitions(
         engine: the model, which has commands.
         matrix: its matrix, or that of a strategy.
         rows: the rows of the strategy, int64[n]; None without one.
-        through, target: bool[n], where paths may pass and where they end.
+        through: where paths may pass, bool[n].
+        target: where they end, bool[n].
         initial: the number of the initial state, which is no target.
         reward: what steps earn, also on paths that miss the target; None for probabilities.
 

@@ -161,12 +161,12 @@ def _probability(
     path = whole if satisfies else negated(whole)
     continuous_time = engine.model.type.continuous_time
     match path:
-        case NextPath(target, window, negative) if window.trivial:
+        case NextPath(target, window, negative) if window.is_unbounded:
             end = context.engine.to_bools(~target if negative else target)
             everything, nothing = np.ones_like(end), np.zeros_like(end)
             steps = StepProblem(engine.matrix, everything, nothing, end, 1)
             return PathSearch(engine, steps, first, satisfies)
-        case UntilPath(window=window) if window.trivial:
+        case UntilPath(window=window) if window.is_unbounded:
             rows, matrix = None, engine.matrix
             if engine.model.type.has_choices:
                 rows = strategy_attaining(context, query).rows
@@ -175,7 +175,7 @@ def _probability(
             problem = WalkProblem(matrix, passing, goal)
             return PathSearch(engine, problem, first, satisfies, rows=rows)
         case UntilPath(window=window) if continuous_time:
-            if path.negative or not window.at_once:
+            if path.negative or not window.contains_zero:
                 raise UnsupportedError(
                     "counterexamples of time bounds are supported for F<=t and U<=t whose paths "
                     "satisfy the formula: P<=p [ F<=t a ] that is false, P>=p [ F<=t a ] that is "
@@ -185,7 +185,7 @@ def _probability(
             problem = WalkProblem(engine.matrix, passing, goal)
             in_time = _within(engine, window.times()[1])
             return PathSearch(engine, problem, first, satisfies, probability_in_time=in_time)
-        case UntilPath(window=window) if window.at_once:
+        case UntilPath(window=window) if window.contains_zero:
             return PathSearch(engine, _bounded(context, engine.matrix, path), first, satisfies)
         case RewardPath():
             return _within_rewards(context, engine, query, path, first, satisfies=satisfies)

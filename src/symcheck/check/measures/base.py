@@ -41,7 +41,7 @@ class TimedMeasures(Protocol):
         direction: Direction | None,
         unbounded: Callable[[Context], Values],
     ) -> Values:
-        """Probability that the path formula, whose window is not trivial, holds.
+        """Probability that the path formula, which has bounds, holds.
 
         `unbounded` computes that probability without a window.
         """
@@ -54,7 +54,7 @@ class TimedMeasures(Protocol):
         direction: Direction | None,
         unbounded: Callable[[Context], Values],
     ) -> StateSet | None:
-        """States in which the path formula, whose window is not trivial, has a positive
+        """States in which the path formula, which has bounds, has a positive
         probability; None: not decided. `unbounded` is as for `bounded_until`.
         """
         ...

@@ -43,7 +43,8 @@ def conditional_reachability(
 
     Args:
         context: the engine, the options and the log; values are computed at its relevant states.
-        target, condition: the states to be reached.
+        target: the states to be reached.
+        condition: the states of the condition.
         direction: minimise or maximise over strategies.
 
     Returns:

@@ -62,7 +62,7 @@ def next_probability(
     rates, value = _exit_rates(system), system.one_step_probability(target)
     context.log.runs.append(SolverRun("transient", "one jump", system.n, 1))
     certain, impossible = engine.graph.all_successors_in(target), ~engine.graph.predecessors(target)
-    if window.trivial:
+    if window.is_unbounded:
         return system.lift(value, None, up_to_rounding=True).choose(
             ~(certain | impossible), engine.indicator(certain)
         )

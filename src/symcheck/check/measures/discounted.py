@@ -141,8 +141,11 @@ def _around(
     residual of the row, its rounding error, and discount P_a e. This is a discounted reward too.
 
     Args:
+        context: the engine, the options and the log.
         signed: a step.
-        bounds: computed bounds, wrong by at most `margins`.
+        discount: the factor per step, at least 0 and less than 1.
+        bounds: computed lower and upper bounds, float64[n], wrong by at most `margins`.
+        margins: the errors of `bounds`, float64[n].
         direction: as for `discounted_reward`.
     """
     from symcheck.numerics.linear.methods import solve_linear

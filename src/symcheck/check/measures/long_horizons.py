@@ -119,7 +119,8 @@ class RestOfSteps:
 
         Args:
             taken: the steps made.
-            before, after: the values before the last step and after it.
+            before: the values before the last step.
+            after: the values after it.
 
         Raises:
             UnsupportedError: the numbers of exact values become too large.

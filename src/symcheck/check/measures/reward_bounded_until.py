@@ -53,7 +53,8 @@ def reward_bounded_until(
 
     Args:
         context: the engine, the options and the log.
-        left, right: the states of the until formula.
+        left: the states in which a path may go on.
+        right: the states in which it ends.
         counts: the bounded rewards: non-negative multiples of a common step; for a CTMC, rewards of
             transitions only.
         direction: minimise or maximise over strategies; None for a chain.
@@ -68,8 +69,8 @@ def reward_bounded_until(
 
     """
     engine = context.engine
-    trivial = [c for c in counts if c.window.trivial]
-    counts = [c for c in counts if c not in trivial]
+    unbounded = [c for c in counts if c.window.is_unbounded]
+    counts = [c for c in counts if c not in unbounded]
     if not counts:
         from symcheck.check.measures.reachability import until
 

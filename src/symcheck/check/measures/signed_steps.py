@@ -81,8 +81,11 @@ def signed_steps(
     Many steps of a small chain are squared, and others end where the rest is known.
 
     Args:
+        context: the engine, the options and the log.
+        steps: makes a step.
         start: lower and upper bounds on the values after the last step.
         count: the number of steps.
+        direction: minimise or maximise over strategies; None for a chain.
         name: of the measure, for a warning.
     """
     system = steps.system

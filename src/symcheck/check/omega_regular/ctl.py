@@ -25,7 +25,7 @@ from symcheck.semantics.path_formulas import (
     UntilPath,
     negated,
 )
-from symcheck.semantics.time_bounds import Steps, Window
+from symcheck.semantics.time_bounds import StepRange, Window
 
 __all__ = ["exists", "forall", "witness"]
 
@@ -72,15 +72,15 @@ def exists(context: Context, path: PathFormula[StateSet]) -> StateSet:
             assert_never(path)
 
 
-def _steps(context: Context, window: Window) -> Steps:
-    if not window.trivial and context.engine.model.type.continuous_time:
+def _steps(context: Context, window: Window) -> StepRange:
+    if not window.is_unbounded and context.engine.model.type.continuous_time:
         raise UnsupportedError(
             "A and E with a bound on time are not supported in a ctmc; P>0 and P>=1 are"
         )
     return window.steps()
 
 
-def _exists_until(graph: Graph, left: StateSet, right: StateSet, steps: Steps) -> StateSet:
+def _exists_until(graph: Graph, left: StateSet, right: StateSet, steps: StepRange) -> StateSet:
     """E [ left U[a,b] right ]: a steps in `left`, then `left U<=b-a right`."""
     if steps.upper is None:
         result = graph.exists_until(left, right)
@@ -93,7 +93,7 @@ def _exists_until(graph: Graph, left: StateSet, right: StateSet, steps: Steps) -
     return _repeated(lambda states: left & graph.predecessors(states), result, steps.lower)
 
 
-def _exists_not_until(graph: Graph, left: StateSet, right: StateSet, steps: Steps) -> StateSet:
+def _exists_not_until(graph: Graph, left: StateSet, right: StateSet, steps: StepRange) -> StateSet:
     """E [ !(left U[a,b] right) ]: `right` never holds, or `left` ends before it."""
     if steps.upper is None:
         result = graph.exists_globally(~right) | graph.exists_until(~right, ~(left | right))
@@ -152,9 +152,9 @@ def witness(
 ) -> Sequence[Mapping[str, int | bool]] | None:
     """A shortest finite path from an initial state that shows E [ path ]; None if there is none."""
     match path:
-        case UntilPath(left, right, window, False) if window.trivial:
+        case UntilPath(left, right, window, False) if window.is_unbounded:
             return context.engine.graph.witness(left, right)
-        case UntilPath(left, right, window, True) if window.trivial:
+        case UntilPath(left, right, window, True) if window.is_unbounded:
             return context.engine.graph.witness(~right, ~(left | right))
         case UntilPath() | StatePath() | NextPath() | LtlPathFormula() | RewardPath():
             return None

@@ -19,7 +19,7 @@ from symcheck.semantics.path_normal_form import (
     UntilReached,
     reward_bound_refused,
 )
-from symcheck.semantics.time_bounds import Steps, Window
+from symcheck.semantics.time_bounds import StepRange, Window
 from symcheck.syntax.operators import connect
 
 __all__ = ["read"]
@@ -72,10 +72,10 @@ def read(
             assert_never(form)
 
 
-def _steps(extent: Extent, *, timed: bool) -> Steps:
+def _steps(extent: Extent, *, timed: bool) -> StepRange:
     if not isinstance(extent, Window):
         raise reward_bound_refused()
-    if timed and not extent.trivial:
+    if timed and not extent.is_unbounded:
         raise UnsupportedError(
             "bounds on time in a path formula with nested or combined temporal operators are not "
             "supported in a ctmc; "
@@ -90,7 +90,9 @@ def _steps(extent: Extent, *, timed: bool) -> Steps:
     return steps
 
 
-def _until(factory: LtlFactory, left: LtlFormula, right: LtlFormula, steps: Steps) -> LtlFormula:
+def _until(
+    factory: LtlFactory, left: LtlFormula, right: LtlFormula, steps: StepRange
+) -> LtlFormula:
     """The formula `left U[a,b] right`: a steps in `left`, then `left U<=b-a right`."""
     result = factory.until(left, right, None if steps.upper is None else steps.upper - steps.lower)
     for _ in range(steps.lower):

@@ -37,7 +37,7 @@ def complement_until(
         Values in [0, 1], certified within `options.epsilon`.
     """
     left, right = path.left, path.right
-    if path.window.trivial:
+    if path.window.is_unbounded:
         return (
             _least(context, left, right)
             if direction is Direction.MIN

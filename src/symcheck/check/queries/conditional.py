@@ -84,6 +84,8 @@ def _accurate(
     """The values, by rational arithmetic where the bounds are wider than requested.
 
     Args:
+        context: the engine, the options and the log.
+        values: bounds on the values.
         relevant: the states that are asked for, where the values are defined.
         exactly: see `conditional_probability`.
     """
@@ -194,6 +196,6 @@ def _of_mdp(
 
 def _reached(context: Context, path: PathFormula[StateSet]) -> StateSet | None:
     """The states that a formula F or its negation speaks of; None for other formulas."""
-    if isinstance(path, UntilPath) and path.window.trivial and path.left == context.engine.all:
+    if isinstance(path, UntilPath) and path.window.is_unbounded and path.left == context.engine.all:
         return path.right
     return None

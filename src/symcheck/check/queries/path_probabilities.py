@@ -61,6 +61,7 @@ def complement_of(context: Context, probabilities: Callable[[Context], Values]) 
     more, and p is computed again, more accurately.
 
     Args:
+        context: the engine, the options and the log.
         probabilities: computes p with the accuracy of a context.
     """
     values = _complement(context, probabilities(context))
@@ -116,7 +117,7 @@ def probability(
 
         certain = _probability_zero(context, path.left, path.right, direction and direction.dual)
         return complement_until(context, path, direction, certain)
-    if isinstance(path, NextPath) and path.negative and path.window.trivial:
+    if isinstance(path, NextPath) and path.negative and path.window.is_unbounded:
         return timed_measures(context).next_probability(
             context, ~path.target, path.window, direction
         )
@@ -129,7 +130,7 @@ def probability(
             return context.engine.indicator(~states if negative else states)
         case NextPath(target, window):
             return timed_measures(context).next_probability(context, target, window, direction)
-        case UntilPath(left, right, window) if not window.trivial:
+        case UntilPath(left, right, window) if not window.is_unbounded:
             return timed_measures(context).bounded_until(
                 context, path, direction, lambda c: until(c, left, right, direction)
             )
@@ -161,7 +162,7 @@ def _decided(context: Context, path: UntilPath[StateSet]) -> bool:
     if (
         relevant is None
         or context.engine.states < tuning.LARGE_MODEL_STATES
-        or not path.window.at_once
+        or not path.window.contains_zero
     ):
         return False
     return relevant <= path.right | ~path.left
@@ -230,7 +231,7 @@ def _probability_positive(
 ) -> StateSet | None:
     """The states whose probability is positive; None: not decided by the graph."""
     match path:
-        case UntilPath(_, _, window) if not window.trivial:
+        case UntilPath(_, _, window) if not window.is_unbounded:
             whenever = replace(path, window=Window())
             return timed_measures(context).prob_greater_zero(
                 context, path, direction, lambda c: probability(c, whenever, direction)
@@ -259,12 +260,12 @@ def _probability_one(
 ) -> StateSet | None:
     """The states whose probability is 1; None: not decided by the graph."""
     dual = direction and direction.dual
-    if isinstance(path, NextPath) and path.window.trivial:
+    if isinstance(path, NextPath) and path.window.is_unbounded:
         positive = _probability_positive(context, replace(path, target=~path.target), dual)
         return None if positive is None else ~positive
     if not isinstance(path, UntilPath):
         return None
-    if not path.window.trivial:
+    if not path.window.is_unbounded:
         positive = _probability_positive(context, negated(path), dual)
         return None if positive is None else ~positive
     graph = context.engine.graph

@@ -126,9 +126,9 @@ def _of_path(context: Context, path: PathFormula[StateSet], direction: Direction
         positive, towards = negated(path), direction.dual
     builder = StrategyBuilder(context, towards)
     match positive:
-        case UntilPath(left, right, window) if window.trivial:
+        case UntilPath(left, right, window) if window.is_unbounded:
             builder.until(left, right)
-        case NextPath(target, window) if window.trivial:
+        case NextPath(target, window) if window.is_unbounded:
             builder.next(target)
         case RewardPath(UntilPath(left, right), counts):
             return within_rewards(context, left, right, counts, towards, direction)

@@ -120,7 +120,7 @@ class Components:
         """The states from which some strategy stays in a set for ever."""
         stay = within
         while True:
-            smaller = stay & self._d.union(self.steps.slots_within(stay))
+            smaller = stay & self._d.union(self.steps.classes_within(stay))
             if smaller == stay:
                 return stay
             stay = smaller
@@ -135,7 +135,7 @@ class Components:
         Source: Chatterjee & Henzinger (2011), for almost-sure Buchi objectives.
         """
         while stay:
-            within = self.steps.slots_within(stay)
+            within = self.steps.classes_within(stay)
             closed = not self.steps.before(self._d.states - stay) & stay
             inside = stay & self._d.union(within)
             for visit in visits:
@@ -150,10 +150,10 @@ class Components:
         return stay
 
     def _nearing(self, target: Bdd, within: Sequence[Bdd]) -> Bdd:
-        """The states with a path into a target by the choices of the states per slot."""
+        """The states with a path into a target by the choices of the states per choice class."""
         reached = fresh = target
         while fresh:
-            before = self.steps.slots_before(fresh)
+            before = self.steps.classes_before(fresh)
             fresh = self._d.union([w & b for w, b in zip(within, before, strict=True)]) - reached
             reached = reached | fresh
         return reached

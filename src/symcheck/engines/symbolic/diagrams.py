@@ -37,10 +37,10 @@ class Diagrams:
     states: all reachable states. deadlocks: those that had no transition of their own. loops:
     states with a self-loop that no step has (deadlocks, unless an automaton moves on there). steps:
     the transitions of positive probability without these loops, of all choices. roots: the matrices
-    on reachable rows, loops included: one, or one per choice slot of an MDP; `guards` (None unless
-    an MDP): the states that have a choice in each slot. actions: (slot, action or None) to the
+    on reachable rows, loops included: one, or one per choice class of an MDP; `guards` (None unless
+    an MDP): the states that have a choice in each class. actions: (class, action or None) to the
     states whose choice it is. state_rewards: per structure. transition_rewards: per structure and
-    slot, weighted by probability (rate). continuous: whether time is (of a CTMC).
+    class, weighted by probability (rate). continuous: whether time is (of a CTMC).
     """
 
     manager: DiagramManager = field(repr=False)
@@ -59,7 +59,7 @@ class Diagrams:
     continuous: bool = False
 
     def rewards(self, reward: Reward) -> tuple[Mtbdd, Sequence[Mtbdd]]:
-        """State rewards, and per slot the transition rewards, weighted by probabilities (rates)."""
+        """State rewards, and transition rewards per choice class, by probability (rate)."""
         match reward:
             case Structure(index):
                 states, rows = self.state_rewards[index], self.transition_rewards[index]
@@ -110,13 +110,13 @@ class Diagrams:
         return self.manager.transition(self.rows, self.columns)
 
     @cached_property
-    def slot_relations(self) -> tuple[Bdd, ...]:
-        """The transitions of positive probability of each slot, over all bits."""
+    def class_relations(self) -> tuple[Bdd, ...]:
+        """The transitions of positive probability of each choice class, over all bits."""
         return tuple(root.to_bdd() for root in self.roots)
 
     @property
-    def slot_guards(self) -> tuple[Bdd, ...]:
-        """Per slot: the states that have a choice in it."""
+    def class_guards(self) -> tuple[Bdd, ...]:
+        """Per choice class: the states that have a choice in it."""
         return (self.states,) if self.guards is None else self.guards
 
     @cached_property
@@ -131,12 +131,12 @@ class Diagrams:
     def transition_count(self) -> int:
         """Number of non-zero entries of all matrices."""
         both = self.manager.cube([*self.rows, *self.columns])
-        return sum(self.manager.count(relation, both) for relation in self.slot_relations)
+        return sum(self.manager.count(relation, both) for relation in self.class_relations)
 
     @cached_property
     def choice_count(self) -> int:
         """Number of choices (states, where there is no nondeterminism)."""
-        return sum(self.manager.count(guard, self.row_cube) for guard in self.slot_guards)
+        return sum(self.manager.count(guard, self.row_cube) for guard in self.class_guards)
 
     @cached_property
     def _saturations(self) -> dict[bool, Saturation]:

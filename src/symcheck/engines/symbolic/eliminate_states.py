@@ -22,7 +22,7 @@ __all__ = ["deterministic_states", "eliminate"]
 def deterministic_states(d: Diagrams) -> Bdd:
     """States whose only choice has a single successor with probability 1 (not in a CTMC)."""
     seen = twice = d.manager.false
-    for guard in d.slot_guards:
+    for guard in d.class_guards:
         twice = twice | (seen & guard)
         seen = seen | guard
     certain = [root.equal(1.0).exists(d.column_cube) for root in d.roots]
@@ -36,7 +36,8 @@ def eliminate(
 
     Args:
         d: the diagrams of the model.
-        left, right: sets of states.
+        left: the states in which a path may go on.
+        right: the states in which it ends.
         limit: bytes that the result and graph questions on it may take.
         reward: the reward to accumulate; None for probabilities.
 
@@ -84,8 +85,8 @@ def _finite_rewards(d: Diagrams, reward: Reward) -> bool:
 def _bytes(d: Diagrams, kept: Bdd, reward: Reward | None) -> int:
     """The memory that `eliminate` takes at most, graph questions included."""
     both = d.manager.cube([*d.rows, *d.columns])
-    entries = sum(d.manager.count(relation & kept, both) for relation in d.slot_relations)
-    rows = sum(d.manager.count(guard & kept, d.row_cube) for guard in d.slot_guards)
+    entries = sum(d.manager.count(relation & kept, both) for relation in d.class_relations)
+    rows = sum(d.manager.count(guard & kept, d.row_cube) for guard in d.class_guards)
     return 20 * (d.count + entries) + 16 * rows + (0 if reward is None else 8 * (d.count + rows))
 
 
@@ -108,7 +109,7 @@ def _successors(
     if reward is not None:
         steps = [
             f.times_bdd(guard & deterministic)
-            for f, guard in zip(_step_rewards(d, reward), d.slot_guards, strict=True)
+            for f, guard in zip(_step_rewards(d, reward), d.class_guards, strict=True)
         ]
         path_reward = d.odd.to_vector(d.manager.sum(steps))
     kernel.resolve_representatives(representative, n + 1, path_reward)

@@ -24,7 +24,7 @@ __all__ = ["DiagramOperator", "HybridEngine", "MtbddEngine", "SparseEngine"]
 
 @dataclass(frozen=True, eq=False)
 class DiagramOperator:
-    """The matrix as a diagram (one per slot): products of diagrams, arrays at both ends."""
+    """The matrix as a diagram (one per choice class): products of diagrams, arrays at both ends."""
 
     system: SymbolicSystem = field(repr=False)
     divisor: Floats | None = field(default=None, repr=False)
@@ -40,7 +40,7 @@ class DiagramOperator:
         return blocks.longest
 
     def apply(self, x: Mtbdd) -> tuple[Mtbdd, ...]:
-        """A x per slot, functions of the row bits; `x` is one too, 0 outside of the states."""
+        """A x per choice class, functions of the row bits; `x` is one too, 0 outside the states."""
         d = self.system.engine.diagrams
         columns = x.rename(d.to_columns)
         return tuple(root.multiply_sum(columns, d.column_cube) for root in self.system.roots)
@@ -53,8 +53,8 @@ class DiagramOperator:
     def sweep(self, x: Floats, step: BoundStep) -> None:
         """Some steps on bounds, float64[n], in place, all on diagrams."""
         odd = self.system.odd
-        add = self._by_slot(step.constant)
-        scale = None if self.divisor is None else self._by_slot(1.0 / self.divisor)
+        add = self._by_class(step.constant)
+        scale = None if self.divisor is None else self._by_class(1.0 / self.divisor)
         bounds = odd.from_vector(x)
         states, error = self.system.states.bdd, underflow_error(self.divisor)
         underflow = states.to_mtbdd(error if step.upper else -error)
@@ -72,8 +72,8 @@ class DiagramOperator:
             bounds = after
         x[:] = odd.to_vector(bounds)
 
-    def _by_slot(self, values: Floats) -> list[Mtbdd]:
-        """A value per row as a function of the state per slot."""
+    def _by_class(self, values: Floats) -> list[Mtbdd]:
+        """A value per row as a function of the state per choice class."""
         layout, odd = self.system.layout, self.system.odd
         if layout is None:
             return [odd.from_vector(values)]

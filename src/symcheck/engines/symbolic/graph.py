@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
-from typing import Literal as Choice
-from typing import assert_never
+from typing import Literal, assert_never
 
 from symcheck.dd.manager import Bdd
 from symcheck.direction import Direction
@@ -26,7 +25,7 @@ from symcheck.semantics.rewards import Reward
 
 __all__ = ["SymbolicGraph"]
 
-Question = tuple[Choice["possible", "prob0", "prob1"], Bdd, Bdd, Direction | None]
+GraphQuestion = tuple[Literal["possible", "prob0", "prob1"], Bdd, Bdd, Direction | None]
 """'possible' (E [left U right]), 'prob0' or 'prob1'; left, right, and the direction."""
 
 OnDiagrams = Callable[[], Bdd]
@@ -56,7 +55,7 @@ class SymbolicGraph(Components):
 
     def _answer(
         self,
-        question: Question,
+        question: GraphQuestion,
         on_diagrams: OnDiagrams,
         on_rows: Callable[[graph.Incidence], Bools],
         reward: Reward | None = None,
@@ -91,7 +90,7 @@ class SymbolicGraph(Components):
         step = self.elimination
         return step if self.observer is None and step is not None and step.possible else None
 
-    def _reduced(self, question: Question, reward: Reward | None) -> ReducedSystem | None:
+    def _reduced(self, question: GraphQuestion, reward: Reward | None) -> ReducedSystem | None:
         """The reduced system of the question, with a reward if it is given and possible."""
         if self._reducing is None:
             return None
@@ -109,10 +108,12 @@ class SymbolicGraph(Components):
         return None
 
     @cached_property
-    def _answers(self) -> dict[Question, Bdd]:
+    def _answers(self) -> dict[GraphQuestion, Bdd]:
         return {}
 
-    def _on_diagrams(self, question: Question, on_diagrams: OnDiagrams, budget: int | None) -> Bdd:
+    def _on_diagrams(
+        self, question: GraphQuestion, on_diagrams: OnDiagrams, budget: int | None
+    ) -> Bdd:
         if question not in self._answers:
             with look_ups(self._d.manager, budget):
                 answer = on_diagrams()
@@ -122,7 +123,7 @@ class SymbolicGraph(Components):
         return self._answers[question]
 
     def _certain(
-        self, kind: Choice["prob0", "prob1"], left: Bdd, right: Bdd, direction: Direction | None
+        self, kind: Literal["prob0", "prob1"], left: Bdd, right: Bdd, direction: Direction | None
     ) -> Bdd:
         find = self._prob0 if kind == "prob0" else self._prob1
         return self._on_diagrams(
@@ -209,13 +210,13 @@ class SymbolicGraph(Components):
     def _unavoidable(self, left: Bdd, right: Bdd) -> Bdd:
         """States from where all strategies have a positive probability of left U right."""
         reach = fresh = right
-        before = [self._d.manager.false] * len(self._d.slot_guards)
+        before = [self._d.manager.false] * len(self._d.class_guards)
         while fresh:
-            found = self.steps.slots_before(fresh)
+            found = self.steps.classes_before(fresh)
             before = [known | more for known, more in zip(before, found, strict=True)]
             near = (left & self._d.union(found)) - reach
             escape = self._d.union(
-                [(guard & near) - b for guard, b in zip(self._d.slot_guards, before, strict=True)]
+                [(guard & near) - b for guard, b in zip(self._d.class_guards, before, strict=True)]
             )
             fresh = near - escape
             reach |= fresh
@@ -240,10 +241,10 @@ class SymbolicGraph(Components):
 
         All choices on it stay within `candidates` with probability 1.
         """
-        within = [w & left for w in self.steps.slots_within(candidates)]
+        within = [w & left for w in self.steps.classes_within(candidates)]
         sure = fresh = right
         while fresh:
-            before = self.steps.slots_before(fresh)
+            before = self.steps.classes_before(fresh)
             fresh = self._d.union([w & b for w, b in zip(within, before, strict=True)]) - sure
             sure = sure | fresh
             self.steps.tell("sure", sure)

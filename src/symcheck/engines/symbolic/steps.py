@@ -107,14 +107,14 @@ class Steps:
             self._known[target, through] = self.close(target, forward=False, within=through)
         return self._known[target, through]
 
-    def slots_before(self, states: Bdd) -> list[Bdd]:
-        """Per slot: the states whose choice may lead into the set."""
+    def classes_before(self, states: Bdd) -> list[Bdd]:
+        """Per choice class: the states whose choice may lead into the set."""
         return [
             self.diagrams.whole.preimage(states, relation)
-            for relation in self.diagrams.slot_relations
+            for relation in self.diagrams.class_relations
         ]
 
-    def slots_within(self, states: Bdd) -> list[Bdd]:
-        """Per slot: the states whose choice surely leads into the set."""
-        outside = self.slots_before(self.diagrams.states - states)
-        return [guard - out for guard, out in zip(self.diagrams.slot_guards, outside, strict=True)]
+    def classes_within(self, states: Bdd) -> list[Bdd]:
+        """Per choice class: the states whose choice surely leads into the set."""
+        outside = self.classes_before(self.diagrams.states - states)
+        return [guard - out for guard, out in zip(self.diagrams.class_guards, outside, strict=True)]

@@ -77,7 +77,7 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
 
     @cached_property
     def layout(self) -> RowLayout | None:
-        """Rows of each state and slot of each row; None where each state has one row."""
+        """Rows of each state and choice class of each row; None where each state has one row."""
         if self._d.guards is None:
             return None
         return RowLayout.of([self.odd.to_mask(guard) for guard in self._d.guards], self.n)
@@ -98,9 +98,9 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
             return None
         numbers = {name: i for i, name in enumerate(self.engine.model.actions)}
         out = np.full(self.layout.rows, -1, np.int32)
-        for slot, (present, rows) in enumerate(self.layout.each()):
+        for class_number, (present, rows) in enumerate(self.layout.each()):
             for (of, action), states in self._d.actions.items():
-                if of == slot and action is not None:
+                if of == class_number and action is not None:
                     out[rows[self.odd.to_mask(states)[present]]] = numbers[action]
         return out
 
@@ -169,7 +169,7 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
         return SymbolicSet(d, d.union(sets) & self.states.bdd if sets else d.manager.false)
 
     def per_row(self, functions: Sequence[Mtbdd]) -> Floats:
-        """A value per row from a function of the state per slot."""
+        """A value per row from a function of the state per choice class."""
         if self.layout is None:
             return self.odd.to_vector(functions[0])
         out = np.empty(self.layout.rows)

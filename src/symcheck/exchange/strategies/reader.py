@@ -77,6 +77,7 @@ def undecided_states(strategy: Strategy, file: str | Path) -> int:
 
     Args:
         strategy: what was read from the file.
+        file: the file.
     """
     if ANY_CHOICE in read_columns(Path(file)).source.text.splitlines():
         return 0

@@ -10,7 +10,7 @@ cdef enum Kind:
 
 @cython.final
 cdef class Expander:
-    """A model given as tables (see `symcheck.explicit.tables.Tables`).
+    """A model given as tables (see `symcheck.explicit.tables.CompiledModel`).
 
     `expand` appends the successors of a state to the batch (`targets`, `weights`) and opens its
     rows in `rows`, where row i of the batch ends at `ends[i]`; `clear` begins the next batch.

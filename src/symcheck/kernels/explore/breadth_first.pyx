@@ -102,7 +102,7 @@ cdef class Explorer:
     which the model breaks a rule, and `fault_status` the status of the register machine.
 
     Args:
-        tables: see `symcheck.explicit.tables.Tables`.
+        tables: see `symcheck.explicit.tables.CompiledModel`.
         orbits: if given, states are replaced by the representatives of their orbits.
         share: (mask, seed, parts, number): only states that `owners` gives to this part are
             expanded; others have no choices, or an empty row. None: all states.

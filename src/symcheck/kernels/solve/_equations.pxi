@@ -11,11 +11,11 @@ cdef class Equations:
         indptr, indices, data: int64[rows+1], int32, float64: A.
         groups: int64[states+1], the rows (choices) of each state; None if each state has one.
         lower, upper: float64[rows], bounds on b; None for 0.
-        exit: float64[rows], the mass that leaves the matrix; None for 0.
+        exit_mass: float64[rows], the mass that leaves the matrix; None for 0.
         mode: 0 without choices, 1 minimum, 2 maximum.
         unknown: uint8[states], the states that the equations determine, where other states of the
             matrix have known values; None for all.
-        rates: whether rows and their constants are divided by all that leaves the state.
+        normalise: whether rows and their constants are divided by all that leaves the state.
     """
 
     cdef const int64_t[::1] indptr, groups
@@ -171,8 +171,8 @@ cdef class EquationBlock:
     cdef start_bounds(self):
         """Set `x` and `policy` to the first bounds, once per load.
 
-        The value of a state that leaves the block almost surely is an average of b / exit over the
-        rows: for probabilities this is the maximum principle; rewards have better starts.
+        The value of a state that leaves the block almost surely is an average of b / exit_mass over
+        the rows: for probabilities this is the maximum principle; rewards have better starts.
         """
         cdef int64_t i
         cdef int32_t choice = 0 if self.mode == 0 else -1

@@ -193,7 +193,9 @@ def _stabilising_step(inner: float, outer: float, square: float) -> float:
     """The step along t that minimises the residual s, but not too short: short steps lose accuracy.
 
     Args:
-        inner, outer, square: the inner products s·t, t·t and s·s.
+        inner: s·t.
+        outer: t·t.
+        square: s·s.
 
     Source: Sleijpen & van der Vorst (1995).
     """

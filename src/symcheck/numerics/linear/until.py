@@ -28,7 +28,8 @@ def until_bounds(
 
     Args:
         matrix: one-step probabilities among n states; its groups are the choices.
-        left, right: bool[n].
+        left: the states in which a path may go on, bool[n].
+        right: the states in which it ends, bool[n].
         direction: minimise or maximise; None without choices.
         settings: accuracy and method.
         closed: whether each row sums to 1; if not, what is missing leaves and fails.

@@ -181,8 +181,10 @@ def gain_policy(
     """A policy that stays in each maximal end component and attains its gain.
 
     Args:
-        matrix, rewards, direction: see `component_gains`.
-        gains: its result.
+        matrix: the MDP.
+        rewards: the reward of each row, float64[rows] or rationals.
+        direction: maximise or minimise the average.
+        gains: the result of `component_gains`.
         settings: the accuracy.
 
     Returns:

@@ -188,7 +188,8 @@ def unfold_reward_dimension(
     Args:
         problem: the problem with its first bound.
         rewards: the rewards of the second bound, int64[rows].
-        lower, upper: the second bound.
+        lower: the lower bound on the count.
+        upper: the upper bound; None: there is none.
 
     Returns:
         The unfolded problem, and the original row of each row.

@@ -52,7 +52,8 @@ def forward_value(
     """Bounds on x(time) at one state, for x' = Q x + reward rate, x(0) = terminal.
 
     Args:
-        rates, exit_rates: of the kernel in `transient_values`.
+        rates: the rates among the n states.
+        exit_rates: the exit rate of each state, float64[n].
         start: the reward rate or the terminal values, non-negative, float64[n].
         time: the horizon.
         source: whether `start` is the reward rate.

@@ -79,9 +79,11 @@ def krylov_values(
     Memory: a vector per vector of the subspace, and those of BiCGStab.
 
     Args:
-        rates, exit_rates: of the kernel in `transient_values`, but rows may sum to a little more
-            than their exit rates (if values were divided by weights).
-        start, reward_rate: float64[n].
+        rates: the rates among the n states; rows may sum to a little more than their exit rates (if
+            values were divided by weights).
+        exit_rates: the exit rate of each state, float64[n].
+        start: the values at time 0, float64[n].
+        reward_rate: rewards per unit of time, float64[n]; None: no rewards.
         time: the horizon.
         interest: at least one state.
         settings: the accuracy.

@@ -108,7 +108,8 @@ class IntervalChain:
         """The chain of a part of a time, which is halved until little happens.
 
         Args:
-            rates, leave: as in `of_steps`, but rates; self-loops do not matter.
+            rates: rates among the n states; self-loops do not matter.
+            leave: rates of leaving them, float64[n].
             time: the time, positive.
             reward_rate: rewards per unit of time, float64[n], not negative.
             error: the relative error of rates.

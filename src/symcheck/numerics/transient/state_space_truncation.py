@@ -61,7 +61,8 @@ def truncate(
     """Keep the states that matter to a relative error of epsilon at the states of interest.
 
     Args:
-        rates, exit_rates: of the kernel in `transient_values`.
+        rates: the rates among the n states.
+        exit_rates: the exit rate of each state, float64[n].
         time: the horizon T.
         reward_rate: rates of entering the target or of earning rewards, float64[n], non-negative.
         interest: the states whose values are wanted.

@@ -48,7 +48,8 @@ def bound_negligible_values(
     """A bound on the values at the states of interest, if it is at most `enough`.
 
     Args:
-        rates, exit_rates: of the kernel in `transient_values`.
+        rates: the rates among the n states.
+        exit_rates: the exit rate of each state, float64[n].
         time: the horizon T.
         reward_rate: rates of entering the target or of earning rewards, float64[n], non-negative.
         interest: the states whose values are wanted.

@@ -166,8 +166,12 @@ def smooth(
     """The sum of weight_k * P^k start over the whole Poisson window, for a short time.
 
     Args:
+        chain: gives P and its rate.
+        start: the vector, non-negative, float64[n].
+        time: the horizon.
         source: the weights are P(N > k), else P(N = k).
         growth: a bound on the growth of the maximum.
+        observer: receives the progress.
 
     Returns:
         The sum, the steps, and a bound on the absolute error.

@@ -41,7 +41,8 @@ class UniformizedChain:
         """Make a step per weight: add weight · y to the total, then replace y by P y.
 
         Args:
-            y, z: the vector and a buffer; both are overwritten.
+            y: the vector, float64[n]; overwritten.
+            z: a buffer, float64[n]; overwritten.
             total: the sum, updated in place.
             weights: one per step.
             floor: entries up to it are ignored by the ratio bounds.

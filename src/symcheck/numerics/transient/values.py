@@ -47,7 +47,8 @@ def transient_values(
         kernel: the transitions among the n states, with exit rates, of which self-loops are a part.
         time: the horizon.
         settings: accuracy and limits.
-        terminal, reward_rate: the initial values and the source (see `uniformization`).
+        terminal: the initial values; None: 0.
+        reward_rate: the source (see `uniformization`); None: 0.
         interest: states whose values need the accuracy; None: all.
         observer: receives the progress.
         leave: the probabilities of leaving for states outside; None: not known, and small chains

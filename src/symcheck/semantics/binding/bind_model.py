@@ -63,6 +63,7 @@ def bind(
     """Evaluate the constants of a program, expand its formulas, and check names and types.
 
     Args:
+        program: the parsed text.
         constants: values of the constants that the program leaves undefined, as Python values or
             texts (`"1/3"`, `"2*N"`).
         model_type: the model type, which overrides the keyword of the program; an MDP if neither

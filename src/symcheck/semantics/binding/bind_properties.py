@@ -170,6 +170,8 @@ def bind_properties(
     """Bind properties to a model.
 
     Args:
+        file: the parsed properties.
+        model: the bound model.
         constants: values of the constants that the file leaves undefined; constants of the model
             are ignored.
 
@@ -234,6 +236,7 @@ def bind_expression(
 
     Args:
         expression: may refer to variables, constants, formulas and labels of the model.
+        model: the bound model.
         labels: further labels.
         constants: values of further constants.
         formulas: further formulas.

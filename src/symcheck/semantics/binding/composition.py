@@ -40,6 +40,7 @@ def events(modules: Sequence[BoundModule], system: Composition | None = None) ->
     """The events of a composition.
 
     Args:
+        modules: the modules, bound.
         system: the composition; None: all modules in parallel, synchronised on shared actions.
 
     Returns:

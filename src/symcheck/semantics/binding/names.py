@@ -273,6 +273,7 @@ def read_value(text: str, name: str = "<expression>") -> Expression:
     """Parse the value of a constant, such as `5`, `0.25`, `1/3` or `2*N`.
 
     Args:
+        text: the expression.
         name: the name of the text in diagnostics.
 
     Raises:

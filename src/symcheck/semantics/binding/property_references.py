@@ -126,6 +126,7 @@ class PropertyReferences:
         """The undefined constants of a formula.
 
         Args:
+            formula: a formula of the file.
             of_model: the constants of the model.
 
         Returns:

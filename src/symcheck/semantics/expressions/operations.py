@@ -75,6 +75,7 @@ def compose(
     """An operator or function whose value is a number and no rounding, by instructions.
 
     Args:
+        operation: the operator or function.
         apply: executes an instruction on two operands, or writes code for it.
         operands: all ints, or all doubles (see `is_on_doubles`).
     """

@@ -218,6 +218,8 @@ def is_accurate(
     nowhere, so that its sign is right, too.
 
     Args:
+        expression: the expression.
+        type_of: the type of a subexpression.
         is_natural: whether a variable is never negative.
     """
 

@@ -29,6 +29,7 @@ def simplify(expression: Expression, *, types: Mapping[str, Type] | None = None)
     digits, and undefined subexpressions (`mod(1, 0)`) are unchanged.
 
     Args:
+        expression: an expression whose types are right.
         types: types of names; they allow more simplification of `?:` with a constant condition.
     """
     return transform(expression, lambda node: simplify_node(node, types or {}))

@@ -71,6 +71,7 @@ def type_of(
     """The type of a state expression.
 
     Args:
+        expression: the expression.
         lookup: types of names.
         label: the type of a label or property; None: no references and no operators such as P are
             allowed.

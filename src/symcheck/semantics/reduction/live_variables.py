@@ -70,6 +70,7 @@ def liveness(
     """Compute the live variables of a model.
 
     Args:
+        model: the model.
         observed: state expressions that the properties read.
         rewards: the properties read rewards.
         locations: the control locations of the model; None: they are computed.

@@ -53,6 +53,8 @@ def observe(
     """The observations of bound formulas.
 
     Args:
+        model: the model.
+        formulas: what is read.
         labels: labels of the properties file. If "init" is among them, the initial states may be
             asked for; else who asks for them observes all variables.
     """

@@ -93,7 +93,7 @@ def _decided(formula: Expression, model: BoundModel) -> Expression | None:
     except UnsupportedError:  # told when the formula is checked
         return None
     match query:
-        case Query(PathProbability(UntilPath(left, right, window))) if window.at_once:
+        case Query(PathProbability(UntilPath(left, right, window))) if window.contains_zero:
             return Binary(Operator.OR, right, Unary(UnaryOperator.NOT, left))
         case Query(ReachReward(_, target)):
             return target

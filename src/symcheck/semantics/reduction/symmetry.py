@@ -81,6 +81,7 @@ def find_symmetries(model: BoundModel, observed: Observations) -> tuple[Symmetry
     """Symmetries of a model that observations do not see, on disjoint sets of variables.
 
     Args:
+        model: the model.
         observed: what the properties read.
 
     Returns:

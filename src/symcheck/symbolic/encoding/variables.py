@@ -175,6 +175,7 @@ def encode(model: BoundModel, order: Sequence[str] | None = None) -> Encoding:
     """The encoding of a model's variables.
 
     Args:
+        model: the model.
         order: names from the top of the diagrams down; others follow in declaration order. None:
             declaration order.
 

@@ -30,8 +30,11 @@ def encode_events(
     """The bits, guards, updates and transition relations of a model in a new manager.
 
     Args:
+        model: the model.
+        manager: the new manager.
         order: names of variables from the top of the diagrams down; None: declaration order.
         observer: is called with each EncodedEvent.
+        limits: as in `build`.
 
     Raises:
         UnsupportedError: a variable without bounds.

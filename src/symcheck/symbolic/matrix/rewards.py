@@ -38,6 +38,7 @@ def chain_rewards(space: StateSpace, numbers: Mtbdd | None) -> LazySequence[tupl
     probability (rate) times reward.
 
     Args:
+        space: the reachable states.
         numbers: enabled joint commands per state, where a DTMC may have several.
     """
     return _lazily(space, lambda structure: _chain_reward(space, structure, numbers))

@@ -40,6 +40,8 @@ def transitions(
     """The matrices, rewards and choices of a model, on its reachable states.
 
     Args:
+        space: the reachable states.
+        options: what is checked, and whether deadlocks get loops.
         observer: is called with the result.
 
     Raises:
@@ -162,7 +164,9 @@ def full_matrix(
     """The sum of events, over all row and column bits, on given rows.
 
     Args:
+        symbolic: the encoded model.
         parts: events with the commands of each participant that are included.
+        rows: the rows, a set over row bits.
     """
     groups: dict[tuple[int, ...], list[Mtbdd]] = {}
     for event, participants in parts:

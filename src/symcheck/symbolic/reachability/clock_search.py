@@ -117,6 +117,7 @@ def alternate(
     event partitions.
 
     Args:
+        symbolic: the encoded model.
         saturation: all relations of the model.
         lookups: cache look-ups of each pair of turns (saturation, clock search); the last pair is
             doubled for ever.

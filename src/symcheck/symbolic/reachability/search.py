@@ -68,6 +68,7 @@ def reach(
     """The reachable states, and the deadlocks among them.
 
     Args:
+        symbolic: the encoded model, as `build` gives it.
         observer: is called with each Iteration. Without one, states and nodes are not counted on
             the way, which may take as long as the search.
         schedule: one of SCHEDULES; None: chosen for the model.
@@ -134,6 +135,8 @@ def search(
     """Explore step by step; the last item has all reachable states.
 
     Args:
+        symbolic: the encoded model.
+        schedule: one of SCHEDULES.
         counting: whether iterations have numbers of states and nodes.
 
     Raises:

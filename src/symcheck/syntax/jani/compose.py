@@ -72,6 +72,7 @@ def compose(network: Network, requests: Mapping[str, RewardRequest]) -> Composed
     """Compose the automata of a network.
 
     Args:
+        network: the automata and their synchronisation vectors.
         requests: the reward structures of the result, by name.
 
     Raises:

@@ -166,8 +166,11 @@ def solve_in_order(
     """Solve components one after the other; the kernel returns those too hard for it.
 
     Args:
-        order, start: the components, successors first (see graph.Components).
+        run: the system, its values and its settings.
+        order: the states by component, successors first, int32[n] (see graph.Components).
+        start: where each component begins in `order`, and the end, int64[components + 1].
         depths: int32[components]; the bounds of component c may be depths[c] * share apart.
+        share: the width of the bounds per unit of depth.
     """
     np.maximum(depths, 1, out=depths)
     component = 0
