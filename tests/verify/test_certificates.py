@@ -13,7 +13,7 @@ import symcheck_verify
 
 import symcheck
 from oracles.statements import draw
-from symcheck.errors import UnsupportedError, UsageError
+from symcheck.errors import NumericalError, UnsupportedError, UsageError
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
 
@@ -52,18 +52,48 @@ def test_bounds_are_about_rationals_and_not_about_doubles(tmp_path: Path) -> Non
     """0.1 and 0.9 are no doubles, and 0.1+0.2 is 0.3."""
     text = "dtmc module m s:[0..2]; [] s=0 -> 0.1:(s'=1)+0.2:(s'=1)+0.7:(s'=2); [] s>0 -> true;"
     model = symcheck.loads(f"{text} endmodule")
-    proof = model.check("P>=0.3 [ F s=1 ]").certificate()
+    proof = model.check("P=? [ F s=1 ]").certificate()
     low, high = proof.bounds[0]
     assert low <= Fraction(3, 10) <= high
 
 
-def test_a_verdict_at_the_threshold_has_no_certificate_of_doubles(tmp_path: Path) -> None:
+def test_bounds_decide_a_comparison(tmp_path: Path) -> None:
     """The bounds decide what they do not contain."""
     die = symcheck.load(MODELS / "die/die.pm")
     proof = die.check("P<0.2 [ F d=6 ]").certificate()
     assert proof.statement["comparison"] == {"operator": "<", "threshold": "1/5", "holds": True}
     files = symcheck.save_certificate(proof, tmp_path / "proof.json")
     assert symcheck_verify.main([files[1], files[0]]) == 0
+
+
+@pytest.mark.parametrize(
+    ("model", "formula", "holds"),
+    [
+        ("die/die.pm", "P>=1 [ F s=7 ]", True),
+        ("die/die.pm", "P<1 [ F s=7 ]", False),
+        ("die/die.pm", "P>0 [ G s<7 ]", False),
+        ("gambler/stakes.nm", 'Pmin>=1 [ F "rich" | "ruined" ]', True),
+        ("gambler/stakes.nm", 'Pmax<1 [ F "rich" | "ruined" ]', False),
+        ("gambler/stakes.nm", 'Pmax>0 [ G !("rich" | "ruined") ]', False),
+    ],
+)
+def test_probabilities_of_0_and_1_are_proved_without_error(
+    model: str, formula: str, holds: bool, tmp_path: Path
+) -> None:
+    proof = symcheck.load(MODELS / model).check(formula).certificate()
+    ((low, high),) = proof.bounds.values()
+    assert low == high
+    assert low in (0, 1)
+    assert proof.statement["comparison"]["holds"] is holds
+    files = symcheck.save_certificate(proof, tmp_path / "proof.json")
+    assert symcheck_verify.main([files[1], files[0]]) == 0
+
+
+def test_a_value_at_the_threshold_is_refused() -> None:
+    """The checker would say that the bounds do not decide the comparison."""
+    die = symcheck.load(MODELS / "die/die.pm")
+    with pytest.raises(NumericalError, match="near to the threshold"):
+        die.check("P<0.5 [ F s=7 & d<=3 ]").certificate()
 
 
 @pytest.mark.parametrize(

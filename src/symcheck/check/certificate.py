@@ -24,7 +24,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import Engine, Number, StateSet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.transition_actions import state_order
-from symcheck.errors import UnsupportedError
+from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.matrices.numbers import Rationals, doubles, full, rationals, sum_segments
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, per_row
 from symcheck.numerics import graph
@@ -94,7 +94,8 @@ def certify(context: Context, formula: Expression) -> Certificate:
     Raises:
         UnsupportedError: there are no certificates for such a formula, or the model cannot be
             explored in rational arithmetic.
-        NumericalError: no vectors were found that satisfy the inequalities.
+        NumericalError: no vectors were found that satisfy the inequalities, or the bounds do not
+            decide the comparison of the formula.
     """
     if not isinstance(formula, AnyMeasure):
         raise UnsupportedError("certificates are for P, R, T and S formulas")
@@ -130,7 +131,13 @@ class _Writer:
         bounds = self._stated(statement, evidence)
         statement["bounds"] = {str(s): list(map(_number, ends)) for s, ends in bounds.items()}
         if (threshold := query.threshold) is not None:
-            held = {threshold.admits(e) for ends in bounds.values() for e in ends}
+            verdicts = [{threshold.admits(e) for e in ends} for ends in bounds.values()]
+            if any(len(of_ends) > 1 for of_ends in verdicts):
+                raise NumericalError(
+                    "a value is so near to the threshold that the bounds of a certificate do not "
+                    "decide the comparison"
+                )
+            held = set[bool]().union(*verdicts)
             statement["comparison"] = {
                 "operator": threshold.operator.value,
                 "threshold": str(threshold.value),
@@ -259,14 +266,19 @@ class _Writer:
         *,
         upper: bool,
     ) -> Json:
+        free, certain = left & ~right, np.zeros_like(right)
+        if not upper:  # a probability of 1 is proved without slack
+            certain = graph.prob1(self._matrix, left, right, direction) & free
         problem = Inequalities(
             self._matrix,
-            free=left & ~right,
-            fixed=right.astype(np.float64),
+            free=free & ~certain,
+            fixed=(right | certain).astype(np.float64),
             earned=None,
             upper=upper,
             all_rows=_all_rows(direction, upper=upper),
             ends=None if upper else right,
+            certain=certain,
+            limit=1.0,
         )
         return self._side(inductive(problem, guess))
 

@@ -69,6 +69,9 @@ class Inequalities:
         all_rows: whether they have to hold for all rows; otherwise for those of a strategy.
         strategy: the row of each state where not all rows count, int64[n]; None: one is chosen.
         ends: the states to which ranks descend, bool[n]; None: no ranks are needed.
+        certain: states of a fixed value that rows among them and `ends` preserve, bool[n]; ranks
+            descend through them. None: there are none.
+        limit: no value of an upper bound of probabilities needs to be greater.
     """
 
     matrix: SparseMatrix = field(repr=False)
@@ -79,6 +82,8 @@ class Inequalities:
     all_rows: bool
     ends: Bools | None
     strategy: Int64s | None = None
+    certain: Bools | None = None
+    limit: float = np.inf
 
     @cached_property
     def edges(self) -> graph.Incidence:
@@ -102,6 +107,14 @@ class Inequalities:
         if not self.upper and np.isinf(self.fixed).any():
             rows &= np.isfinite(self.doubles.multiply(np.where(self.free, 0.0, self.fixed)))
         return rows
+
+    @cached_property
+    def preserving(self) -> Bools:
+        """The rows of certain states that lead only to them and to `ends`, bool[rows]."""
+        if self.certain is None or self.ends is None:
+            return np.zeros(self.matrix.rows, np.bool_)
+        leaves = self.doubles.multiply(np.where(self.certain | self.ends, 0.0, 1.0)) > 0.0
+        return self.certain[self.edges.owner_of_rows] & ~leaves
 
     def room(self, x: Floats) -> Floats:
         """By how much each considered row satisfies its inequality; infinite for other rows."""
@@ -133,7 +146,7 @@ def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> Induc
     """A vector that satisfies the inequalities, if these rows are those that need room."""
     rows, ranks, choices = problem.considered, None, None
     if problem.ends is not None:
-        candidates = rows if problem.all_rows else tight
+        candidates = problem.preserving | (rows if problem.all_rows else tight)
         ranks, towards = progress(problem.edges, candidates, problem.ends, problem.all_rows)
         if (problem.free & (ranks < 0) & (x > 0)).any():
             return None
@@ -157,7 +170,7 @@ def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> Induc
     worst = float(np.max(missing[tight & rows & np.isfinite(missing)], initial=0.0))
     step = 2.0 * worst + (problem.matrix.longest + 8) * 4.0 * tuning.UNIT_ROUNDOFF
     while step < tuning.WIDEST_ROOM:
-        moved = base + step * w if problem.upper else base - step * w
+        moved = np.minimum(base + step * w, problem.limit) if problem.upper else base - step * w
         if problem.earned is None and not problem.upper:
             moved = np.maximum(moved, 0.0)
         vector = InductiveVector(*_on_grid(np.where(problem.free, moved, problem.fixed)))
