@@ -89,6 +89,27 @@ def test_probabilities_of_0_and_1_are_proved_without_error(
     assert symcheck_verify.main([files[1], files[0]]) == 0
 
 
+def test_the_greatest_value_of_initial_states_has_the_bounds_of_each(tmp_path: Path) -> None:
+    text = "dtmc module m s:[0..2]; [] s<2 -> (s+1)/3:(s'=2)+(2-s)/3:(s'=s); [] s=2 -> true;"
+    model = symcheck.loads(f'{text} endmodule init s<2 endinit rewards "r" s<2:1; endrewards')
+    proof = model.check('filter(max, R{"r"}=? [ F s=2 ], "init")').certificate()
+    assert [low <= value <= high for value, (low, high) in zip(
+        (3, Fraction(3, 2)), proof.bounds.values(), strict=True)] == [True, True]  # fmt: skip
+    files = symcheck.save_certificate(proof, tmp_path / "proof.json")
+    assert symcheck_verify.main([files[1], files[0]]) == 0
+    with pytest.raises(UnsupportedError):
+        model.check('filter(sum, R{"r"}=? [ F s=2 ], "init")').certificate()
+
+
+def test_bounds_of_rewards_are_about_as_narrow_as_those_of_values(tmp_path: Path) -> None:
+    """Slack makes them wider: in a walk, by as much as the steps that it takes."""
+    text = "dtmc module m s:[0..60] init 30; [] s>0&s<60 -> 1/2:(s'=s+1)+1/2:(s'=s-1);"
+    model = symcheck.loads(f"{text} [] s=0|s=60 -> true; endmodule")
+    ((low, high),) = model.check("T=? [ F s=0|s=60 ]").certificate().bounds.values()
+    assert low <= 900 <= high
+    assert high - low < 900e-6
+
+
 def test_a_value_at_the_threshold_is_refused() -> None:
     """The checker would say that the bounds do not decide the comparison."""
     die = symcheck.load(MODELS / "die/die.pm")

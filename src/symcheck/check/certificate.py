@@ -40,7 +40,15 @@ from symcheck.semantics.query import Query
 from symcheck.semantics.query import query_of as resolve
 from symcheck.semantics.rewards import Reward, Structure, Time
 from symcheck.semantics.time_bounds import Window
-from symcheck.syntax.ast import AnyMeasure, Binary, Expression, LabelReference, Literal, Unary
+from symcheck.syntax.ast import (
+    AnyMeasure,
+    Binary,
+    Expression,
+    Filter,
+    LabelReference,
+    Literal,
+    Unary,
+)
 from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.printer import pretty
 
@@ -50,6 +58,9 @@ _STEP_ERROR = Fraction(1, 2**90)
 """More than what a checker's step of bounded measures adds to the width of bounds."""
 _STATED = Fraction(1, 10**11)
 """Relative width that is stated of values within steps or a time; the checker computes them."""
+
+_PART_OF_EPSILON = 1e-4
+"""Accuracy of the values from which vectors are made: slack makes their bounds wider."""
 
 Json = dict[str, Any]
 
@@ -89,7 +100,7 @@ def certify(context: Context, formula: Expression) -> Certificate:
 
     Args:
         context: the model, and the accuracy of the values.
-        formula: a P, R, T or S formula.
+        formula: a P, R, T or S formula, or its least or greatest value in the initial states.
 
     Raises:
         UnsupportedError: there are no certificates for such a formula, or the model cannot be
@@ -97,11 +108,15 @@ def certify(context: Context, formula: Expression) -> Certificate:
         NumericalError: no vectors were found that satisfy the inequalities, or the bounds do not
             decide the comparison of the formula.
     """
+    match formula:
+        case Filter("min" | "max", inner, LabelReference("init")):
+            formula = inner  # bounds in each initial state say what the least and greatest are
     if not isinstance(formula, AnyMeasure):
         raise UnsupportedError("certificates are for P, R, T and S formulas")
     if context.options.fairness:
         raise UnsupportedError("certificates are not supported with -fair")
     context = replace(context, relevant_states=None)
+    context = context.with_epsilon(context.options.epsilon * _PART_OF_EPSILON)
     exact = context if context.engine.exact else exact_twin(context)
     model = exact.engine.capability(ExplicitEngine)
     assert model is not None
