@@ -110,6 +110,29 @@ def test_bounds_of_rewards_are_about_as_narrow_as_those_of_values(tmp_path: Path
     assert high - low < 900e-6
 
 
+@pytest.mark.parametrize(
+    ("rewards", "message"),
+    [
+        ("rewards s=0:1; endrewards rewards s=1:5; endrewards", "give each of them a name"),
+        ('rewards "r" s=0:1; s=1:-5; endrewards', "negative rewards"),
+    ],
+)
+def test_rewards_that_the_rules_are_not_about_are_refused(rewards: str, message: str) -> None:
+    text = "dtmc module m s:[0..2]; [] s<2 -> (s'=s+1); [] s=2 -> true; endmodule"
+    result = symcheck.loads(f"{text} {rewards}").check("R{1}=? [ F s=2 ]")
+    with pytest.raises(UnsupportedError, match=message):
+        result.certificate()
+
+
+def test_certificates_in_one_folder_keep_their_rewards_apart(tmp_path: Path) -> None:
+    """The files of proof1.json are named as further rewards of proof.json are."""
+    text = "dtmc module m s:[0..1]; [a] s=0 -> 1/2:(s'=0)+1/2:(s'=1); [] s=1 -> true; endmodule"
+    model = symcheck.loads(f'{text} rewards "r" [a] true:3; endrewards')
+    proof = model.check('R{"r"}=? [ F s=1 ]').certificate()
+    files = [symcheck.save_certificate(proof, tmp_path / f"proof{i}.json") for i in ("", 1, 2)]
+    assert [symcheck_verify.main([file[1], file[0]]) for file in files] == [0, 0, 0]
+
+
 def test_a_value_at_the_threshold_is_refused() -> None:
     """The checker would say that the bounds do not decide the comparison."""
     die = symcheck.load(MODELS / "die/die.pm")

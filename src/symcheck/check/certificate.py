@@ -216,7 +216,12 @@ class _Writer:
         """The statement of an expected reward."""
         match reward:
             case Structure(index):
-                name: str | None = self.model.model.rewards[index].name or ""
+                structures = self.model.model.rewards
+                name: str | None = structures[index].name or ""
+                if sum((r.name or "") == name for r in structures) > 1:
+                    raise UnsupportedError(
+                        "a certificate names its reward structure: give each of them a name"
+                    )
             case Time():
                 name = None
             case _:
@@ -304,13 +309,19 @@ class _Writer:
         guess = self._values(self.formula)
         if not np.isfinite(guess[certain]).all():
             raise _unsupported()
+        earned = self.exact.engine.system(self.exact.engine.all).step_rewards(reward)
+        if (earned[per_row(self.model.matrix.groups, certain & ~target)] < 0).any():
+            raise UnsupportedError(
+                "certificates of rewards until states are reached are not supported with negative "
+                "rewards"
+            )
         evidence = {}
         for name, upper in _SIDES:
             problem = Inequalities(
                 self._matrix,
                 free=certain & ~target,
                 fixed=np.where(certain, 0.0, np.inf),
-                earned=self.exact.engine.system(self.exact.engine.all).step_rewards(reward),
+                earned=earned,
                 upper=upper,
                 all_rows=_all_rows(direction, upper=upper),
                 ends=target if upper else None,
