@@ -133,6 +133,20 @@ def test_certificates_in_one_folder_keep_their_rewards_apart(tmp_path: Path) -> 
     assert [symcheck_verify.main([file[1], file[0]]) for file in files] == [0, 0, 0]
 
 
+def test_averages_have_certificates_where_rates_differ_much(tmp_path: Path) -> None:
+    """The bias is 600000 where a step takes a millionth: no gain of the average is its room."""
+    model = symcheck.loads(
+        "ctmc module m s:[0..4]; [] s=0 -> 1/3:(s'=1)+1e-6:(s'=2); [] s=1 -> 1e6:(s'=0)+2:(s'=3);"
+        "[] s=2 -> 5:(s'=2)+1:(s'=4); [] s=3 -> 7:(s'=4); [] s=4 -> true; endmodule"
+    )
+    for formula, value in (("S=? [ s=4 ]", 1), ("S=? [ s=1 ]", 0)):
+        proof = model.check(formula).certificate()
+        ((low, high),) = proof.bounds.values()
+        assert low <= value <= high <= low + Fraction(1, 10**6)
+        files = symcheck.save_certificate(proof, tmp_path / "proof.json")
+        assert symcheck_verify.main([files[1], files[0]]) == 0
+
+
 def test_a_value_at_the_threshold_is_refused() -> None:
     """The checker would say that the bounds do not decide the comparison."""
     die = symcheck.load(MODELS / "die/die.pm")

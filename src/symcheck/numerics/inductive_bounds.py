@@ -360,7 +360,7 @@ def _gain_and_bias(problem: Inequalities, stay: Floats, gain: Floats) -> tuple[F
     policy = groups[:-1].copy() if problem.strategy is None else problem.strategy
     sign = 1.0 if problem.upper else -1.0
     several = problem.all_rows and problem.matrix.groups is not None
-    gain, bias = _of_policy(problem, policy, stay, gain)
+    gain, bias, steps = _of_policy(problem, policy, stay, gain)
     for _ in range(tuning.BIAS_POLICIES if several else 0):
         excess, falls = _excess(problem, stay, gain, bias)
         keeps = falls <= 1e-9 * (1.0 + np.abs(gain).max(initial=0.0))
@@ -370,10 +370,11 @@ def _gain_and_bias(problem: Inequalities, stay: Floats, gain: Floats) -> tuple[F
         if (improved == policy).all():
             break
         policy = improved
-        better, bias = _of_policy(problem, policy, stay, gain)
+        better, bias, steps = _of_policy(problem, policy, stay, gain)
         gain = sign * np.maximum(sign * gain, sign * better)
-    if not several:
-        return gain, bias
+    if not several:  # the steps in transient states give their rows room; a bias is not stated
+        room = tuning.BIAS_ROOM * (1.0 + float(np.max(np.abs(bias), initial=0.0)))
+        return gain, bias + sign * room * steps
     # Rows that lead to worse gains get room from a multiple of the gain.
     excess, falls = _excess(problem, stay, gain, bias)
     needs = (falls > 1e-9 * (1.0 + np.abs(gain).max(initial=0.0))) & (excess > 0.0)
@@ -392,8 +393,10 @@ def _excess(
 
 def _of_policy(
     problem: Inequalities, policy: Int64s, stay: Floats, gain: Floats
-) -> tuple[Floats, Floats]:
-    """The gain and the bias of a policy; gains of transient states are left as they are.
+) -> tuple[Floats, Floats, Floats]:
+    """The gain and the bias of a policy, and the mean number of steps in transient states.
+
+    Gains of transient states are left as they are.
 
     The gain of a recurrent component is unknown in the place of the bias of its first state, which
     is 0. So all equations of the component are solved to the last digits.
@@ -420,4 +423,6 @@ def _of_policy(
     found = factors.solve(right)
     found = found + factors.solve(right - system @ found)  # one step of refinement
     gain = np.where(recurrent >= 0, found[recurrent], gain)
-    return gain, np.where(first == 0.0, 0.0, found)
+    steps = np.maximum(factors.solve(np.where(recurrent < 0, 1.0, 0.0)), 0.0)
+    steps = np.where(recurrent < 0, steps, 0.0)
+    return gain, np.where(first == 0.0, 0.0, found), steps
