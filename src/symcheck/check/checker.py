@@ -165,7 +165,7 @@ def _explanation(context: Context, formula: Expression, paths: int | None) -> Co
 
 
 def _certificate(context: Context, formula: Expression) -> Certificate:
-    from symcheck.check.certificate import certify
+    from symcheck.check.certification import certify
 
     return certify(context, formula)
 
