@@ -276,6 +276,153 @@ def test_the_command_says_what_is_proved(
     assert symcheck_verify.main([]) == 2
 
 
+def test_keys_that_no_rule_reads_are_rejected(game: tuple[Path, dict[str, Any]]) -> None:
+    """The checker prints the statement: what it prints has to be what it proved."""
+    path, given = game
+    for key, value in (("steps", None), ("reward", "r"), ("lower", 3), ("negated", "false")):
+        changed = copy.deepcopy(given)
+        changed["statement"][key] = value
+        with pytest.raises(Rejected, match=r"whole number of steps|no measure that is known"):
+            proved(path, "dtmc", changed)
+
+
+@pytest.mark.parametrize(
+    "states",
+    [
+        {"states": ["1"]},
+        {"states": [1.0]},
+        {"states": [True]},
+        {"states": "1"},
+        {"states": [1, 99]},
+        {"states": [-2]},
+        {"states": [1], "not": "all"},
+        {"label": "won", "states": []},
+        "won",
+    ],
+)
+def test_a_set_of_states_is_what_it_looks_like(
+    game: tuple[Path, dict[str, Any]], states: object
+) -> None:
+    """The text "1" is no state: such a set would be empty, and would read as if it were not."""
+    path, given = game
+    given["statement"]["right"] = {"or": [{"label": "won"}, states]}
+    with pytest.raises(Rejected, match="unknown set of states"):
+        proved(path, "dtmc", given)
+
+
+@pytest.mark.parametrize(
+    "number", [0.5, True, None, "nan", "1_0", "１", "1e99999999", " 1/2", "1/2\naccepted"]
+)
+def test_numbers_of_a_statement_are_texts(
+    game: tuple[Path, dict[str, Any]], number: object
+) -> None:
+    """0.1 would be shown as 1/10, and is another number."""
+    path, given = game
+    given["statement"]["bounds"]["0"][0] = number
+    with pytest.raises(Rejected, match="not the text of a number"):
+        proved(path, "dtmc", given)
+
+
+@pytest.mark.parametrize(
+    ("kind", "transitions"),
+    [
+        (
+            "dtmc",
+            "2 2 2\n0 0 1 1\n1 1 1 1\n",
+        ),  # an mdp: as a chain, each state would lead to 0 or 1
+        ("dtmc", "2\n0 0 1\n1 1 1\n"),
+        ("mdp", "2 3 2\n0 0 0 1\n1 0 1 1\n"),
+        ("mdp", "2 2 2\n0 -1 0 1\n1 0 1 1\n"),
+        ("mdp", "2 2 2\n0 0 0 1\n1 1 1 1\n"),
+        ("dtmc", "99999999999999 1\n99999999999998 0 1\n"),  # this would fill the memory
+        ("dtmc", "2 2\n0 0 nan\n1 1 1\n"),
+        ("dtmc", "2 2\n0 0 1e999999999\n1 1 1\n"),
+        ("dtmc", "2 3\n0 0 2\n0 1 -1\n1 1 1\n"),
+    ],
+)
+def test_files_of_other_models_are_rejected(tmp_path: Path, kind: str, transitions: str) -> None:
+    path = written(tmp_path, {"tra": transitions, "srew": "2 0\n"})
+    with pytest.raises(Rejected):
+        read_model(path, kind, "rational")
+
+
+@pytest.mark.parametrize(
+    ("suffix", "text"),
+    [
+        ("srew", "3 1\n0 1 3\n"),
+        ("srew", "3 2\n0 3\n0 3\n"),
+        ("srew", "3 1\n7 3\n"),
+        ("trew", "3 1\n-3 0 3\n"),
+        ("trew", "3 2\n0 1 3\n0 1 3\n"),
+        ("trew", "3 1\n0 0 1 3\n"),
+    ],
+)
+def test_rewards_have_the_places_of_the_model(tmp_path: Path, suffix: str, text: str) -> None:
+    path = written(tmp_path, GAME)
+    path.with_suffix(f".{suffix}").write_text(text)
+    with pytest.raises(Rejected, match="no such place"):
+        read_model(path, "dtmc", "rational")
+
+
+def test_rewards_of_another_certificate_do_not_count(tmp_path: Path) -> None:
+    """m1.srew may be the second structure of m, or the first one of another certificate m1."""
+    path = written(tmp_path, GAME)
+    rewards = '# Reward structure "r"\n# Transition rewards\n3 1\n0 1 3\n'
+    path.with_suffix(".trew").write_text(rewards)
+    digests = read_model(path, "dtmc", "rational").digests
+    (tmp_path / "m1.trew").write_text(rewards)  # the same: it would count twice
+    (tmp_path / "m1.srew").write_text('# Reward structure "r"\n3 1\n0 5\n')
+    model = read_model(path, "dtmc", "rational", digests.values())
+    assert model.rewards["r"] == ({0: 3}, {0: 1})
+    assert model.digests == digests
+    with pytest.raises(Rejected, match=r"two files beside the model are \.srew r"):
+        read_model(path, "dtmc", "rational")
+
+
+def test_each_file_of_the_model_has_a_digest(game: tuple[Path, dict[str, Any]]) -> None:
+    path, given = game
+    del given["model"]["sha256"][".lab"]
+    with pytest.raises(Rejected, match=r"about another model: \.lab differ"):
+        proved(path, "dtmc", given)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[" * 100_000, "[]", "{}", "NaN", '{"model": 1}', '"\\ud800"', "\0"],
+)
+def test_whatever_is_no_certificate_is_rejected(
+    game: tuple[Path, dict[str, Any]], tmp_path: Path, text: str
+) -> None:
+    path, given = game
+    file = tmp_path / "proof.json"
+    file.write_text(text)
+    assert symcheck_verify.main([str(path), str(file)]) == 1
+    file.write_text(json.dumps(given))
+    path.write_text("")
+    assert symcheck_verify.main([str(path), str(file)]) == 1
+    assert symcheck_verify.main([str(tmp_path), str(file)]) == 1
+
+
+def test_no_text_of_a_certificate_looks_like_a_verdict(
+    game: tuple[Path, dict[str, Any]], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, given = game
+    file = tmp_path / "proof.json"
+    given["property"] = "x\naccepted: \ud800"
+    file.write_text(json.dumps(given))
+    assert symcheck_verify.main([str(path), str(file)]) == 0
+    assert capsys.readouterr().out.count("\naccepted") == 0
+    given["statement"]["measure"] = "x\naccepted: \ud800"
+    file.write_text(json.dumps(given))
+    assert symcheck_verify.main([str(path), str(file)]) == 1
+    assert capsys.readouterr().out.count("\naccepted") == 0
+    del given["property"]
+    given["statement"]["measure"] = "until"
+    file.write_text(json.dumps(given))
+    assert symcheck_verify.main([str(path), str(file)]) == 1
+    assert "accepted" not in capsys.readouterr().out
+
+
 def test_the_checker_is_short_and_imports_the_standard_library_only() -> None:
     import sys
 

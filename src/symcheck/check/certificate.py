@@ -1,4 +1,4 @@
-"""Certificates: a statement about a value, and vectors that prove it to a checker of its own."""
+"""A certificate: what is stated of a value, and its proof."""
 
 from __future__ import annotations
 

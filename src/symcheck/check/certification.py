@@ -1,4 +1,4 @@
-"""How a certificate is found: what is stated of a value, and vectors that prove it.
+"""Writing certificates: vectors that prove bounds of a value to a checker of its own.
 
 The inequalities are those of `symcheck_verify`, which imports nothing of symcheck.
 """
@@ -25,7 +25,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import Number, StateSet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.transition_actions import state_order
-from symcheck.errors import UnsupportedError
+from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.matrices.numbers import Rationals, doubles, full, rationals
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, per_row
 from symcheck.numerics import graph
@@ -41,7 +41,15 @@ from symcheck.semantics.query import Query
 from symcheck.semantics.query import query_of as resolve
 from symcheck.semantics.rewards import Reward, Structure, Time
 from symcheck.semantics.time_bounds import Window
-from symcheck.syntax.ast import AnyMeasure, Binary, Expression, LabelReference, Literal, Unary
+from symcheck.syntax.ast import (
+    AnyMeasure,
+    Binary,
+    Expression,
+    Filter,
+    LabelReference,
+    Literal,
+    Unary,
+)
 from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.printer import pretty
 
@@ -52,6 +60,9 @@ _STEP_ERROR = Fraction(1, 2**90)
 _STATED = Fraction(1, 10**11)
 """Relative width that is stated of values within steps or a time; the checker computes them."""
 
+_PART_OF_EPSILON = 1e-4
+"""Accuracy of the values from which vectors are made: slack makes their bounds wider."""
+
 Json = dict[str, Any]
 
 
@@ -60,18 +71,25 @@ def certify(context: Context, formula: Expression) -> Certificate:
 
     Args:
         context: the model, and the accuracy of the values.
-        formula: a P, R, T or S formula.
+        formula: a P, R, T or S formula, or its least or greatest value in the initial states.
 
     Raises:
         UnsupportedError: there are no certificates for such a formula, or the model cannot be
             explored in rational arithmetic.
-        NumericalError: no vectors were found that satisfy the inequalities.
+        NumericalError: no vectors were found that satisfy the inequalities, or the bounds do not
+            decide the comparison of the formula.
     """
+    match formula:
+        case Filter("min" | "max", inner, LabelReference("init")):
+            formula = inner  # bounds in each initial state say what the least and greatest are
+        case _:
+            pass
     if not isinstance(formula, AnyMeasure):
         raise UnsupportedError("certificates are for P, R, T and S formulas")
     if context.options.fairness:
         raise UnsupportedError("certificates are not supported with -fair")
     context = replace(context, relevant_states=None)
+    context = context.with_epsilon(context.options.epsilon * _PART_OF_EPSILON)
     exact = context if context.engine.is_rational else exact_twin(context)
     model = exact.engine.capability(ExplicitEngine)
     assert model is not None
@@ -92,10 +110,7 @@ class _Writer:
 
     def certificate(self) -> Certificate:
         """The statement and its evidence."""
-        text, query = (
-            resolve(self.formula, self.model.model),
-            query_of(self.exact, self.formula),
-        )
+        text, query = resolve(self.formula, self.model.model), query_of(self.exact, self.formula)
         statement, evidence = self._proof(text, query)
         direction = query.direction
         if statement.get("negated"):
@@ -104,7 +119,13 @@ class _Writer:
         bounds = self._stated(statement, evidence)
         statement["bounds"] = {str(s): list(map(_number, ends)) for s, ends in bounds.items()}
         if (threshold := query.threshold) is not None:
-            held = {threshold.admits(e) for ends in bounds.values() for e in ends}
+            verdicts = [{threshold.admits(e) for e in ends} for ends in bounds.values()]
+            if any(len(of_ends) > 1 for of_ends in verdicts):
+                raise NumericalError(
+                    "a value is so near to the threshold that the bounds of a certificate do not "
+                    "decide the comparison"
+                )
+            held = set[bool]().union(*verdicts)
             statement["comparison"] = {
                 "operator": threshold.operator.value,
                 "threshold": str(threshold.value),
@@ -165,7 +186,12 @@ class _Writer:
         """The statement of an expected reward."""
         match reward:
             case Structure(index):
-                name: str | None = self.model.model.rewards[index].name or ""
+                structures = self.model.model.rewards
+                name: str | None = structures[index].name or ""
+                if sum((r.name or "") == name for r in structures) > 1:
+                    raise UnsupportedError(
+                        "a certificate names its reward structure: give each of them a name"
+                    )
             case Time():
                 name = None
             case _:
@@ -232,14 +258,19 @@ class _Writer:
         *,
         upper: bool,
     ) -> Json:
+        free, certain = left & ~right, np.zeros_like(right)
+        if not upper:  # a probability of 1 is proved without slack
+            certain = graph.prob1(self._matrix, left, right, direction) & free
         problem = Inequalities(
             self._matrix,
-            free=left & ~right,
-            fixed=right.astype(np.float64),
+            free=free & ~certain,
+            fixed=(right | certain).astype(np.float64),
             earned=None,
             upper=upper,
             all_rows=_all_rows(direction, upper=upper),
             ends=None if upper else right,
+            certain=certain,
+            limit=1.0,
         )
         return self._side(inductive(problem, guess))
 
@@ -250,13 +281,19 @@ class _Writer:
         guess = self._values(self.formula)
         if not np.isfinite(guess[certain]).all():
             raise _unsupported()
+        earned = self.exact.engine.system(self.exact.engine.all).step_rewards(reward)
+        if (earned[per_row(self.model.matrix.groups, certain & ~target)] < 0).any():
+            raise UnsupportedError(
+                "certificates of rewards until states are reached are not supported with negative "
+                "rewards"
+            )
         evidence = {}
         for name, upper in _SIDES:
             problem = Inequalities(
                 self._matrix,
                 free=certain & ~target,
                 fixed=np.where(certain, 0.0, np.inf),
-                earned=self.exact.engine.system(self.exact.engine.all).step_rewards(reward),
+                earned=earned,
                 upper=upper,
                 all_rows=_all_rows(direction, upper=upper),
                 ends=target if upper else None,

@@ -69,6 +69,9 @@ class Inequalities:
         all_rows: whether they have to hold for all rows; otherwise for those of a strategy.
         strategy: the row of each state where not all rows count, int64[n]; None: one is chosen.
         ends: the states to which ranks descend, bool[n]; None: no ranks are needed.
+        certain: states of a fixed value that rows among them and `ends` preserve, bool[n]; ranks
+            descend through them. None: there are none.
+        limit: no value of an upper bound of probabilities needs to be greater.
     """
 
     matrix: SparseMatrix = field(repr=False)
@@ -79,6 +82,8 @@ class Inequalities:
     all_rows: bool
     ends: Bools | None
     strategy: Int64s | None = None
+    certain: Bools | None = None
+    limit: float = np.inf
 
     @cached_property
     def edges(self) -> graph.Incidence:
@@ -102,6 +107,14 @@ class Inequalities:
         if not self.upper and np.isinf(self.fixed).any():
             rows &= np.isfinite(self.doubles.multiply(np.where(self.free, 0.0, self.fixed)))
         return rows
+
+    @cached_property
+    def preserving(self) -> Bools:
+        """The rows of certain states that lead only to them and to `ends`, bool[rows]."""
+        if self.certain is None or self.ends is None:
+            return np.zeros(self.matrix.rows, np.bool_)
+        leaves = self.doubles.multiply(np.where(self.certain | self.ends, 0.0, 1.0)) > 0.0
+        return self.certain[self.edges.owner_of_rows] & ~leaves
 
     def room(self, x: Floats) -> Floats:
         """By how much each considered row satisfies its inequality; infinite for other rows."""
@@ -133,7 +146,7 @@ def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> Induc
     """A vector that satisfies the inequalities, if these rows are those that need room."""
     rows, ranks, choices = problem.considered, None, None
     if problem.ends is not None:
-        candidates = rows if problem.all_rows else tight
+        candidates = problem.preserving | (rows if problem.all_rows else tight)
         ranks, towards = progress(problem.edges, candidates, problem.ends, problem.all_rows)
         if (problem.free & (ranks < 0) & (x > 0)).any():
             return None
@@ -157,7 +170,7 @@ def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> Induc
     worst = float(np.max(missing[tight & rows & np.isfinite(missing)], initial=0.0))
     step = 2.0 * worst + (problem.matrix.longest + 8) * 4.0 * tuning.UNIT_ROUNDOFF
     while step < tuning.WIDEST_ROOM:
-        moved = base + step * w if problem.upper else base - step * w
+        moved = np.minimum(base + step * w, problem.limit) if problem.upper else base - step * w
         if problem.earned is None and not problem.upper:
             moved = np.maximum(moved, 0.0)
         vector = InductiveVector(*_on_grid(np.where(problem.free, moved, problem.fixed)))
@@ -347,7 +360,7 @@ def _gain_and_bias(problem: Inequalities, stay: Floats, gain: Floats) -> tuple[F
     policy = groups[:-1].copy() if problem.strategy is None else problem.strategy
     sign = 1.0 if problem.upper else -1.0
     several = problem.all_rows and problem.matrix.groups is not None
-    gain, bias = _of_policy(problem, policy, stay, gain)
+    gain, bias, steps = _of_policy(problem, policy, stay, gain)
     for _ in range(tuning.BIAS_POLICIES if several else 0):
         excess, falls = _excess(problem, stay, gain, bias)
         keeps = falls <= 1e-9 * (1.0 + np.abs(gain).max(initial=0.0))
@@ -357,10 +370,11 @@ def _gain_and_bias(problem: Inequalities, stay: Floats, gain: Floats) -> tuple[F
         if (improved == policy).all():
             break
         policy = improved
-        better, bias = _of_policy(problem, policy, stay, gain)
+        better, bias, steps = _of_policy(problem, policy, stay, gain)
         gain = sign * np.maximum(sign * gain, sign * better)
-    if not several:
-        return gain, bias
+    if not several:  # the steps in transient states give their rows room; a bias is not stated
+        room = tuning.BIAS_ROOM * (1.0 + float(np.max(np.abs(bias), initial=0.0)))
+        return gain, bias + sign * room * steps
     # Rows that lead to worse gains get room from a multiple of the gain.
     excess, falls = _excess(problem, stay, gain, bias)
     needs = (falls > 1e-9 * (1.0 + np.abs(gain).max(initial=0.0))) & (excess > 0.0)
@@ -379,8 +393,10 @@ def _excess(
 
 def _of_policy(
     problem: Inequalities, policy: Int64s, stay: Floats, gain: Floats
-) -> tuple[Floats, Floats]:
-    """The gain and the bias of a policy; gains of transient states are left as they are.
+) -> tuple[Floats, Floats, Floats]:
+    """The gain and the bias of a policy, and the mean number of steps in transient states.
+
+    Gains of transient states are left as they are.
 
     The gain of a recurrent component is unknown in the place of the bias of its first state, which
     is 0. So all equations of the component are solved to the last digits.
@@ -407,4 +423,6 @@ def _of_policy(
     found = factors.solve(right)
     found = found + factors.solve(right - system @ found)  # one step of refinement
     gain = np.where(recurrent >= 0, found[recurrent], gain)
-    return gain, np.where(first == 0.0, 0.0, found)
+    steps = np.maximum(factors.solve(np.where(recurrent < 0, 1.0, 0.0)), 0.0)
+    steps = np.where(recurrent < 0, steps, 0.0)
+    return gain, np.where(first == 0.0, 0.0, found), steps

@@ -316,5 +316,7 @@ GRID_BITS = 60
 """Bits of the smallest value of a certificate."""
 GAIN_ROOM = (1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
 """Room that the gain of a certificate gives its bias, relative to the greatest gain."""
+BIAS_ROOM = 1e-10
+"""Room that transient states get in the bias of a certificate, relative to the greatest bias."""
 BIAS_POLICIES = 100
 """The most policies whose bias is computed for a certificate."""
