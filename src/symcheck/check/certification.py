@@ -41,7 +41,15 @@ from symcheck.semantics.query import Query
 from symcheck.semantics.query import query_of as resolve
 from symcheck.semantics.rewards import Reward, Structure, Time
 from symcheck.semantics.time_bounds import Window
-from symcheck.syntax.ast import AnyMeasure, Binary, Expression, LabelReference, Literal, Unary
+from symcheck.syntax.ast import (
+    AnyMeasure,
+    Binary,
+    Expression,
+    LabelReference,
+    Literal,
+    Unary,
+    letters_of,
+)
 from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.printer import pretty
 
@@ -60,7 +68,7 @@ def certify(context: Context, formula: Expression) -> Certificate:
 
     Args:
         context: the model, and the accuracy of the values.
-        formula: a P, R, T or S formula.
+        formula: a measure.
 
     Raises:
         UnsupportedError: there are no certificates for such a formula, or the model cannot be
@@ -68,7 +76,7 @@ def certify(context: Context, formula: Expression) -> Certificate:
         NumericalError: no vectors were found that satisfy the inequalities.
     """
     if not isinstance(formula, AnyMeasure):
-        raise UnsupportedError("certificates are for P, R, T and S formulas")
+        raise UnsupportedError(f"certificates are for {letters_of(AnyMeasure)} formulas")
     if context.options.fairness:
         raise UnsupportedError("certificates are not supported with -fair")
     context = replace(context, relevant_states=None)

@@ -53,11 +53,18 @@ from symcheck.semantics.path_formulas import (
 from symcheck.semantics.query import CumulativeReward, PathProbability, Query, ReachReward
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
-from symcheck.syntax.ast import ExpectedTime, Expression, ProbabilityOperator, RewardOperator
+from symcheck.syntax.ast import (
+    ExpectedTime,
+    Expression,
+    ProbabilityOperator,
+    RewardOperator,
+    letters_of,
+)
 
 __all__ = ["PathSearch", "path_search"]
 
 Number = float | Fraction
+_Explained = ProbabilityOperator | RewardOperator | ExpectedTime
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,12 +115,10 @@ def path_search(context: Context, formula: Expression) -> PathSearch:
     """
     engine = context.engine.capability(ExplicitEngine)
     assert engine is not None
-    if not isinstance(formula, ProbabilityOperator | RewardOperator | ExpectedTime) or (
-        formula.bound is None
-    ):
+    if not isinstance(formula, _Explained) or formula.bound is None:
         raise UnsupportedError(
-            "counterexamples are for P, R and T with a bound, such as P<=0.1 [ F states ] or "
-            "R<=3 [ F states ]"
+            f"counterexamples are for {letters_of(_Explained)} with a bound, such as "
+            "P<=0.1 [ F states ] or R<=3 [ F states ]"
         )
     if context.options.fairness:
         raise UnsupportedError("counterexamples are not supported with -fair")
