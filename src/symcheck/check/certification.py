@@ -21,6 +21,7 @@ from symcheck.check.measures.reachability import until
 from symcheck.check.queries.values import values
 from symcheck.check.state_formulas import query_of, satisfying
 from symcheck.check.strategies.strategy import strategy_of
+from symcheck.check.strategies.to_explicit import rows_engine
 from symcheck.direction import Direction
 from symcheck.engines.base import Number, StateSet
 from symcheck.engines.explicit.engine import ExplicitEngine
@@ -81,9 +82,7 @@ def certify(context: Context, formula: Expression) -> Certificate:
         raise UnsupportedError("certificates are not supported with -fair")
     context = replace(context, relevant_states=None)
     exact = context if context.engine.is_rational else exact_twin(context)
-    model = exact.engine.capability(ExplicitEngine)
-    assert model is not None
-    return _Writer(context, exact, model, formula).certificate()
+    return _Writer(context, exact, rows_engine(exact), formula).certificate()
 
 
 @dataclass(frozen=True, eq=False)

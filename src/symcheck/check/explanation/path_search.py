@@ -31,6 +31,7 @@ from symcheck.check.omega_regular.ltl import accepted_states, linear_product
 from symcheck.check.state_formulas import query_of, satisfying
 from symcheck.check.strategies.counters import counter_product
 from symcheck.check.strategies.strategy import strategy_attaining, temporal_strategy
+from symcheck.check.strategies.to_explicit import rows_engine
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
@@ -113,8 +114,7 @@ def path_search(context: Context, formula: Expression) -> PathSearch:
     Raises:
         UnsupportedError: no set of paths shows the value of the formula.
     """
-    engine = context.engine.capability(ExplicitEngine)
-    assert engine is not None
+    engine = rows_engine(context)
     if not isinstance(formula, _Explained) or formula.bound is None:
         raise UnsupportedError(
             f"counterexamples are for {letters_of(_Explained)} with a bound, such as "
@@ -310,9 +310,7 @@ def _on_product(
         of_path, pairs = linear_product(context, path)
         assert isinstance(of_path, ExplicitProduct)
         inner = replace(context, engine=of_path.engine)
-        explicit = of_path.engine.capability(ExplicitEngine)
-        assert explicit is not None
-        product, entry, rows = explicit, of_path.entry, None
+        product, entry, rows = rows_engine(inner), of_path.entry, None
         matrix = product.matrix
         good = inner.engine.to_bools(accepted_states(inner, context, of_path, pairs))
     assert entry is not None
