@@ -23,6 +23,8 @@ __all__ = ["dataclass"]
 _METHODS = {"__repr__": "repr", "__eq__": "eq", "__hash__": "eq"}
 """The option on which a method depends."""
 _OF_CLASS = ("__dict__", "__weakref__")
+_FACTORY: Any = type("", (), {"__repr__": lambda _: "<factory>"})()
+"""The default of a field that a function makes, as a signature shows it."""
 
 
 class _Attribute:
@@ -77,6 +79,8 @@ def _lazy(
         setattr(cls, "__match_args__", tuple(positional))  # noqa: B010 (mypy lets nobody assign it)
         if "__init__" not in given:
             cls.__init__ = _init(cls, frozen)
+        with suppress(AttributeError):  # the signature is that of `__init__` from now on
+            del cls.__signature__
         return cls
 
     def write_others(option: str) -> Any:
@@ -88,7 +92,8 @@ def _lazy(
 
     if "__init__" not in given:
         cls.__init__ = _method("__init__", write)
-    for name in ("__dataclass_fields__", "__dataclass_params__", "__match_args__"):
+    names = "__dataclass_fields__", "__dataclass_params__", "__match_args__", "__signature__"
+    for name in names:
         setattr(cls, name, _Attribute(name, write))
     for name, option in _METHODS.items():
         if options.get(option, True) and given.get(name) is None:
@@ -100,7 +105,7 @@ def _lazy(
 
 def _init(cls: Any, frozen: bool) -> Callable[..., None]:
     """The method `__init__` of a class whose fields are known."""
-    known: dict[str, object] = {"_set": object.__setattr__, "_none": dataclasses.MISSING}
+    known: dict[str, object] = {"_set": object.__setattr__, "_factory": _FACTORY}
     positional, keywords, lines = ["self"], ["*"], []
     for f in dataclasses.fields(cls):
         name, parameter, value = f.name, f.name, f.name
@@ -109,9 +114,9 @@ def _init(cls: Any, frozen: bool) -> Callable[..., None]:
             parameter += f"=_default_{name}"
         elif f.default_factory is not dataclasses.MISSING:
             known[f"_make_{name}"] = f.default_factory
-            parameter += "=_none"
+            parameter += "=_factory"
             value = (
-                f"_make_{name}() if {name} is _none else {name}" if f.init else f"_make_{name}()"
+                f"_make_{name}() if {name} is _factory else {name}" if f.init else f"_make_{name}()"
             )
         if f.init:
             (keywords if f.kw_only else positional).append(parameter)
@@ -124,7 +129,8 @@ def _init(cls: Any, frozen: bool) -> Callable[..., None]:
     exec(f"def __init__({', '.join(parameters)}):\n {body}", known)
     init: Any = known["__init__"]
     init.__qualname__ = f"{cls.__qualname__}.__init__"
-    init.__annotations__ = {f.name: f.type for f in dataclasses.fields(cls) if f.init}
+    types = {f.name: f.type for f in dataclasses.fields(cls) if f.init}
+    init.__annotations__ = types | {"return": None}
     return init  # type: ignore[no-any-return]
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import inspect
 import pickle
 from dataclasses import FrozenInstanceError, field, fields, is_dataclass, replace
-from typing import ClassVar, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import pytest
 
@@ -137,6 +138,33 @@ def test_a_class_whose_first_value_was_pickled_is_complete() -> None:
     assert repr(values[0]).endswith("Late(x=1)")
     assert {*values} == {values[0]}
     assert Late.__match_args__ == ("x",)
+
+
+def test_the_signature_is_that_of_the_standard_library_before_a_value_is_made() -> None:
+    def signatures(dataclass: Any) -> list[str]:
+        @dataclass(frozen=True)
+        class Base:
+            x: int
+            items: list[int] = field(default_factory=list)
+            hidden: int = field(default=0, init=False)
+
+        @dataclass
+        class Unfrozen:
+            y: str = "a"
+            last: bool = field(default=True, kw_only=True)
+
+        @dataclass(frozen=True)
+        class Derived(Base):
+            more: int = 1
+
+        class Other(Base):
+            def __init__(self, of: str) -> None: ...
+
+        return [str(inspect.signature(kind)) for kind in (Derived, Other, Base, Unfrozen)]
+
+    lazy = signatures(dataclass)
+    assert lazy[2] == "(x: 'int', items: 'list[int]' = <factory>) -> None"
+    assert lazy == signatures(dataclasses.dataclass)
 
 
 def test_nothing_is_compiled_before_a_class_is_used(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -84,13 +84,13 @@ def test_properties_are_checked_on_a_reduced_model():
 def test_one_quotient_serves_several_properties():
     model = symcheck.load(DIE, bisim=True)
     asked = model.instances(parse_properties("P=? [ F d=6 ]; P=? [ F<=4 d=6 ]"), {})
-    shared = model.shared_quotient(asked)
-    assert str(shared).startswith("13 states -> 5, common to all 2 properties")
-    assert model.shared_quotient(asked[:1]) is None
+    prepared = model.prepared_for(asked)
+    assert str(prepared.shared).startswith("13 states -> 5, common to all 2 properties")
+    assert model.prepared_for(asked[:1]).shared is None
     plain = model.with_options(bisim=False)
-    assert plain.shared_quotient(asked) is None
+    assert plain.prepared_for(asked).shared is None
     for instance in asked:
-        quotient = model.check_instance(instance, shared=shared)
+        quotient = prepared.check(instance)
         assert "by bisimulation" in quotient.explanation
         assert quotient.value == pytest.approx(plain.check_instance(instance).value)
 

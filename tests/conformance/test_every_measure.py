@@ -58,6 +58,24 @@ def kinds(texts: Iterable[str]) -> set[type[Node]]:
     }
 
 
+MDP = "mdp module m x : [0..1]; [] x=0 -> (x'=1); endmodule"
+
+
+@pytest.mark.parametrize(
+    ("options", "text", "message"),
+    [
+        ({}, "multi(Pmax=? [ F x=1 ], x=1)", "must be a P, R, S or T operator"),
+        ({"strategy": True}, "1 - Pmax=? [ F x=1 ]", "supported for P, R, S and T formulas"),
+    ],
+)
+def test_messages_list_the_measures_that_there_are(options, text, message) -> None:
+    try:
+        said = symcheck.loads(MDP, **options).check(text).no_strategy
+    except symcheck.SymcheckError as error:
+        said = error.message
+    assert message in said
+
+
 def test_every_kind_is_in_its_union() -> None:
     assert leaves(ast.Measure) == set(MEASURES), "AnyMeasure in syntax/ast.py"
     assert leaves(ast.RewardQueryNode) == QUERIES, "RewardQuery in syntax/ast.py"

@@ -22,7 +22,7 @@ def _bound() -> symcheck.BoundModel:
     ("within", "call"),
     [
         ("symcheck.check.checker._boolean", lambda: symcheck.load(DIE).check("P>0 [ F d=6 ]")),
-        ("symcheck.check.state_distributions._matrix", lambda: symcheck.load(DIE).transient(2)),
+        ("symcheck.check.state_distributions._steps", lambda: symcheck.load(DIE).transient(2)),
         (
             "symcheck.check.state_distributions._prepared",
             lambda: symcheck.load(DIE).steady_state(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import symcheck
 from symcheck.cli import main
 from symcheck.errors import ModelFault, UnsupportedError
+from symcheck.semantics.binding.bind import bind, exactly_bound
 
 ENGINES = ["explicit", "sparse", "hybrid", "mtbdd", "auto"]
 
@@ -278,3 +280,12 @@ def test_rows_that_were_rounded_are_left_alone():
     assert not symcheck.from_matrix(thirds).bound.warnings
     tenths = np.full((10, 10), 0.1)
     assert not symcheck.from_matrix(tenths).bound.warnings
+
+
+def test_rationals_are_divided_if_and_only_if_the_model_divides():
+    program = symcheck.parse_model(MODEL.format(kind="dtmc"))
+    divided, kept = (bind(program, exact=True, normalise=divides) for divides in (True, False))
+    assert divided != kept
+    assert exactly_bound(bind(program)) == divided
+    warned = replace(bind(program, normalise=False), warnings=("a warning about something else",))
+    assert exactly_bound(warned) == kept

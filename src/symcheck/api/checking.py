@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Generic, Self, TypeVar
 
 from symcheck.api.arguments import properties_file, single_property
 from symcheck.api.stages import Smaller, Stages, limited
@@ -33,7 +33,9 @@ if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
     from symcheck.check.testing.property_tests import PropertyTests
 
-__all__ = ["CheckedModel"]
+__all__ = ["CheckedModel", "PreparedModel"]
+
+ModelT = TypeVar("ModelT", bound="CheckedModel")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -82,6 +84,12 @@ class CheckedModel(Stages):
                 self, smaller=Smaller(smaller, reduction, stopped_early)
             )
         return self._reduced_models[key]
+
+    def prepared_for(
+        self, instances: Sequence[PropertyInstance], *, all_states: bool = False
+    ) -> PreparedModel[Self]:
+        """The model for properties that are checked together. Arguments: those of `reduced_for`."""
+        return PreparedModel(self.reduced_for(instances, all_states=all_states), instances)
 
     @cached_property
     def _reduced_models(self) -> dict[tuple[object, ...], Self]:
@@ -182,12 +190,11 @@ class CheckedModel(Stages):
         file = properties_file(properties)
         given = constant_values(constants)
         tests = []
-        fault, model, shared = None, self, None
+        fault = None
         instances = self.instances(file, {n: (v,) for n, v in given.items()})
         try:
-            model = self.reduced_for(instances)
-            shared = model.shared_quotient(instances)
-            _ = model.engine
+            prepared = self.prepared_for(instances)
+            _ = prepared.model.engine, prepared.shared
         except ResourceError:
             raise
         except SymcheckError as error:  # RESULT lines may expect it
@@ -196,7 +203,7 @@ class CheckedModel(Stages):
             known = instance.bind(self.bound)[0].constants
             outcome: Result | SymcheckError
             try:
-                outcome = fault or model.check_instance(instance, shared=shared)
+                outcome = fault or prepared.check(instance)
             except ResourceError:
                 raise
             except SymcheckError as error:
@@ -226,11 +233,10 @@ class CheckedModel(Stages):
         instances = self.instances(file, {n: (v,) for n, v in constants.items()})
         for instance in instances:
             instance.bind(self.bound)  # faults of the text are reported before anything is built
-        model = self.reduced_for(instances)
-        shared = model.shared_quotient(instances)
+        prepared = self.prepared_for(instances)
         for instance in instances:
-            bound, _ = instance.bind(model.bound)
-            yield bound, model.check_instance(instance, shared=shared, observer=observer)
+            bound, _ = instance.bind(prepared.model.bound)
+            yield bound, prepared.check(instance, observer)
 
     def properties(
         self, file: PropertiesFile, constants: GivenConstants | str | None = None
@@ -254,11 +260,6 @@ class CheckedModel(Stages):
             indices: the properties, from 0; None for all.
         """
         return property_instances(self.program, file, values, indices)
-
-    @limited
-    def shared_quotient(self, instances: Sequence[PropertyInstance]) -> SharedQuotient | None:
-        """One quotient for several properties, with the option `bisim` and if it pays."""
-        return shared_quotient(self.engine, instances, self.options)
 
     @limited
     def check_instance(
@@ -289,3 +290,32 @@ class CheckedModel(Stages):
             observer=observer,
             shared=shared,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedModel(Generic[ModelT]):
+    """A model with what several properties share, which are checked on it one by one.
+
+    Attributes:
+        model: the model that is reduced for the properties.
+        instances: the properties.
+    """
+
+    model: ModelT
+    instances: Sequence[PropertyInstance]
+
+    @cached_property
+    def shared(self) -> SharedQuotient | None:
+        """One quotient for the properties, with the option `bisim` and if it pays."""
+        model = self.model
+        if not model.options.bisim or len(self.instances) < 2:
+            return None
+        return model.within_limits(
+            lambda: shared_quotient(model.engine, self.instances, model.options)
+        )
+
+    def check(
+        self, instance: PropertyInstance, observer: IterationObserver | None = None
+    ) -> Result:
+        """Check one of the properties. Arguments and exceptions are those of `check_instance`."""
+        return self.model.check_instance(instance, shared=self.shared, observer=observer)

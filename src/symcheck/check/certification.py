@@ -21,6 +21,7 @@ from symcheck.check.measures.reachability import until
 from symcheck.check.queries.values import values
 from symcheck.check.state_formulas import query_of, satisfying
 from symcheck.check.strategies.strategy import strategy_of
+from symcheck.check.strategies.to_explicit import rows_engine
 from symcheck.direction import Direction
 from symcheck.engines.base import Number, StateSet
 from symcheck.engines.explicit.engine import ExplicitEngine
@@ -49,6 +50,7 @@ from symcheck.syntax.ast import (
     LabelReference,
     Literal,
     Unary,
+    letters_of,
 )
 from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.printer import pretty
@@ -85,15 +87,13 @@ def certify(context: Context, formula: Expression) -> Certificate:
         case _:
             pass
     if not isinstance(formula, AnyMeasure):
-        raise UnsupportedError("certificates are for P, R, T and S formulas")
+        raise UnsupportedError(f"certificates are for {letters_of(AnyMeasure)} formulas")
     if context.options.fairness:
         raise UnsupportedError("certificates are not supported with -fair")
     context = replace(context, relevant_states=None)
     context = context.with_epsilon(context.options.epsilon * _PART_OF_EPSILON)
     exact = context if context.engine.is_rational else exact_twin(context)
-    model = exact.engine.capability(ExplicitEngine)
-    assert model is not None
-    return _Writer(context, exact, model, formula).certificate()
+    return _Writer(context, exact, rows_engine(exact), formula).certificate()
 
 
 @dataclass(frozen=True, eq=False)

@@ -174,9 +174,7 @@ def _observations(
 def shared_quotient(
     engine: Engine, instances: Sequence[PropertyInstance], options: Options
 ) -> SharedQuotient | None:
-    """One quotient for several properties, with the option `bisim` and if it pays; else None."""
-    if not options.bisim or len(instances) < 2:
-        return None
+    """One quotient for several properties; None if it does not pay."""
     from symcheck.check.bisimulation import on_quotient
 
     bound = [instance.bind(engine.model) for instance in instances]

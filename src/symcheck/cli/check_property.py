@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from symcheck.api.checking import PreparedModel
 from symcheck.api.model import Model
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
@@ -35,7 +36,6 @@ from symcheck.machine import memory_ended
 from symcheck.whole_file import is_output_fault
 
 if TYPE_CHECKING:
-    from symcheck.check.bisimulation.on_quotient import SharedQuotient
     from symcheck.cli.progress import Progress
     from symcheck.engines.explicit.strategy import Strategy
     from symcheck.exchange.iterations import IterationLog
@@ -48,10 +48,9 @@ __all__ = ["check_property", "internal_error", "report_unbuilt_model", "report_u
 
 def check_property(
     state: RunState,
-    model: Model,
+    prepared: PreparedModel[Model],
     instance: PropertyInstance,
     plan: Plan | None,
-    shared: SharedQuotient | None,
     varying: ConstantTexts,
     *,
     sizes: tuple[int, int] | None = None,
@@ -60,14 +59,15 @@ def check_property(
 
     A fault of the property does not stop the others.
 
-    shared: a quotient for several properties. varying: the constants in the names of files.
-    sizes: the numbers of states and transitions of a model without an engine here.
+    prepared: the model, reduced and maybe with a quotient. varying: the constants in the names of
+    files. sizes: the numbers of states and transitions of a model without an engine here.
 
     Raises:
         ResourceError, MemoryError: a limit was reached.
         UsageError, OutputError: a file cannot be written.
         TestFailed: a test failed, and -test ends the run.
     """
+    model = prepared.model
     bound, _ = instance.bind(model.bound)
     of_model = {n: str(v) for n, v in model.given_constants.items()}
     of_property = {n: str(v) for n, v in instance.relevant.items()}
@@ -84,7 +84,7 @@ def check_property(
                 outcome = replace(outcome, warnings=warnings)
             else:
                 observer = _observers(iterations, progress)
-                outcome = model.check_instance(instance, shared=shared, observer=observer)
+                outcome = prepared.check(instance, observer)
     except (ResourceError, OutputError, MemoryError):
         raise
     except Exception as error:  # a defect in one property must not stop the others

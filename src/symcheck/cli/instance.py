@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
 
+from symcheck.api.checking import PreparedModel
 from symcheck.api.model import Model
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.testing.property_tests import property_test
@@ -75,7 +76,8 @@ def _check_instance(
         model = _bound_model(state, model.with_observer(_observer(state, watch)))
         file = without_faults(state, file, model)
         instances = model.instances(file, of_properties, indices)
-        model = _reduced(state, model, instances)
+        prepared = _reduced(state, model, instances)
+        model = prepared.model
         if a.simpath:
             write_path(a, state.output, model, varying)
         if a.step:
@@ -92,14 +94,12 @@ def _check_instance(
     except SymcheckError as error:
         report_fault(state, error, instances, constants, alone=not varying)
         return
-    shared = None
     if plan is None:
         exports.export_constants(a, state.output, model, varying)
         exports.export_model(a, state.output, model, file, indices, of_properties, varying)
         exports.report_distributions(a, state.output, model, varying)
-        shared = model.shared_quotient(instances)
-        if shared is not None:
-            state.output.line(f"Bisimulation: {shared}")
+        if prepared.shared is not None:
+            state.output.line(f"Bisimulation: {prepared.shared}")
         elif state.options.bisim and len(instances) > 1:
             state.output.detail(
                 "Bisimulation: no quotient that is common to the properties is half as large as "
@@ -110,7 +110,7 @@ def _check_instance(
         texts = {n: str(v) for n, v in instance.relevant.items() if len(of_properties[n]) > 1}
         name = file.properties[instance.index].name or str(instance.index + 1)
         number = {"property": name} if len(indices) > 1 else {}
-        check_property(state, model, instance, plan, shared, {**varying, **texts, **number})
+        check_property(state, prepared, instance, plan, {**varying, **texts, **number})
 
 
 def _under_strategy(state: RunState, model: Model, file: str) -> Model:
@@ -159,23 +159,25 @@ def _bound_model(state: RunState, model: Model) -> Model:
     return model
 
 
-def _reduced(state: RunState, model: Model, instances: Sequence[PropertyInstance]) -> Model:
-    """The model reduced for the properties. Raises InputError."""
+def _reduced(
+    state: RunState, model: Model, instances: Sequence[PropertyInstance]
+) -> PreparedModel[Model]:
+    """The model, reduced for the properties. Raises InputError."""
     a, options = state.arguments, state.options
     if options.symmetry and a.needs_model:
         state.output.warn("-symmetry is not used: more than values at initial states is asked")
     if options.fairness and options.reduce:
         state.output.warn("-reduce is not used: which strategies are fair depends on the states")
     all_states = bool(a.transient is not None or a.steadystate or a.simpath or a.step or a.exports)
-    reduced = model.reduced_for(instances, all_states=all_states)
-    smaller = reduced.smaller
+    prepared = model.prepared_for(instances, all_states=all_states)
+    smaller = prepared.model.smaller
     if smaller is not None and smaller.reduction is not None:
         state.output.line(f"Reduction:   {smaller.reduction}")
     if options.stop_at_targets and instances and not (smaller is not None and smaller.partial):
         state.output.line(
             "Note: -nostates has no effect: what is asked for may need every state of the model"
         )
-    return reduced
+    return prepared
 
 
 def _build(state: RunState, model: Model, watch: Progress) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
+from symcheck.api.checking import PreparedModel
 from symcheck.api.model import Model
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
@@ -80,6 +81,8 @@ def _check_instance(
     state.output.partitioned(distributed)
     known = {f.name: getattr(model, f.name) for f in fields(Model) if f.init}
     partitioned = _PartitionedModel(**known, distributed=distributed)
+    # No property is named, so that no quotient is made: the states are elsewhere.
+    prepared: PreparedModel[Model] = PreparedModel(partitioned, ())
     sizes = distributed.states, distributed.transitions
     for instance in instances:
-        check_property(state, partitioned, instance, None, None, varying, sizes=sizes)
+        check_property(state, prepared, instance, None, varying, sizes=sizes)

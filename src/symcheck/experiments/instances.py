@@ -52,10 +52,10 @@ def check_instance(
     empty = [row_of(p, instance.constants) for p in chosen]
     started = perf_counter()
     try:
-        model = model.with_constants(instance.constants).reduced_for(chosen)
-        engine = model.engine
+        prepared = model.with_constants(instance.constants).prepared_for(chosen)
+        engine = prepared.model.engine
         seconds = perf_counter() - started
-        shared = model.shared_quotient(chosen)
+        _ = prepared.shared
     except Interrupted:
         raise
     except Exception as error:  # one instance must not stop the others
@@ -66,7 +66,7 @@ def check_instance(
             row, states=engine.states, transitions=engine.transitions, build_seconds=seconds
         )
         try:
-            result = model.check_instance(property_instance, shared=shared)
+            result = prepared.check(property_instance)
         except Interrupted:
             raise
         except Exception as error:  # one property must not stop the others

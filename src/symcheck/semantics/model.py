@@ -152,6 +152,7 @@ class BoundModel:
             The function gives what the properties read of a model, None if that is more than such
             values.
         warnings: what its users should know, one sentence each.
+        sums_divided: whether probabilities that sum to almost 1 are divided by their sum.
         unchecked_sums: whether probabilities may sum to almost 1 in some state. The search for
             states tells which command they have (`AlmostOne`).
     """
@@ -175,6 +176,7 @@ class BoundModel:
         default=None, compare=False
     )
     warnings: tuple[str, ...] = field(default=(), compare=False)
+    sums_divided: bool = field(default=False, compare=False)
     unchecked_sums: bool = False
 
     def __repr__(self) -> str:

@@ -72,6 +72,7 @@ __all__ = [
     "UnaryTemporal",
     "Until",
     "WeakUntil",
+    "letters_of",
 ]
 
 
@@ -550,6 +551,13 @@ MEASURES: tuple[type[Measure], ...] = get_args(AnyMeasure)
 LETTERS = tuple(sorted({kind.letter for kind in MEASURES}))
 MEASURE_WORDS = frozenset(letter + suffix for letter in LETTERS for suffix in ("", "min", "max"))
 """The beginnings of measures as a text writes them: P, Pmin, Pmax, R, …"""
+
+
+def letters_of(measures: object, conjunction: str = "and") -> str:
+    """The letters of a union of measures in a sentence, such as "P, R, S and T"."""
+    *others, last = sorted({kind.letter for kind in get_args(measures)})
+    return f"{', '.join(others)} {conjunction} {last}"
+
 
 Expression = (
     Literal

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from symcheck.errors import Source
-from symcheck.syntax.ast import LETTERS, MEASURE_WORDS
+from symcheck.syntax.ast import MEASURE_WORDS, AnyMeasure, letters_of
 from symcheck.syntax.grammars import Language
 from symcheck.syntax.recovery import Fault
 
@@ -87,7 +87,7 @@ def meant(fault: Fault, source: Source, language: Language) -> str | None:
     if found == "?" and last == "=" and before[-2:-1] and (name := _OTHER.get(before[-2].lower())):
         return f"write {name}=?"
     if found == "?" and last == "=" and before[-2:-1] and before[-2].isidentifier():
-        return f"{', '.join(LETTERS[:-1])} and {LETTERS[-1]} ask for values: P=? [ F … ]"
+        return f"{letters_of(AnyMeasure)} ask for values: P=? [ F … ]"
     if not in_model and re.match(r"\[\s*\]|<>", after_fault):
         letter, name = ("G", "always") if found == "[" else ("F", "eventually")
         return f"{name} is written {letter}: P>=1 [ {letter} … ], or A [ {letter} … ]"

@@ -31,6 +31,7 @@ from symcheck.check.omega_regular.ltl import accepted_states, linear_product
 from symcheck.check.state_formulas import query_of, satisfying
 from symcheck.check.strategies.counters import counter_product
 from symcheck.check.strategies.strategy import strategy_attaining, temporal_strategy
+from symcheck.check.strategies.to_explicit import rows_engine
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
@@ -53,11 +54,18 @@ from symcheck.semantics.path_formulas import (
 from symcheck.semantics.query import CumulativeReward, PathProbability, Query, ReachReward
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
-from symcheck.syntax.ast import ExpectedTime, Expression, ProbabilityOperator, RewardOperator
+from symcheck.syntax.ast import (
+    ExpectedTime,
+    Expression,
+    ProbabilityOperator,
+    RewardOperator,
+    letters_of,
+)
 
 __all__ = ["PathSearch", "path_search"]
 
 Number = float | Fraction
+_Explained = ProbabilityOperator | RewardOperator | ExpectedTime
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,14 +114,11 @@ def path_search(context: Context, formula: Expression) -> PathSearch:
     Raises:
         UnsupportedError: no set of paths shows the value of the formula.
     """
-    engine = context.engine.capability(ExplicitEngine)
-    assert engine is not None
-    if not isinstance(formula, ProbabilityOperator | RewardOperator | ExpectedTime) or (
-        formula.bound is None
-    ):
+    engine = rows_engine(context)
+    if not isinstance(formula, _Explained) or formula.bound is None:
         raise UnsupportedError(
-            "counterexamples are for P, R and T with a bound, such as P<=0.1 [ F states ] or "
-            "R<=3 [ F states ]"
+            f"counterexamples are for {letters_of(_Explained)} with a bound, such as "
+            "P<=0.1 [ F states ] or R<=3 [ F states ]"
         )
     if context.options.fairness:
         raise UnsupportedError("counterexamples are not supported with -fair")
@@ -305,9 +310,7 @@ def _on_product(
         of_path, pairs = linear_product(context, path)
         assert isinstance(of_path, ExplicitProduct)
         inner = replace(context, engine=of_path.engine)
-        explicit = of_path.engine.capability(ExplicitEngine)
-        assert explicit is not None
-        product, entry, rows = explicit, of_path.entry, None
+        product, entry, rows = rows_engine(inner), of_path.entry, None
         matrix = product.matrix
         good = inner.engine.to_bools(accepted_states(inner, context, of_path, pairs))
     assert entry is not None

@@ -44,10 +44,13 @@ from symcheck.syntax.ast import (
     ProbabilityOperator,
     RewardOperator,
     SteadyState,
+    letters_of,
 )
 from symcheck.syntax.printer import pretty
 
 __all__ = ["check_multi", "check_supported", "solve_query"]
+
+_AnyObjective = ProbabilityOperator | RewardOperator | ExpectedTime | SteadyState
 
 
 @dataclass(frozen=True)
@@ -234,8 +237,8 @@ def check_supported(context: Context, formula: MultiObjective) -> None:
 
 
 def _objective(context: Context, formula: Expression) -> Objective:
-    if not isinstance(formula, ProbabilityOperator | RewardOperator | ExpectedTime | SteadyState):
-        message = "an objective of multi(...) must be a P, R, T or S operator"
+    if not isinstance(formula, _AnyObjective):
+        message = f"an objective of multi(...) must be a {letters_of(_AnyObjective, 'or')} operator"
         raise InputError(Diagnostic(message, formula.span, "multi"))
     if formula.bound is None and formula.direction not in ("min", "max"):
         hint = f"write {formula.letter}min=? or {formula.letter}max=?"

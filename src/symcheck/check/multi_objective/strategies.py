@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.multi_objective.query import check_supported, solve_query
-from symcheck.check.strategies.to_explicit import to_explicit
-from symcheck.engines.base import Engine
+from symcheck.check.strategies.to_explicit import rows_engine, to_explicit
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.finite_memory import Decisions, finite_memory_strategy
 from symcheck.engines.explicit.less_memory import without_idle_memory
@@ -40,9 +41,8 @@ def multi_strategies(context: Context, formula: MultiObjective) -> tuple[Strateg
     solutions = list(query.solutions())
     if query.connected is None or not solutions:
         raise UnsupportedError("no strategy satisfies the bounds, or some rewards are infinite")
-    base = context.engine.capability(ExplicitEngine)
-    assert base is not None
-    pairs = _Pairs(query.engine)
+    base = rows_engine(context)
+    pairs = _Pairs(rows_engine(replace(context, engine=query.engine)))
     flow = query.connected
     return tuple(pairs.strategy(base, strategy_of_flow(flow, x), flow.initial) for x in solutions)
 
@@ -54,13 +54,11 @@ class _Pairs:
     automata, int64[states, products].
     """
 
-    def __init__(self, engine: Engine) -> None:
-        explicit = engine.capability(ExplicitEngine)
-        assert explicit is not None
-        self.matrix = explicit.matrix
+    def __init__(self, product: ExplicitEngine) -> None:
+        self.matrix = product.matrix
         self.state: Int64s = np.arange(self.matrix.states)
         self.rows: Int64s = np.arange(self.matrix.rows)
-        automata, explored = [], explicit.explored
+        automata, explored = [], product.explored
         while isinstance(explored, ProductModel):
             automata.append(explored.automaton[self.state])
             self.rows = explored.rows[self.rows].astype(np.int64)

@@ -13,10 +13,10 @@ from symcheck.check.measures.reward_bounded_until import row_rewards
 from symcheck.check.measures.reward_scaling import ScaledBound, scale_bound
 from symcheck.check.strategies.builder import StrategyBuilder
 from symcheck.check.strategies.counters import counter_product
+from symcheck.check.strategies.to_explicit import rows_engine
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, erased
 from symcheck.engines.explicit.strategy import Strategy
-from symcheck.engines.registry import on_rows
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import first_best
 from symcheck.semantics.time_bounds import RewardWindow
@@ -33,7 +33,7 @@ def within_rewards(
     direction: Direction,
 ) -> Strategy:
     """A strategy of the product with a counter for each bounded reward."""
-    explicit = on_rows(context.engine, context.options)
+    explicit = rows_engine(context)
     system = context.engine.system(context.engine.all)
     product = counter_product(
         explicit,
@@ -65,7 +65,7 @@ def first_steps(
         factor: the discount per step.
         last: the reward of each state after these steps; None: none.
     """
-    explicit = on_rows(context.engine, context.options)
+    explicit = rows_engine(context)
     matrix = explicit.matrix
     assert matrix.groups is not None
     ones = np.ones(matrix.rows, np.int64)

@@ -27,10 +27,10 @@ from symcheck.check.measures.total_reward import (
     total_per_step,
     total_reward,
 )
+from symcheck.check.strategies.to_explicit import rows_engine
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.engines.explicit.strategy import Strategy
-from symcheck.engines.registry import on_rows
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
 from symcheck.matrices.rows import Bools, Int32s, Int64s, first_best, spans, starts_of
@@ -44,7 +44,7 @@ class StrategyBuilder:
     """Chooses a row for each state; -1 if every row is as good."""
 
     def __init__(self, context: Context, direction: Direction) -> None:
-        self.explicit = explicit = on_rows(context.engine, context.options)
+        self.explicit = explicit = rows_engine(context)
         self.context, self.direction = context, direction
         self.engine = engine = context.engine
         self.edges = graph.Incidence(explicit.matrix)

@@ -43,13 +43,13 @@ from symcheck.semantics.query import (
     TotalReward,
 )
 from symcheck.semantics.time_bounds import Window
-from symcheck.syntax.ast import AnyMeasure, Expression
+from symcheck.syntax.ast import AnyMeasure, Expression, letters_of
 
 __all__ = ["strategy_attaining", "strategy_of", "temporal_strategy"]
 
 
 def strategy_of(context: Context, formula: Expression) -> Strategy:
-    """A strategy that attains the value of a P, R, T or S formula from every state.
+    """A strategy that attains the value of a measure from every state.
 
     Strategies for X, F, U, G, W and R without bounds, for rewards until states are reached, total
     and discounted rewards, and for long-run averages have no memory; those for bounds on steps and
@@ -70,7 +70,7 @@ def strategy_of(context: Context, formula: Expression) -> Strategy:
     if context.options.fairness:
         raise UnsupportedError("strategies are not supported with -fair")
     if not isinstance(formula, AnyMeasure):
-        raise UnsupportedError("strategies are supported for P, R, T and S formulas")
+        raise UnsupportedError(f"strategies are supported for {letters_of(AnyMeasure)} formulas")
     return strategy_attaining(context, query_of(context, formula))
 
 

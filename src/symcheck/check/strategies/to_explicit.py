@@ -1,4 +1,9 @@
-"""The explicit engine for a model of another engine, for algorithms that need rows."""
+"""The explicit engine for a model of another engine, for algorithms that need rows.
+
+They take it from here. The others that ask for this capability choose by it what is cheaper, and
+list no rows: bisimulation has an algorithm for rows and one for diagrams, and a result on rows is
+lifted to the diagrams that they are those of.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +17,7 @@ from symcheck.engines.registry import on_rows
 from symcheck.errors import UnsupportedError
 from symcheck.machine import available_memory
 
-__all__ = ["check_rows_fit", "to_explicit"]
+__all__ = ["check_rows_fit", "rows_engine", "to_explicit"]
 
 
 def check_rows_fit(
@@ -56,8 +61,13 @@ def to_explicit(context: Context) -> Context:
 
     Raises UnsupportedError: see `check_rows_fit`.
     """
-    if context.engine.capability(ExplicitEngine) is not None:
-        return context
     check_rows_fit(context.engine, "this query needs", most=None)
-    engine = erased(on_rows(context.engine, context.options))
+    engine = erased(rows_engine(context))
+    if engine is context.engine:
+        return context
     return replace(context, engine=engine, relevant_states=None)
+
+
+def rows_engine(context: Context) -> ExplicitEngine:
+    """The explicit engine of a context: its own, or rows that are listed, whatever their size."""
+    return on_rows(context.engine, context.options)

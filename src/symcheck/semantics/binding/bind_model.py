@@ -140,6 +140,7 @@ class _Builder:
             given=dict(self.given),
             system=self.program.system,
             warnings=warnings,
+            sums_divided=bool(warnings),
             unchecked_sums=unchecked,
             definitions={name: self.table.expression(name) for name in constants},
         )
@@ -243,7 +244,11 @@ def exactly_bound(model: BoundModel) -> BoundModel:
     """The model with the numbers of its text as rationals."""
     if model.is_rational:
         return model
-    # What is divided by its sum in the model is divided by it here, too.
-    normalise = bool(model.warnings)
-    exact = bind(model.program, model.given, model_type=model.type, exact=True, normalise=normalise)
+    exact = bind(
+        model.program,
+        model.given,
+        model_type=model.type,
+        exact=True,
+        normalise=model.sums_divided,
+    )
     return exact if model.derivation is None else model.derivation(exact)

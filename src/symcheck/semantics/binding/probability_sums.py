@@ -100,7 +100,7 @@ def normalised_at(model: BoundModel, fault: AlmostOne) -> BoundModel:
     if not done:
         raise fault
     warnings = (*model.warnings, fault.warning)
-    return replace(model, modules=modules, events=events, warnings=warnings)
+    return replace(model, modules=modules, events=events, warnings=warnings, sums_divided=True)
 
 
 class _Search:
