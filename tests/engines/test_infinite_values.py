@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import inf
 
+import numpy as np
 import pytest
 
 import symcheck
@@ -30,6 +31,11 @@ def forked(engine: str, direction: Direction):
     return built.system(start, direction), start, one, two
 
 
+def one_each(system):
+    """The cost of each row."""
+    return np.ones(system.rows)
+
+
 def where(engine, text: str):
     return engine.from_bools([str(v[0]) == text[-1] for v in engine.valuations(engine.all)])
 
@@ -37,7 +43,7 @@ def where(engine, text: str):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_choice_that_may_lead_to_an_infinite_value_never_minimises(engine):
     system, start, _, two = forked(engine, Direction.MIN)
-    equations = system.equations(system.row_sums(), probability=False, infinite=two)
+    equations = system.equations(one_each(system), probability=False, infinite=two)
     values = equations.solve([], Accuracy()).values
     assert float(values.minimum(start)[0]) == pytest.approx(2)  # by [wait]; [risk] would give 1
     assert values.minimum(two) == (inf, inf)
@@ -46,11 +52,11 @@ def test_a_choice_that_may_lead_to_an_infinite_value_never_minimises(engine):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_state_that_may_lead_to_an_infinite_value_is_no_unknown(engine):
     system, _, _, two = forked(engine, Direction.MAX)
-    equations = system.equations(system.row_sums(), probability=False, infinite=two)
+    equations = system.equations(one_each(system), probability=False, infinite=two)
     with pytest.raises(ValueError, match="leads to an infinite value is no unknown"):
         equations.solve([], Accuracy())
     system, _, one, two = forked(engine, Direction.MIN)
-    equations = system.equations(system.row_sums(), probability=False, infinite=one | two)
+    equations = system.equations(one_each(system), probability=False, infinite=one | two)
     with pytest.raises(ValueError, match="all of whose choices lead to infinite values"):
         equations.solve([], Accuracy())
 
@@ -59,6 +65,6 @@ def test_a_state_that_may_lead_to_an_infinite_value_is_no_unknown(engine):
 def test_an_infinite_constant_is_refused(engine):
     """Rows that may enter such states would count it as 0."""
     system, _, _, two = forked(engine, Direction.MIN)
-    equations = system.equations(system.row_sums(), probability=False)
+    equations = system.equations(one_each(system), probability=False)
     with pytest.raises(ValueError, match="infinite values are given to the equations"):
         equations.solve([(two, inf)], Accuracy())

@@ -65,4 +65,4 @@ def test_a_lesson_is_stored_without_results(path: Path) -> None:
 def test_the_index_names_every_lesson() -> None:
     page = (ROOT / "docs" / "lessons.md").read_text()
     assert set(re.findall(r"`(\w+\.ipynb)`", page)) == {p.name for p in LESSONS}
-    assert len(LESSONS) == 9
+    assert len(LESSONS) == 10

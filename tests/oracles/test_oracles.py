@@ -33,6 +33,7 @@ def test_no_oracle_imports_symcheck():
         "oracles.draw",
     }
     known |= {"oracles.linear_time", "random", "typing", "functools", "operator"}
+    known |= {"symcheck_verify"}  # the checker of certificates, which imports nothing of symcheck
     imported = set()
     for file in files:
         for node in ast.walk(ast.parse(file.read_text())):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import symcheck
-from symcheck.engines.capabilities import HasMatrix
 from symcheck.errors import ModelFault, UsageError
 from symcheck.syntax.ast import ModelType
 
@@ -38,7 +37,7 @@ def models(tmp_path):
 
 def test_choices_are_the_rows_of_the_built_model(tmp_path):
     for model, stepped in models(tmp_path):
-        matrix = model.engine.capability(HasMatrix).matrix
+        matrix = model.engine.system(model.engine.all).weights
         states = [tuple(map(int, s)) for s in model.engine.valuations(model.engine.all)]
         simulator = stepped.simulator(seed=4)
         for _ in range(60):

@@ -109,10 +109,10 @@ def test_a_user_without_a_home(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_save_that_fails_leaves_nothing(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def failing(data: object, file: object) -> None:
+    def failing(_: lark.Lark, file: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(grammars.pickle, "dump", failing)
+    monkeypatch.setattr(lark.Lark, "save", failing)
     read_again()
     assert not list(cache.iterdir())
 
