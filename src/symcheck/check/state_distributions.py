@@ -250,7 +250,7 @@ def steady_state(
 
     options, started = options or Options(), perf_counter()
     start = _prepared(engine, start, "steady-state")
-    matrix = engine.system(engine.all).row_kernel.weights
+    matrix = engine.system(engine.all).weights
     parts = graph.bsccs(matrix)
     weights = _reached(engine, parts, start, options)
     lower, upper = (full(engine.states, 0, rational=engine.is_rational) for _ in range(2))

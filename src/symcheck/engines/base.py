@@ -199,6 +199,11 @@ class SystemOf(Protocol[S, V]):
         ...
 
     @property
+    def weights(self) -> SparseMatrix:
+        """The weights of `row_kernel`, for what asks for the graph or the numbers of the text."""
+        ...
+
+    @property
     def exit_rates(self) -> Numbers | None:
         """Per row: the rate at which the state is left; None in discrete time."""
         ...

@@ -148,7 +148,7 @@ def transition_parts(engine: Engine) -> TransitionParts | None:
     if engine.capability(HasBlocks) is not None:
         return None
     weights = contributions(engine)
-    matrix = engine.system(engine.all).row_kernel.weights
+    matrix = engine.system(engine.all).weights
     if weights is None:
         return None
     if engine.capability(HasImportedStates) is None:

@@ -54,7 +54,7 @@ class TransitionTable(Tabular):
     def matrix(self) -> SparseMatrix:
         """The matrix: a row per choice, which is a state in a chain."""
         refuse_many(self.engine.transitions, "transitions")
-        return self.engine.system(self.engine.all).row_kernel.weights
+        return self.engine.system(self.engine.all).weights
 
     @property
     def choice(self) -> Int64s:

@@ -187,7 +187,7 @@ def explicit_export(
     if states is not None:
         members |= {name: engine.to_bools(states(name)) for name in (*labels, *property_labels)}
     system = engine.system(engine.all)
-    matrix = system.row_kernel.weights
+    matrix = system.weights
     export = ExplicitExport(
         model.type,
         model.variables,

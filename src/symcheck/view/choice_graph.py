@@ -134,7 +134,7 @@ class ChoiceGraph:
     @cached_property
     def matrix(self) -> SparseMatrix:
         """Probabilities or rates of all states."""
-        return self.engine.system(self.engine.all).row_kernel.weights
+        return self.engine.system(self.engine.all).weights
 
     @cached_property
     def _starts(self) -> Int64s:

@@ -20,7 +20,7 @@ ENGINES = ("explicit", "sparse", "mtbdd")
 
 def dense(engine):
     """The matrix in full; of a CTMC, the generator."""
-    m = engine.system(engine.all).row_kernel.weights
+    m = engine.system(engine.all).weights
     full = np.zeros((m.rows, m.columns))
     full[np.repeat(np.arange(m.rows), np.diff(m.indptr)), m.indices] = m.data
     return full - np.diag(full.sum(axis=1)) if engine.model.type.value == "ctmc" else full

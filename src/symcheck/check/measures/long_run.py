@@ -42,9 +42,9 @@ def steady_probability(
 
 def steady_reward(context: Context, reward: Reward, direction: Direction | None = None) -> Values:
     """Long-run average of the reward per step (DTMC) or unit of time (CTMC)."""
+    timed = context.engine.model.type.continuous_time  # rewards of transitions times rates
 
     def reward_of(system: System) -> tuple[Numbers, bool]:
-        timed = system.exit_rates is not None  # rewards of transitions times rates
         return system.earned(reward), timed and bool(np.any(system.rewards(reward)[1]))
 
     return _average(context, reward_of)
@@ -87,7 +87,7 @@ def _components(
     engine = context.engine
     if engine.has_rows:
         # There may be many absorbing states: they form one set, with their rewards as averages.
-        parts = graph.bsccs(engine.system(engine.all).row_kernel.weights)
+        parts = graph.bsccs(engine.system(engine.all).weights)
         members = np.zeros(engine.states, bool)
         members[[int(p[0]) for p in parts if len(p) == 1]] = True
         if members.any():  # the engine keeps its last system: that of all states, if none absorbs
@@ -117,8 +117,7 @@ def _component_average(context: Context, system: System, reward: Numbers) -> tup
 
     if reward.min() == reward.max():
         return reward[0], reward[0]
-    weights = system.row_kernel.weights
-    average = long_run_average(weights, reward, context.options, context.observer)
+    average = long_run_average(system.weights, reward, context.options, context.observer)
     context.log.runs.append(
         SolverRun(
             "steady",
@@ -131,7 +130,7 @@ def _component_average(context: Context, system: System, reward: Numbers) -> tup
     low, high = average.lower, average.upper
     relative, signed = context.options.relative, reward.min() < 0
     if signed and not context.engine.is_rational:
-        size = long_run_average(weights, np.abs(reward), context.options).upper
+        size = long_run_average(system.weights, np.abs(reward), context.options).upper
         if size > CANCELLATION * abs(low):
             low, high = low - REWARD_ERROR * size, high + REWARD_ERROR * size
     bounds = np.array([low]), np.array([high])

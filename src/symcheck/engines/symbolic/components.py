@@ -90,7 +90,7 @@ class Components:
         if not left:
             return
         part = self._part(left)
-        for states in graph.bsccs(part.row_kernel.weights):
+        for states in graph.bsccs(part.weights):
             yield self._numbered(part.states.odd, states)
 
     def _part(self, states: Bdd) -> System:

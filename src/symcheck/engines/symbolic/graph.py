@@ -51,7 +51,7 @@ class SymbolicGraph(Components):
 
     @cached_property
     def _rows(self) -> graph.Incidence:
-        return graph.Incidence(self.engine.system(self.engine.all).row_kernel.weights)
+        return graph.Incidence(self.engine.system(self.engine.all).weights)
 
     def _answer(
         self,
