@@ -8,7 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 COMPILED := $(shell find src -name '*.pyx' -o -name '*.pxd' -o -name '*.pxi')
 STAMP := $(VENV)/.stamp
-SOURCES := src tests benchmarks docs models/*/*.py setup.py stubs.py
+SOURCES := src tests benchmarks docs verify models/*/*.py setup.py stubs.py
 
 .PHONY: demo study growth test check docs format clean
 
@@ -31,6 +31,7 @@ check: $(STAMP)-check
 	$(BIN)/ruff check $(SOURCES) notebooks
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy
+	$(BIN)/mypy verify/symcheck_verify.py
 	$(BIN)/lint-imports
 	$(BIN)/mkdocs build
 	$(BIN)/python -m pytest -n auto -q --cov --cov-report=term:skip-covered

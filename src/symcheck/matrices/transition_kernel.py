@@ -19,8 +19,8 @@ class TransitionKernel(Generic[M_co]):
 
     Attributes:
         weights: the probabilities; in continuous time each times the exit rate of its row. Engines
-            store these products, because their quotients are more distinct numbers: an MTBDD would
-            have more nodes, and rows no codes of one byte.
+            store these products, because their quotients are more distinct numbers, and an MTBDD
+            would have many more nodes.
         exit_rates: per row, successors outside of the states included; None in discrete time.
     """
 
