@@ -36,10 +36,11 @@ def draw(seed: int) -> Drawn:
     rng = Random(seed)
     kind = rng.choice(("dtmc", "mdp", "mdp", "ctmc"))
     n = rng.randint(2, STATES)
+    largest = 100 if kind == "ctmc" else 10**6  # uniformisation takes as many steps
     lines = [kind, f"module m s : [0..{n - 1}];"]
     for s in range(n):
         for _ in range(rng.randint(1, CHOICES) if kind == "mdp" else 1):
-            weights = [rng.choice((1, 1, 2, 3, 9, 10**6)) for _ in range(rng.randint(1, 3))]
+            weights = [rng.choice((1, 1, 2, 3, 9, largest)) for _ in range(rng.randint(1, 3))]
             whole = rng.choice((1, 3, 7)) if kind == "ctmc" else sum(weights)
             parts = [f"{w}/{whole} : (s'={rng.randrange(n)})" for w in weights]
             lines.append(f"[] s={s} -> {' + '.join(parts)};")
