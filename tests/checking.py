@@ -20,6 +20,7 @@ from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_properties
 
 __all__ = [
+    "LOSSY",
     "RESULTS",
     "Checked",
     "check_text",
@@ -27,6 +28,20 @@ __all__ = [
     "judge_file",
     "lines_without_run",
 ]
+
+LOSSY = """mdp
+module m
+  s : [0..3];
+  [go] s=0 -> 0.5:(s'=1) + 0.5:true;
+  [risk] s=0 -> 0.9:(s'=2) + 0.1:(s'=3);
+  [on] s=1 -> 0.3:(s'=2) + 0.4:(s'=0) + 0.3:(s'=3);
+  [out] s=1 -> 0.5:(s'=2) + 0.5:(s'=3);
+  [] s=2 -> true;
+  [] s=3 -> true;
+endmodule
+rewards "cost" [go] true : 1; [risk] true : 3; [on] true : 2; [out] true : 5; endrewards
+"""
+"""A channel that loses messages: in two states, two choices trade time for loss."""
 
 RESULTS = Path(__file__).parent / "results"
 

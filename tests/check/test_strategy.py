@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, assume, example, given, settings
 from hypothesis import strategies as st
 
 import symcheck
-from checking import check_text, engine_of
+from checking import LOSSY, check_text, engine_of
 from generate import random_model
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import InputError, NoStrategyError, UnsupportedError, UsageError
@@ -231,20 +231,6 @@ def test_engines_on_diagrams(engine):
     assert result.strategy.actions[:2] == ["go", "out"]
     assert result.engine is built
     assert result.values.of_engine.at(built.initial)[0] == 0.5
-
-
-LOSSY = """mdp
-module m
-  s : [0..3];
-  [go] s=0 -> 0.5:(s'=1) + 0.5:true;
-  [risk] s=0 -> 0.9:(s'=2) + 0.1:(s'=3);
-  [on] s=1 -> 0.3:(s'=2) + 0.4:(s'=0) + 0.3:(s'=3);
-  [out] s=1 -> 0.5:(s'=2) + 0.5:(s'=3);
-  [] s=2 -> true;
-  [] s=3 -> true;
-endmodule
-rewards "cost" [go] true : 1; [risk] true : 3; [on] true : 2; [out] true : 5; endrewards
-"""
 
 
 @pytest.mark.parametrize("engine", ["explicit", "exact", "sparse", "hybrid", "mtbdd"])

@@ -6,21 +6,11 @@ import numpy as np
 import pytest
 
 import symcheck
+from checking import LOSSY
 from symcheck.direction import Direction
 from symcheck.engines.capabilities import HasActions
 from symcheck.numerics.settings import Accuracy
 
-LOSSY = """mdp
-module m
-  s : [0..3];
-  [go] s=0 -> 0.5:(s'=1) + 0.5:true;
-  [risk] s=0 -> 0.9:(s'=2) + 0.1:(s'=3);
-  [on] s=1 -> 0.3:(s'=2) + 0.4:(s'=0) + 0.3:(s'=3);
-  [out] s=1 -> 0.5:(s'=2) + 0.5:(s'=3);
-  [] s=2 -> true;
-  [] s=3 -> true;
-endmodule
-"""
 ENGINES = ["explicit", "exact", "sparse", "hybrid", "mtbdd"]
 
 
