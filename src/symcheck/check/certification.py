@@ -23,7 +23,7 @@ from symcheck.check.state_formulas import query_of, satisfying
 from symcheck.check.strategies.strategy import strategy_of
 from symcheck.check.strategies.to_explicit import rows_engine
 from symcheck.direction import Direction
-from symcheck.engines.base import Number, StateSet
+from symcheck.engines.base import Number, StateSet, System
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.transition_actions import state_order
 from symcheck.errors import NumericalError, UnsupportedError
@@ -33,6 +33,7 @@ from symcheck.numerics import graph
 from symcheck.numerics.inductive_bounds import (
     InductiveVector,
     Inequalities,
+    RationalRows,
     average_vectors,
     inductive,
 )
@@ -146,7 +147,7 @@ class _Writer:
             case asked.InstantaneousReward(reward, time), _ if not self._continuous:
                 return self._of(reward, "instantaneous", steps=int(time)), {}
             case asked.LongRunReward(reward), _:
-                rewards = self.exact.engine.system(self.exact.engine.all).step_rewards(reward)
+                rewards = self._system.step_rewards(reward)
                 return self._of(reward, "average"), self._average(rewards, query.direction)
             case asked.LongRunProbability(states), asked.LongRunProbability(over):
                 inside = per_row(self.model.matrix.groups, rationals(self.model_set(over).tolist()))
@@ -165,6 +166,11 @@ class _Writer:
     def _continuous(self) -> bool:
         return self.model.model.type.continuous_time
 
+    @cached_property
+    def _system(self) -> System:
+        """The transitions among all states, in rationals."""
+        return self.exact.engine.system(self.exact.engine.all)
+
     def model_set(self, states: StateSet) -> Bools:
         """A set of states, bool[n]."""
         return self.exact.engine.to_bools(states)
@@ -175,9 +181,14 @@ class _Writer:
         return self.model.matrix
 
     @cached_property
+    def _rows(self) -> RationalRows:
+        """The rows, which all inequalities share."""
+        return RationalRows(self._matrix)
+
+    @cached_property
     def _stay(self) -> Rationals:
         """The mean time of a step of each row."""
-        exit_rates = self.exact.engine.system(self.exact.engine.all).exit_rates
+        exit_rates = self._system.exit_rates
         if exit_rates is None:
             return full(self._matrix.rows, 1, rational=True)
         return rationals((1 / exit_rates).tolist())
@@ -198,9 +209,9 @@ class _Writer:
                 raise _unsupported()
         return {"measure": measure, "reward": name, **about}
 
-    def _values(self, formula: AnyMeasure) -> Floats:
+    def _values(self) -> Floats:
         """The values in all states, from the middle of their bounds."""
-        query = query_of(self.context, formula)
+        query = query_of(self.context, self.formula)
         low, high = values(self.context, query).at(self.context.engine.all)
         low, high = doubles(low), doubles(high)
         with np.errstate(invalid="ignore"):  # both are infinite
@@ -222,15 +233,9 @@ class _Writer:
                     "negated": negative,
                 }
                 if window.is_unbounded:
-                    guess = self._values(self.formula)
-                    guess, towards = (
-                        (1 - guess, direction and direction.dual)
-                        if negative
-                        else (
-                            guess,
-                            direction,
-                        )
-                    )
+                    guess, towards = self._values(), direction
+                    if negative:
+                        guess, towards = 1 - guess, direction and direction.dual
                     sets = self.model_set(passing), self.model_set(goal)
                     return statement, {
                         name: self._until(*sets, towards, guess, upper=upper)
@@ -262,7 +267,7 @@ class _Writer:
         if not upper:  # a probability of 1 is proved without slack
             certain = graph.prob1(self._matrix, left, right, direction) & free
         problem = Inequalities(
-            self._matrix,
+            self._rows,
             free=free & ~certain,
             fixed=(right | certain).astype(np.float64),
             earned=None,
@@ -278,10 +283,10 @@ class _Writer:
         everywhere = np.ones_like(target)
         dual = direction and direction.dual
         certain = graph.prob1(self._matrix, everywhere, target, dual)
-        guess = self._values(self.formula)
+        guess = self._values()
         if not np.isfinite(guess[certain]).all():
             raise _unsupported()
-        earned = self.exact.engine.system(self.exact.engine.all).step_rewards(reward)
+        earned = self._system.step_rewards(reward)
         if (earned[per_row(self.model.matrix.groups, certain & ~target)] < 0).any():
             raise UnsupportedError(
                 "certificates of rewards until states are reached are not supported with negative "
@@ -290,7 +295,7 @@ class _Writer:
         evidence = {}
         for name, upper in _SIDES:
             problem = Inequalities(
-                self._matrix,
+                self._rows,
                 free=certain & ~target,
                 fixed=np.where(certain, 0.0, np.inf),
                 earned=earned,
@@ -307,13 +312,13 @@ class _Writer:
         return evidence
 
     def _average(self, earned: Rationals, direction: Direction | None) -> Json:
-        gain, strategy = self._values(self.formula), None
+        gain, strategy = self._values(), None
         if direction is not None:
             strategy = strategy_of(self.exact, self.formula).rows
         evidence: Json = {}
         for name, upper in _SIDES:
             problem = Inequalities(
-                self._matrix,
+                self._rows,
                 free=np.ones(self._matrix.states, np.bool_),
                 fixed=np.zeros(self._matrix.states),
                 earned=earned,

@@ -33,6 +33,7 @@ __all__ = [
     "AverageVectors",
     "InductiveVector",
     "Inequalities",
+    "RationalRows",
     "average_vectors",
     "inductive",
     "progress",
@@ -57,11 +58,49 @@ class InductiveVector:
 
 
 @dataclass(frozen=True, eq=False)
+class RationalRows:
+    """The rows of a model, and what the inequalities of both sides of a measure read of them.
+
+    Attributes:
+        matrix: the probabilities of all rows, as rationals.
+    """
+
+    matrix: SparseMatrix = field(repr=False)
+
+    @cached_property
+    def edges(self) -> graph.Incidence:
+        """The matrix with its transposed graph."""
+        return graph.Incidence(self.matrix)
+
+    @cached_property
+    def doubles(self) -> SparseMatrix:
+        """The probabilities as doubles."""
+        return self.matrix.doubles()
+
+    @cached_property
+    def denominators(self) -> Rationals:
+        """A denominator of each row, objects[rows]."""
+        numbers, starts = self.matrix.data.tolist(), self.matrix.indptr.tolist()
+        found = np.empty(self.matrix.rows, object)
+        found[:] = [lcm(*(f.denominator for f in numbers[a:b])) for a, b in pairwise(starts)]
+        return found
+
+    @cached_property
+    def weights(self) -> SparseMatrix:
+        """The probabilities times the denominators: whole numbers."""
+        whole = np.empty(self.matrix.entries, object)
+        each = np.repeat(self.denominators, self.matrix.lengths).tolist()
+        pairs = zip(self.matrix.data.tolist(), each, strict=True)
+        whole[:] = [f.numerator * (d // f.denominator) for f, d in pairs]
+        return replace(self.matrix, data=whole)
+
+
+@dataclass(frozen=True, eq=False)
 class Inequalities:
     """The inequalities of one side of a measure.
 
     Attributes:
-        matrix: the probabilities of all rows, as rationals.
+        rows: the rows of the model.
         free: the states in which they have to hold, bool[n].
         fixed: the values of the other states, float64[n].
         earned: what each row earns, rationals[rows]; None: nothing.
@@ -74,7 +113,7 @@ class Inequalities:
         limit: no value of an upper bound of probabilities needs to be greater.
     """
 
-    matrix: SparseMatrix = field(repr=False)
+    rows: RationalRows = field(repr=False)
     free: Bools
     fixed: Floats
     earned: Rationals | None
@@ -85,15 +124,20 @@ class Inequalities:
     certain: Bools | None = None
     limit: float = np.inf
 
-    @cached_property
+    @property
+    def matrix(self) -> SparseMatrix:
+        """The probabilities of all rows, as rationals."""
+        return self.rows.matrix
+
+    @property
     def edges(self) -> graph.Incidence:
         """The matrix with its transposed graph."""
-        return graph.Incidence(self.matrix)
+        return self.rows.edges
 
-    @cached_property
+    @property
     def doubles(self) -> SparseMatrix:
         """The probabilities as doubles."""
-        return self.matrix.doubles()
+        return self.rows.doubles
 
     @cached_property
     def rewards(self) -> Floats:
@@ -151,9 +195,10 @@ def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> Induc
         if (problem.free & (ranks < 0) & (x > 0)).any():
             return None
     if not problem.all_rows:
-        choices = problem.strategy
-        if choices is None:
+        if problem.strategy is None:
             choices = first_best(np.where(rows, room, -np.inf), problem.edges.groups)
+        else:
+            choices = problem.strategy.copy()
         if problem.ends is not None:
             choices[towards >= 0] = towards[towards >= 0]
         rows = np.zeros_like(rows)
@@ -285,18 +330,11 @@ class _Integers:
     def of(problem: Inequalities, rows: Bools) -> _Integers:
         """The rows of the inequalities."""
         kept = np.flatnonzero(rows).astype(np.int64)
-        chosen = problem.matrix.choose(kept)
-        texts = chosen.data.tolist()
-        bounds = chosen.indptr.tolist()
-        denominators = np.empty(len(kept), object)
-        denominators[:] = [lcm(*(f.denominator for f in texts[a:b])) for a, b in pairwise(bounds)]
-        weights = np.empty(len(texts), object)
-        each = np.repeat(denominators, chosen.lengths).tolist()
-        weights[:] = [f.numerator * (d // f.denominator) for f, d in zip(texts, each, strict=True)]
         earned = np.empty(len(kept), object)
         earned[:] = 0 if problem.earned is None else problem.earned[kept]
         owner = problem.edges.owner_of_rows[kept].astype(np.int64)
-        return _Integers(problem, replace(chosen, data=weights), owner, denominators, earned)
+        weights, denominators = problem.rows.weights.choose(kept), problem.rows.denominators[kept]
+        return _Integers(problem, weights, owner, denominators, earned)
 
     def satisfied_by(self, vector: InductiveVector) -> bool:
         """Whether all rows satisfy their inequality exactly."""
@@ -340,15 +378,15 @@ def average_vectors(problem: Inequalities, stay: Rationals, gain: Floats) -> Ave
         assert problem.strategy is not None
         rows[:] = False
         rows[problem.strategy] = True
-    whole = 2.0**of_gain.bits
+    whole, candidate = 2.0**of_gain.bits, InductiveVector(*_on_grid(bias))
+    checked = _Integers.of(problem, rows)
     for room in tuning.GAIN_ROOM:
         step = int(room * shift * whole)
         moved = of_gain.numerators + (step if problem.upper else -step) - int(shift * whole)
         exact = np.empty(len(moved), object)
         exact[:] = [Fraction(int(v), 1 << of_gain.bits) for v in moved]
-        rest = replace(problem, earned=problem.earned - stay * exact[owner])
-        candidate = InductiveVector(*_on_grid(bias))
-        if _Integers.of(rest, rows).satisfied_by(candidate):
+        earned = (problem.earned - stay * exact[owner])[rows]
+        if replace(checked, earned=earned).satisfied_by(candidate):
             found = InductiveVector(moved, of_gain.bits, problem.strategy)
             return AverageVectors(found, candidate)
     raise NumericalError("no bias was found that satisfies the inequalities of a certificate")
