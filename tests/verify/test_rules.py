@@ -373,7 +373,7 @@ def test_rewards_of_another_certificate_do_not_count(tmp_path: Path) -> None:
     (tmp_path / "m1.trew").write_text(rewards)  # the same: it would count twice
     (tmp_path / "m1.srew").write_text('# Reward structure "r"\n3 1\n0 5\n')
     model = read_model(path, "dtmc", "rational", digests.values())
-    assert model.rewards["r"] == ({0: 3}, {0: 1})
+    assert model.rewards["r"] == ({0: 3}, {(0, 1): 3}, {0: 1})
     assert model.digests == digests
     with pytest.raises(Rejected, match=r"two files beside the model are \.srew r"):
         read_model(path, "dtmc", "rational")
