@@ -428,6 +428,8 @@ def linear_time(model: Model, about: Any, evidence: Any, notes: list[str]) -> Pr
         evidence: `automaton`, and the bounds of reaching accepted components of the product.
         notes: is told if the languages are too large to be compared.
     """
+    if about["optimum"] == "min":
+        raise Rejected("the least probability is 1 minus the greatest one of the negation")
     atoms = [states_of(model, atom) for atom in about["atoms"]]
     automaton = Automaton.read(evidence["automaton"])
     index = {letter: i for i, letter in enumerate(automaton.letters)}

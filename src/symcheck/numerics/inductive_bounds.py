@@ -12,6 +12,7 @@ verified; Chatterjee et al. (TACAS 2025) for what a certificate needs.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
@@ -23,7 +24,7 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.machine import require_memory_for_scipy
-from symcheck.matrices.numbers import Rationals, doubles
+from symcheck.matrices.numbers import Rationals, doubles, full
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, first_best, spans, starts_of
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.problem import LinearProblem
@@ -35,6 +36,8 @@ __all__ = [
     "Inequalities",
     "RationalRows",
     "average_vectors",
+    "contracted",
+    "exactly_inductive",
     "inductive",
     "progress",
 ]
@@ -42,17 +45,17 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class InductiveVector:
-    """A bound of each state, as integers over a power of two, and what proves it.
+    """A bound of each state, as integers over a denominator, and what proves it.
 
     Attributes:
         numerators: the integers, objects[n]; None for infinity.
-        bits: the denominator is 2**bits.
+        denominator: the denominator of all of them.
         choices: the row that a strategy takes in each state, int64[n]; None: all rows.
         ranks: int64[n], -1 for none; None where no ranks are needed.
     """
 
     numerators: Rationals
-    bits: int
+    denominator: int
     choices: Int64s | None = None
     ranks: Int64s | None = None
 
@@ -186,6 +189,70 @@ def inductive(problem: Inequalities, guess: Floats) -> InductiveVector:
     raise NumericalError("no vector was found that satisfies the inequalities of a certificate")
 
 
+def exactly_inductive(problem: Inequalities, values: Rationals) -> InductiveVector:
+    """The exact values as a vector that satisfies the inequalities.
+
+    Args:
+        problem: the inequalities.
+        values: the values of the free states, rationals[n].
+
+    Raises:
+        NumericalError: these are not the values, or no strategy attains them.
+    """
+    fixed = problem.fixed.astype(object)
+    x = np.where(problem.free, values, np.where(np.isinf(problem.fixed), None, fixed))
+    numbers = [Fraction(0 if v is None else v) for v in x.tolist()]
+    denominator = lcm(*{f.denominator for f in numbers})
+    numerators = _whole(f.numerator * (denominator // f.denominator) for f in numbers)
+    numerators[x == None] = None  # noqa: E711
+    vector = InductiveVector(numerators, denominator)
+    tight = problem.considered.copy()
+    tight[tight] = _Integers.of(problem, problem.considered).excess(vector) == 0
+    choices, ranks = None, None
+    if problem.ends is not None:
+        candidates = problem.preserving | (problem.considered if problem.all_rows else tight)
+        ranks, towards = progress(problem.edges, candidates, problem.ends, problem.all_rows)
+    rows = problem.considered
+    if not problem.all_rows:
+        choices = first_best(np.where(tight, 1.0, 0.0), problem.edges.groups)
+        if problem.ends is not None:
+            choices[towards >= 0] = towards[towards >= 0]
+        rows = np.zeros_like(rows)
+        rows[choices] = True
+        rows &= problem.considered
+    if not _Integers.of(problem, rows).satisfied_by(vector):
+        raise NumericalError("the exact values do not satisfy the inequalities of a certificate")
+    return replace(vector, choices=choices, ranks=ranks)
+
+
+def contracted(problem: Inequalities, guess: Floats) -> InductiveVector:
+    """A vector near to approximate values, where the sum of each row is less than 1 by as much.
+
+    Shifting all values by c gives each row the room c (1 - sum).
+
+    Args:
+        problem: the inequalities, of rows that are multiplied by a discount; all states are free.
+        guess: values, float64[n].
+
+    Raises:
+        NumericalError: none was found.
+    """
+    room, rows, choices = problem.room(guess), problem.considered, None
+    if not problem.all_rows:
+        choices = first_best(room, problem.edges.groups)
+        rows = np.zeros_like(rows)
+        rows[choices] = True
+    checked, left = _Integers.of(problem, rows), 1.0 - float(problem.doubles.row_sums().max())
+    scale = float(np.max(np.abs(guess), initial=0.0)) + float(np.max(np.abs(problem.rewards)))
+    step = max(0.0, -2.0 * float(room[rows].min())) / left + scale * 4.0 * tuning.UNIT_ROUNDOFF
+    while step <= tuning.WIDEST_ROOM * scale:
+        vector = InductiveVector(*_on_grid(guess + step if problem.upper else guess - step))
+        if checked.satisfied_by(vector):
+            return replace(vector, choices=choices)
+        step *= tuning.ROOM_GROWTH
+    raise NumericalError("no vector was found that satisfies the inequalities of a certificate")
+
+
 def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> InductiveVector | None:
     """A vector that satisfies the inequalities, if these rows are those that need room."""
     rows, ranks, choices = problem.considered, None, None
@@ -303,7 +370,7 @@ def _slack(
 
 
 def _on_grid(values: Floats) -> tuple[Rationals, int]:
-    """Finite doubles as integers over 2**bits, which is the second number; None for infinity."""
+    """Finite doubles as integers over the second number; None for infinity."""
     positive = np.abs(values[np.isfinite(values) & (values != 0.0)])
     smallest = frexp(float(positive.min(initial=1.0)))[1]
     bits = max(0, tuning.GRID_BITS - smallest)
@@ -313,37 +380,64 @@ def _on_grid(values: Floats) -> tuple[Rationals, int]:
     numerators = np.empty(len(values), object)
     numerators[:] = [v << by if by >= 0 else v >> -by for v, by in zip(whole, shifts, strict=True)]
     numerators[np.isinf(values)] = None
-    return numerators, bits
+    return numerators, 1 << bits
 
 
 @dataclass(frozen=True, eq=False)
 class _Integers:
-    """The considered rows with whole weights over a denominator for each row."""
+    """The considered rows, multiplied by denominators that make their numbers whole.
 
-    problem: Inequalities
+    owner: the state of each row. earned: what it earns. stay: its mean time; 1 where it is not
+    asked for.
+    """
+
+    upper: bool
     matrix: SparseMatrix
     owner: Int64s
     denominators: Rationals
     earned: Rationals
+    stay: Rationals
 
     @staticmethod
-    def of(problem: Inequalities, rows: Bools) -> _Integers:
-        """The rows of the inequalities."""
+    def of(problem: Inequalities, rows: Bools, stay: Rationals | None = None) -> _Integers:
+        """The rows of the inequalities; `stay` is the mean time of each row of the model."""
         kept = np.flatnonzero(rows).astype(np.int64)
-        earned = np.empty(len(kept), object)
-        earned[:] = 0 if problem.earned is None else problem.earned[kept]
+        weights, by = problem.rows.weights.choose(kept), problem.rows.denominators[kept]
+        earned = full(len(kept), 0, rational=True)
+        if problem.earned is not None:
+            earned = problem.earned[kept] * by
+        times = full(len(kept), 0, rational=True) if stay is None else stay[kept] * by
+        pairs = zip(earned.tolist(), times.tolist(), strict=True)
+        more = _whole(lcm(r.denominator, t.denominator) for r, t in pairs)
+        if (more != 1).any():
+            weights = replace(weights, data=weights.data * np.repeat(more, weights.lengths))
+            by, earned, times = by * more, earned * more, times * more
         owner = problem.edges.owner_of_rows[kept].astype(np.int64)
-        weights, denominators = problem.rows.weights.choose(kept), problem.rows.denominators[kept]
-        return _Integers(problem, weights, owner, denominators, earned)
+        whole = (_whole(f.numerator for f in part.tolist()) for part in (earned, times))
+        return _Integers(problem.upper, weights, owner, by, *whole)
 
-    def satisfied_by(self, vector: InductiveVector) -> bool:
-        """Whether all rows satisfy their inequality exactly."""
+    def excess(self, vector: InductiveVector) -> Rationals:
+        """Per row: `x - r - P x`, times its denominator and that of the vector."""
         values = np.where(vector.numerators == None, 0, vector.numerators)  # noqa: E711
         products = self.matrix.data * values[self.matrix.indices]
         expected = np.add.reduceat(products, self.matrix.indptr[:-1]) if len(products) else products
-        excess = values[self.owner] * self.denominators - expected
-        excess = excess - self.earned * self.denominators * (1 << vector.bits)
-        return bool((excess >= 0).all() if self.problem.upper else (excess <= 0).all())
+        return values[self.owner] * self.denominators - expected - self.earned * vector.denominator
+
+    def satisfied_by(self, vector: InductiveVector, gain: InductiveVector | None = None) -> bool:
+        """Whether all rows satisfy their inequality exactly, with the gain of a bias."""
+        excess = self.excess(vector)
+        if gain is not None:
+            of_gain = self.stay * gain.numerators[self.owner]
+            excess = excess * gain.denominator + of_gain * vector.denominator
+        return bool((excess >= 0).all() if self.upper else (excess <= 0).all())
+
+
+def _whole(values: Iterable[int]) -> Rationals:
+    """Whole numbers as objects."""
+    found = list(values)
+    whole = np.empty(len(found), object)
+    whole[:] = found
+    return whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -372,22 +466,17 @@ def average_vectors(problem: Inequalities, stay: Rationals, gain: Floats) -> Ave
     gain, bias = _gain_and_bias(problem, doubles(stay), gain)
     shift = 1.0 + float(np.max(np.abs(gain), initial=0.0))
     of_gain = inductive(replace(problem, earned=None), gain + shift)
-    owner = problem.edges.owner_of_rows
     rows = np.ones(problem.matrix.rows, np.bool_)
     if not problem.all_rows:
         assert problem.strategy is not None
         rows[:] = False
         rows[problem.strategy] = True
-    whole, candidate = 2.0**of_gain.bits, InductiveVector(*_on_grid(bias))
-    checked = _Integers.of(problem, rows)
+    candidate, checked = InductiveVector(*_on_grid(bias)), _Integers.of(problem, rows, stay)
     for room in tuning.GAIN_ROOM:
-        step = int(room * shift * whole)
-        moved = of_gain.numerators + (step if problem.upper else -step) - int(shift * whole)
-        exact = np.empty(len(moved), object)
-        exact[:] = [Fraction(int(v), 1 << of_gain.bits) for v in moved]
-        earned = (problem.earned - stay * exact[owner])[rows]
-        if replace(checked, earned=earned).satisfied_by(candidate):
-            found = InductiveVector(moved, of_gain.bits, problem.strategy)
+        step = Fraction(room * shift if problem.upper else -room * shift) - Fraction(shift)
+        moved = of_gain.numerators + int(step * of_gain.denominator)
+        found = InductiveVector(moved, of_gain.denominator, problem.strategy)
+        if checked.satisfied_by(candidate, found):
             return AverageVectors(found, candidate)
     raise NumericalError("no bias was found that satisfies the inequalities of a certificate")
 
