@@ -11,11 +11,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cache
-from itertools import chain, groupby, repeat
-from operator import itemgetter
 from typing import Any, NamedTuple
 
 from symcheck_verify import (
+    BUDGET,
     ONE,
     Model,
     Proofs,
@@ -85,6 +84,8 @@ def in_time(
     if model.exit_rates is None or time < 0 or min(start) < 0:
         raise Rejected("a ctmc, a time and rewards of at least 0 are needed")
     rate = max((model.exit_rates[s] for s in free), default=Fraction(1))
+    if rate * time > BUDGET:
+        raise Rejected(f"{int(rate * time)} jumps are expected: more than the budget of {BUDGET}")
     jumps = Model("dtmc", model.first)
     for s, row in enumerate(model.rows):
         num, den = (model.exit_rates[s] / rate).as_integer_ratio() if s in free else (0, 1)
@@ -102,11 +103,16 @@ def in_time(
     sides: list[list[int]] = []
     for up in (False, True):
         sums: list[int] = [scaled(later * max(start), up=True) * ONE if up else 0] * model.states
-        every = chain(repeat(early, first), weights)
-        means = zip(steps.values(start, up=up), every, strict=False)
-        for values, group in groupby(means, key=itemgetter(0)):
-            w = scaled(sum((weight[up] for _, weight in group), Fraction(0)), up=up)
-            sums = [total + w * value for total, value in zip(sums, values, strict=True)]
+        walk, before, taken = steps.values(start, up=up), None, 0
+        while taken < first + len(weights):
+            values = next(walk)
+            weight = early[up] if taken < first else weights[taken - first][up]
+            if settled := values is before:  # and so are they for all weights that are left
+                rest = weights[max(taken - first, 0) :]
+                weight = sum((w[up] for w in rest), early[up] * max(first - taken, 0))
+            factor, before = scaled(weight, up=up), values
+            sums = [total + factor * value for total, value in zip(sums, values, strict=True)]
+            taken += first + len(weights) if settled else 1
         sides.append(sums)
     return lambda s: Fraction(sides[0][s], ONE**2), lambda s: Fraction(sides[1][s], ONE**2)
 
@@ -152,8 +158,8 @@ Way = tuple[frozenset[Formula], frozenset[Formula]]  # what has to hold next; wh
 _DUAL = {"and": "or", "or": "and", "U": "R"}
 
 
-def _positive(data: Any, *, negated: bool = False) -> Formula:
-    """A formula of a statement (or its negation), with negations at atoms only.
+def _positive(data: Any, atoms: int, *, negated: bool = False) -> Formula:
+    """A formula of a statement (or its negation) over atoms, with negations at atoms only.
 
     It is true, false, the number of an atom, or a list of an operator and its operands: not, and,
     or, X, U. A number after those of U is the greatest number of steps.
@@ -161,15 +167,15 @@ def _positive(data: Any, *, negated: bool = False) -> Formula:
     match data:
         case bool():
             return ("true",) if data is not negated else ("false",)
-        case int():
+        case int() if 0 <= data < atoms:
             return ("atom", data, not negated)
         case ["not", inner]:
-            return _positive(inner, negated=not negated)
+            return _positive(inner, atoms, negated=not negated)
         case ["X", inner]:
-            return ("X", _positive(inner, negated=negated))
+            return ("X", _positive(inner, atoms, negated=negated))
         case ["and" | "or" | "U", left, right] | ["U", left, right, int()]:
             operator = _DUAL[data[0]] if negated else data[0]
-            parts = _positive(left, negated=negated), _positive(right, negated=negated)
+            parts = (_positive(part, atoms, negated=negated) for part in (left, right))
             return (operator, *parts, *(data[3:] or [None] * (data[0] == "U")))
         case _:
             raise Rejected(f"no LTL formula: {data!a:.60}")
@@ -251,7 +257,7 @@ class Edge(NamedTuple):
     put_off: frozenset[Formula]
 
 
-def same_language(automaton: Automaton, formula: Any) -> bool:
+def same_language(automaton: Automaton, formula: Any, atoms: int) -> bool:
     """Whether automaton and formula accept the same words of letters; False: they are too large.
 
     No word of the negation may be accepted, and no word of the formula may be rejected.
@@ -260,7 +266,7 @@ def same_language(automaton: Automaton, formula: Any) -> bool:
         Rejected: their languages differ.
     """
     for accepted in (True, False):
-        edges = _steps_of_both(automaton, _positive(formula, negated=accepted))
+        edges = _steps_of_both(automaton, _positive(formula, atoms, negated=accepted))
         if edges is None:
             return False
         if _has_word(edges, automaton.pairs, accepted=accepted):
@@ -436,7 +442,7 @@ def linear_time(model: Model, about: Any, evidence: Any, notes: list[str]) -> Pr
     valuation = [sum(1 << i for i, a in enumerate(atoms) if s in a) for s in range(model.states)]
     if missing := [s for s, letter in enumerate(valuation) if letter not in index]:
         raise Rejected(f"state {missing[0]}: the automaton does not know the letter of its atoms")
-    if not same_language(automaton, about["formula"]):
+    if not same_language(automaton, about["formula"], len(atoms)):
         notes.append("the automaton of the certificate is trusted: it is too large to be compared")
     letters = [index[letter] for letter in valuation]
 

@@ -26,7 +26,7 @@ from symcheck.check.state_formulas import query_of, satisfying
 from symcheck.check.strategies.strategy import strategy_of
 from symcheck.check.strategies.to_explicit import rows_engine
 from symcheck.direction import Direction
-from symcheck.engines.base import Number, StateSet, System, Values, erased
+from symcheck.engines.base import Engine, Number, StateSet, System, Values, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.product import ProductModel
 from symcheck.engines.transition_actions import state_order
@@ -506,9 +506,13 @@ class _Writer:
                 for pair in automaton.pairs
             ],
         }
-        product = self.model.product(sets, automaton)
-        pairs = product.pairs
-        rows, entry = self._product(pairs.matrix, pairs.state, pairs.automaton, product.entry)
+        base = self._context.engine.capability(ExplicitEngine)
+        assert base is not None
+        product = base.product(sets, automaton)
+        pairs, starts = product.pairs, self._matrix.indptr
+        entries = spans(starts[:-1][pairs.rows], starts[1:][pairs.rows])
+        matrix = replace(pairs.matrix, data=self._matrix.data[entries])
+        rows, entry = self._product(matrix, pairs.state, pairs.automaton, product.entry)
         accepted = graph.accepting_end_components(
             rows.rows.edges,
             [
@@ -519,18 +523,15 @@ class _Writer:
                 for p in automaton.pairs
             ],
         )
-        base = self._context.engine.capability(ExplicitEngine)
-        assert base is not None
         everywhere, towards = np.ones_like(accepted), direction and Direction.MAX
-        inner = base.product(sets, automaton).engine
-        guess = self._reached(inner, everywhere, accepted, towards)
+        guess = self._reached(erased(product.engine), everywhere, accepted, towards)
         return {"automaton": given, **rows.both_sides(everywhere, accepted, towards, guess)}, entry
 
     def _reached(
-        self, engine: ExplicitEngine, left: Bools, right: Bools, direction: Direction | None
+        self, engine: Engine, left: Bools, right: Bools, direction: Direction | None
     ) -> Numbers:
         """The probabilities of `left U right` in a product."""
-        context = replace(self._context, engine=erased(engine))
+        context = replace(self._context, engine=engine)
         sets = context.engine.from_bools(left), context.engine.from_bools(right)
         return self._middle(until(context, *sets, direction), context)
 
@@ -591,7 +592,8 @@ class _Writer:
         growing = self._continuous and (self._system.state_rewards(within.reward) != 0).any()
         if growing or isinstance(within.reward, Time) or (earned < 0).any():
             raise _unsupported()
-        check_uniform_rewards(self.exact, within.reward, paying=bool((earned != 0).any()))
+        of_rows = self._system.rewards(within.reward)[1]
+        check_uniform_rewards(self.exact, within.reward, paying=bool((of_rows != 0).any()))
         unit = lcm(most.denominator, *{Fraction(r).denominator for r in earned.tolist()})
         limit = int(most * unit)
         units = np.array([min(int(r * unit), limit + 1) for r in earned.tolist()], np.int64)
@@ -639,7 +641,7 @@ class _Writer:
         pairs = ProductModel(base, state.astype(np.int32), memory.astype(np.int32), inner, rows)
         allowed = memory >= 0
         sets = left[state] & allowed, right[state] & allowed
-        guess = self._reached(ExplicitEngine(pairs, "rewards"), *sets, direction)
+        guess = self._reached(erased(ExplicitEngine(pairs, "rewards")), *sets, direction)
         return space.both_sides(*sets, direction, guess), entry
 
     # ------------------------------------------------------------------------------------ rewards
