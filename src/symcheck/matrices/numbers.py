@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
-from math import inf, isfinite
+from math import inf, isfinite, isinf
 from typing import Any, Literal, TypeVar, overload
 
 import numpy as np
@@ -83,6 +83,8 @@ def full(n: int, value: float | Fraction, *, rational: bool) -> Numbers:
 
 def is_infinite(values: Numbers) -> Bools:
     """Which of the numbers are infinite (either sign)."""
+    if is_rational(values):  # infinity is a float among rationals
+        return np.fromiter((type(v) is float and isinf(v) for v in values), np.bool_, len(values))
     return np.asarray(np.abs(values) == np.inf, dtype=np.bool_)
 
 
@@ -97,9 +99,12 @@ def sum_segments(values: Rationals, starts: Int64s) -> Rationals:
 
 def doubles(values: Numbers) -> Floats:
     """The nearest doubles; infinite beyond their range."""
-    try:
+    if not is_rational(values):
         return np.asarray(values, dtype=np.float64)
-    except OverflowError:
+    try:  # the quotient of two ints is rounded once; this is faster than float(v)
+        ratios = (v.as_integer_ratio() for v in values)
+        return np.fromiter((top / bottom for top, bottom in ratios), np.float64, len(values))
+    except (OverflowError, ValueError):  # infinite and undefined floats have no ratio
         return np.array([_nearest(v) for v in values])
 
 

@@ -17,14 +17,15 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
-from math import frexp, lcm
+from math import frexp, gcd, lcm
+from typing import Any
 
 import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.machine import require_memory_for_scipy
-from symcheck.matrices.numbers import Rationals, doubles, full
+from symcheck.matrices.numbers import Rationals, doubles
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, first_best, spans, starts_of
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.problem import LinearProblem
@@ -69,6 +70,7 @@ class RationalRows:
     """
 
     matrix: SparseMatrix = field(repr=False)
+    kept: list[Any] = field(default_factory=list, init=False, repr=False)
 
     @cached_property
     def edges(self) -> graph.Incidence:
@@ -81,21 +83,36 @@ class RationalRows:
         return self.matrix.doubles()
 
     @cached_property
-    def denominators(self) -> Rationals:
-        """A denominator of each row, objects[rows]."""
-        numbers, starts = self.matrix.data.tolist(), self.matrix.indptr.tolist()
-        found = np.empty(self.matrix.rows, object)
-        found[:] = [lcm(*(f.denominator for f in numbers[a:b])) for a, b in pairwise(starts)]
-        return found
+    def whole(self) -> tuple[SparseMatrix, Rationals]:
+        """The probabilities times a denominator of each row, and these: whole numbers."""
+        tops, bottoms = _parts(self.matrix.data)
+        below, starts = bottoms.tolist(), self.matrix.indptr.tolist()
+        denominators = _whole(lcm(*below[a:b]) for a, b in pairwise(starts))
+        each = np.repeat(denominators, self.matrix.lengths)
+        return replace(self.matrix, data=tops * (each // bottoms)), denominators
 
-    @cached_property
-    def weights(self) -> SparseMatrix:
-        """The probabilities times the denominators: whole numbers."""
-        whole = np.empty(self.matrix.entries, object)
-        each = np.repeat(self.denominators, self.matrix.lengths).tolist()
-        pairs = zip(self.matrix.data.tolist(), each, strict=True)
-        whole[:] = [f.numerator * (d // f.denominator) for f, d in pairs]
-        return replace(self.matrix, data=whole)
+    def scaled(self, earned: Rationals | None, stay: Rationals | None) -> _Integers:
+        """All rows in whole numbers, with what they earn and their mean times; kept for the next
+        inequalities of the same numbers.
+        """
+        if self.kept and self.kept[0][0] is earned and self.kept[0][1] is stay:
+            return self.kept[0][2]
+        weights, by = self.whole
+        parts = [_parts(p) for p in (earned, stay) if p is not None]
+        more = _whole([1] * len(by))
+        for _, bottoms in parts:
+            of_rows = zip((by * more).tolist(), bottoms.tolist(), strict=True)
+            more = more * _whole(b // gcd(a, b) for a, b in of_rows)
+        if (more != 1).any():
+            weights = replace(weights, data=weights.data * np.repeat(more, weights.lengths))
+            by = by * more
+        tops = [tops * (by // bottoms) for tops, bottoms in parts]
+        nothing = _whole([0] * len(by))
+        earns = nothing if earned is None else tops[0]
+        stays = nothing if stay is None else tops[-1]
+        owner = self.edges.owner_of_rows.astype(np.int64)
+        self.kept[:] = [(earned, stay, _Integers(weights, owner, by, earns, stays))]
+        return self.kept[0][2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +237,7 @@ def exactly_inductive(problem: Inequalities, values: Rationals) -> InductiveVect
         rows = np.zeros_like(rows)
         rows[choices] = True
         rows &= problem.considered
-    if not _Integers.of(problem, rows).satisfied_by(vector):
+    if not _Integers.of(problem, rows).satisfied_by(vector, upper=problem.upper):
         raise NumericalError("the exact values do not satisfy the inequalities of a certificate")
     return replace(vector, choices=choices, ranks=ranks)
 
@@ -247,7 +264,7 @@ def contracted(problem: Inequalities, guess: Floats) -> InductiveVector:
     step = max(0.0, -2.0 * float(room[rows].min())) / left + scale * 4.0 * tuning.UNIT_ROUNDOFF
     while step <= tuning.WIDEST_ROOM * scale:
         vector = InductiveVector(*_on_grid(guess + step if problem.upper else guess - step))
-        if checked.satisfied_by(vector):
+        if checked.satisfied_by(vector, upper=problem.upper):
             return replace(vector, choices=choices)
         step *= tuning.ROOM_GROWTH
     raise NumericalError("no vector was found that satisfies the inequalities of a certificate")
@@ -286,7 +303,7 @@ def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> Induc
         if problem.earned is None and not problem.upper:
             moved = np.maximum(moved, 0.0)
         vector = InductiveVector(*_on_grid(np.where(problem.free, moved, problem.fixed)))
-        if checked.satisfied_by(vector):
+        if checked.satisfied_by(vector, upper=problem.upper):
             return replace(vector, choices=choices, ranks=ranks)
         step *= tuning.ROOM_GROWTH
     return None
@@ -391,7 +408,6 @@ class _Integers:
     asked for.
     """
 
-    upper: bool
     matrix: SparseMatrix
     owner: Int64s
     denominators: Rationals
@@ -401,20 +417,10 @@ class _Integers:
     @staticmethod
     def of(problem: Inequalities, rows: Bools, stay: Rationals | None = None) -> _Integers:
         """The rows of the inequalities; `stay` is the mean time of each row of the model."""
-        kept = np.flatnonzero(rows).astype(np.int64)
-        weights, by = problem.rows.weights.choose(kept), problem.rows.denominators[kept]
-        earned = full(len(kept), 0, rational=True)
-        if problem.earned is not None:
-            earned = problem.earned[kept] * by
-        times = full(len(kept), 0, rational=True) if stay is None else stay[kept] * by
-        pairs = zip(earned.tolist(), times.tolist(), strict=True)
-        more = _whole(lcm(r.denominator, t.denominator) for r, t in pairs)
-        if (more != 1).any():
-            weights = replace(weights, data=weights.data * np.repeat(more, weights.lengths))
-            by, earned, times = by * more, earned * more, times * more
-        owner = problem.edges.owner_of_rows[kept].astype(np.int64)
-        whole = (_whole(f.numerator for f in part.tolist()) for part in (earned, times))
-        return _Integers(problem.upper, weights, owner, by, *whole)
+        whole, kept = problem.rows.scaled(problem.earned, stay), np.flatnonzero(rows)
+        parts = whole.owner, whole.denominators, whole.earned, whole.stay
+        weights = whole.matrix.choose(kept.astype(np.int64))
+        return _Integers(weights, *(part[kept] for part in parts))
 
     def excess(self, vector: InductiveVector) -> Rationals:
         """Per row: `x - r - P x`, times its denominator and that of the vector."""
@@ -423,13 +429,21 @@ class _Integers:
         expected = np.add.reduceat(products, self.matrix.indptr[:-1]) if len(products) else products
         return values[self.owner] * self.denominators - expected - self.earned * vector.denominator
 
-    def satisfied_by(self, vector: InductiveVector, gain: InductiveVector | None = None) -> bool:
+    def satisfied_by(
+        self, vector: InductiveVector, gain: InductiveVector | None = None, *, upper: bool
+    ) -> bool:
         """Whether all rows satisfy their inequality exactly, with the gain of a bias."""
         excess = self.excess(vector)
         if gain is not None:
             of_gain = self.stay * gain.numerators[self.owner]
             excess = excess * gain.denominator + of_gain * vector.denominator
-        return bool((excess >= 0).all() if self.upper else (excess <= 0).all())
+        return bool((excess >= 0).all() if upper else (excess <= 0).all())
+
+
+def _parts(values: Rationals) -> tuple[Rationals, Rationals]:
+    """The numerators and the denominators."""
+    ratios = [v.as_integer_ratio() for v in values.tolist()]
+    return _whole(top for top, _ in ratios), _whole(bottom for _, bottom in ratios)
 
 
 def _whole(values: Iterable[int]) -> Rationals:
@@ -476,7 +490,7 @@ def average_vectors(problem: Inequalities, stay: Rationals, gain: Floats) -> Ave
         step = Fraction(room * shift if problem.upper else -room * shift) - Fraction(shift)
         moved = of_gain.numerators + int(step * of_gain.denominator)
         found = InductiveVector(moved, of_gain.denominator, problem.strategy)
-        if checked.satisfied_by(candidate, found):
+        if checked.satisfied_by(candidate, found, upper=problem.upper):
             return AverageVectors(found, candidate)
     raise NumericalError("no bias was found that satisfies the inequalities of a certificate")
 
