@@ -88,11 +88,8 @@ def number_of(text: Any, *, double: bool = False) -> Fraction:
 def read_model(path: Path, kind: str, numbers: str, wanted: Collection[str] | None = None) -> Model:
     """The model of FILE.tra; FILE.lab, FILE.srew, FILE1.srew, … beside it are read, too.
 
-    Args:
-        path: the file of transitions.
-        kind: dtmc, ctmc or mdp.
-        numbers: rational, or double for the nearest doubles of what the files say.
-        wanted: the digests of the files of rewards that are read; None: all of them.
+    It is a dtmc, ctmc or mdp; its numbers are rational, or double for the nearest doubles of what
+    the files say. Files of rewards are read if their digests are wanted (None: all of them).
     """
     if kind not in ("dtmc", "ctmc", "mdp") or numbers not in ("rational", "double"):
         raise Rejected(f"unknown type of models or kind of numbers: {kind}, {numbers}")
@@ -117,15 +114,15 @@ def _lines(model: Model, text: str, name: str) -> Iterator[list[str]]:
 
 
 def _read_transitions(model: Model, lines: Iterator[list[str]], number: _Number) -> None:
-    counts = [int(word) for word in next(lines, [])]
-    columns, states = (3 if model.kind == "mdp" else 2), counts[0]
+    counts, columns = [int(word) for word in next(lines, [])], 3 if model.kind == "mdp" else 2
     found: dict[tuple[int, ...], tuple[list[int], list[Fraction]]] = {}
+    whole = cache(int)  # the same number is stored once
     for words in lines:
-        *place, target = map(int, words[:columns])
+        *place, target = map(whole, words[:columns])
         targets, values = found.setdefault(tuple(place), ([], []))
         targets.append(target)
         values.append(number(words[columns]))
-        if not (0 <= place[0] < states and 0 <= target < states and values[-1] > 0):
+        if not (0 <= place[0] < counts[0] and 0 <= target < counts[0] and values[-1] > 0):
             raise Rejected(f"transition {' '.join(words)}: no such state, or not positive")
     transitions = sum(len(targets) for targets, _ in found.values())
     of_file = [len({place[0] for place in found}), len(found), transitions]
@@ -223,7 +220,7 @@ Earned = Callable[[int, int], Fraction]  # what a step from a state by a row ear
 Proved = Callable[[int], Fraction | None]  # the bound of each state; None: infinity
 Proofs = tuple[Proved, Proved]  # the lower and the upper bounds
 States = Collection[int]
-_WORD = {1: ">=", -1: "<="}
+_WORD, _ZERO = {1: ">=", -1: "<="}, Fraction(0)
 
 
 class Side(NamedTuple):
@@ -364,9 +361,12 @@ def _require(
 ) -> None:
     """Require x >= r + P x, or <= for a lower bound, of these rows of a state."""
     for row in rows:
-        gained = Fraction(0) if earned is None else earned(state, row)
-        infinite = any(x.numerators[t] is None for t in model.rows[row].targets)
-        if infinite or gained < 0 or x.excess(state, model.rows[row], gained) * side.sign < 0:
+        gained = _ZERO if earned is None else earned(state, row)
+        try:
+            holds = x.excess(state, model.rows[row], gained) * side.sign >= 0 <= gained.numerator
+        except TypeError:  # a value is infinite
+            holds = False
+        if not holds:
             text = f"x {_WORD[side.sign]} {'r + P x, with r >= 0,' if earned else 'P x'}"
             raise Rejected(f"{model.where(state, row)}: {text} does not hold")
 
@@ -500,10 +500,9 @@ def _proved(model: Model, statement: Any, evidence: Any, notes: list[str]) -> Pr
     known = " ".join(about) in _ABOUT.get(statement["measure"], ())
     if not known or type(statement.get("negated", False)) is not bool:
         raise Rejected(f"no measure that is known: {statement['measure']} of {', '.join(about)}")
-    if {"steps", "factor"} & statement.keys() and model.exit_rates is not None:
-        raise Rejected("steps and discounts need discrete time")
-    if "steps" in statement and (type(steps) is not int or steps < 0):
-        raise Rejected("a whole number of steps is needed")
+    whole = "steps" not in statement or (type(steps) is int and steps >= 0)
+    if not whole or ({"steps", "factor"} & statement.keys() and model.exit_rates is not None):
+        raise Rejected("a whole number of steps in discrete time is needed")
     factor, reward = number_of(statement.get("factor", "1")), Reward({}, {}, {})
     if "states" in statement:
         reward.of_state.update(dict.fromkeys(states_of(model, statement["states"]), Fraction(1)))
@@ -513,8 +512,11 @@ def _proved(model: Model, statement: Any, evidence: Any, notes: list[str]) -> Pr
         reward.of_state.update(dict.fromkeys(everywhere, Fraction(1)))
 
     def earned(state: int, row: int) -> Fraction:
-        of_row, of_state = reward.of_row.get(row, Fraction(0)), reward.of_state.get(state)
-        return of_row if of_state is None else model.stay(row) * of_state + of_row
+        of_row, of_state = reward.of_row.get(row, _ZERO), reward.of_state.get(state)
+        if of_state is None:
+            return of_row
+        staying = of_state if model.exit_rates is None else of_state / model.exit_rates[row]
+        return staying + of_row if of_row else staying
 
     def by_rule(rule: Callable[..., Vector], *about: Any) -> Proofs:
         low = rule(model, evidence["lower"], Side(optimum, -1), *about)
@@ -524,18 +526,16 @@ def _proved(model: Model, statement: Any, evidence: Any, notes: list[str]) -> Pr
         taken = Steps(model, free, min if optimum == "min" else max, gains, factor)
         return taken.after(steps, start)
 
+    left, right = (states_of(model, statement.get(side, "all")) for side in ("left", "right"))
     match statement["measure"]:
         case _ if {"atoms", "most", "time"} & statement.keys():
             from symcheck_verify_derived import proved
 
             found = proved(model, statement, evidence, reward, earned, notes)
+        case "until" if steps is None:
+            found = by_rule(until_bound, left, right)
         case "until":
-            left, right = (states_of(model, statement[side]) for side in ("left", "right"))
-            start = [int(s in right) for s in everywhere]
-            whole = "steps" not in statement
-            found = (
-                by_rule(until_bound, left, right) if whole else repeated(start, left - right, {})
-            )
+            found = repeated([int(s in right) for s in everywhere], left - right, {})
         case "reward":
             found = by_rule(reach_reward_bound, earned, states_of(model, statement["target"]))
         case "cumulative" if "steps" in statement:
