@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cache
+from math import lcm
 from typing import Any, NamedTuple
 
 from symcheck_verify import (
@@ -496,17 +497,22 @@ def within_rewards(model: Model, about: Any, evidence: Any, reward: Reward) -> P
     if model.exit_rates is not None and reward.of_state:
         raise Rejected("rewards of states of a ctmc grow in time, and have no bounds here")
     left, right = states_of(model, about["left"]), states_of(model, about["right"])
-    most = number_of(about["most"])
+    values = [number_of(about["most"]), *reward.of_state.values(), *reward.of_step.values()]
+    if min(values) < 0:
+        raise Rejected("a bound on a reward, and its rewards, are at least 0")
+    unit = lcm(*(v.denominator for v in values))  # the memory is a whole number
+    most, *_ = whole = [int(v * unit) for v in values]
+    of_state = dict(zip(reward.of_state, whole[1:], strict=False))
+    of_step = dict(zip(reward.of_step, whole[1 + len(of_state) :], strict=True))
+    stops = [s in right or s not in left for s in range(model.states)]
 
-    def after(state: int, row: int, target: int, memory: Fraction) -> Fraction:
-        if state in right or state not in left or memory < 0:
+    def after(state: int, row: int, target: int, memory: int) -> int:
+        if memory < 0 or stops[state]:
             return memory
-        earned = reward.of_state.get(state, Fraction(0)) + reward.of_step.get((row, target), 0)
-        if earned < 0:
-            raise Rejected(f"{model.where(state, row)}: rewards with a bound are at least 0")
-        return memory + earned if memory + earned <= most else Fraction(-1)
+        earned = memory + of_state.get(state, 0) + of_step.get((row, target), 0)
+        return earned if earned <= most else -1
 
-    inner, pairs = product(model, [Fraction(0)] * model.states, after)
+    inner, pairs = product(model, [0] * model.states, after)
     through = {i for i, (s, earned) in enumerate(pairs) if s in left and earned >= 0}
     ends = {i for i, (s, earned) in enumerate(pairs) if s in right and earned >= 0}
     entry = {s: i for i, (s, earned) in enumerate(pairs) if earned == 0}

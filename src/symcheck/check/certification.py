@@ -619,10 +619,12 @@ class _Writer:
             return rows, entries, target * width + np.repeat(after, matrix.lengths[rows]) + 1
 
         first = np.arange(self.model.states) * width + 1
-        known = new = first
+        seen, new = np.zeros(self.model.states * width, np.bool_), first
         while len(new):
-            new = np.setdiff1d(steps(new)[2], known)
-            known = np.union1d(known, new)
+            seen[new] = True
+            targets = steps(new)[2]
+            new = np.unique(targets[~seen[targets]])
+        known = np.flatnonzero(seen)
         rows, entries, targets = steps(known)
         state, memory = known // width, known % width - 1
         of_pairs = SparseMatrix(
