@@ -139,7 +139,7 @@ def _other(path: tuple[Any, ...], value: Any, rng: Random) -> Any:
         return rng.choice(("goal", "free", "init")) if path[-1] == "label" else "all"
     if isinstance(value, bool):
         return not value
-    if path[-1] in ("time", "factor", "most"):
+    if path[-1] in ("time", "factor", "least", "most"):
         return str(Fraction(value) * Fraction(rng.choice((1, 2, 3)), 2))
     if value is None or rng.random() < 0.05:
         return rng.choice((0, 1, None))
@@ -203,7 +203,7 @@ def attack(
 
 def _kind(statement: dict[str, Any]) -> str:
     """The measure of a statement, with its bounds."""
-    bounds = sorted({"steps", "time", "most", "factor", "states"} & statement.keys())
+    bounds = sorted({"steps", "time", "least", "most", "factor", "states"} & statement.keys())
     return " ".join([statement["measure"], *bounds])
 
 

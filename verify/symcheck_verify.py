@@ -442,8 +442,9 @@ def scaled(value: Fraction, *, up: bool) -> int:
 
 
 _SETS = "left negated right"
+_WITHIN = "least left negated reward right", "left most negated reward right"
 _ABOUT = {  # what else a statement has, in alphabetic order, after its measure
-    "until": (_SETS, f"{_SETS} steps", f"{_SETS} time", "left most negated reward right"),
+    "until": (_SETS, f"{_SETS} steps", f"{_SETS} time", *_WITHIN),
     "ltl": ("atoms formula negated",),
     "conditional": ("atoms condition formula",),
     "reward": ("reward target",),
@@ -528,7 +529,7 @@ def _proved(model: Model, statement: Any, evidence: Any, notes: list[str]) -> Pr
 
     left, right = (states_of(model, statement.get(side, "all")) for side in ("left", "right"))
     match statement["measure"]:
-        case _ if {"atoms", "most", "time"} & statement.keys():
+        case _ if {"atoms", "least", "most", "time"} & statement.keys():
             from symcheck_verify_derived import proved
 
             found = proved(model, statement, evidence, reward, earned, notes)

@@ -53,7 +53,7 @@ def proved(
             return linear_time(model, about, evidence, notes)
         case "conditional":
             return conditional(model, about, evidence, notes)
-        case "until" if "most" in about:
+        case "until" if "reward" in about:
             return within_rewards(model, about, evidence, reward)
     time, everywhere = number_of(about["time"]), range(model.states)
     match about["measure"]:
@@ -489,31 +489,33 @@ def conditional(model: Model, about: Any, evidence: Any, notes: list[str]) -> Pr
 
 
 def within_rewards(model: Model, about: Any, evidence: Any, reward: Reward) -> Proofs:
-    """Bounds of the probability of `left U right` with at most the reward `most` until `right`.
+    """Bounds of the probability of `left U right` with a reward of at most `most` until `right`, or
+    at least `least`.
 
-    The memory is the reward so far, and -1 where it exceeds `most`. The reward of the state where
-    `right` holds does not count, that of the step into it does.
+    The memory is the reward so far; -1 where it exceeds `most`, and `least` from there on. The
+    reward of the state where `right` holds does not count, that of the step into it does.
     """
     if model.exit_rates is not None and reward.of_state:
         raise Rejected("rewards of states of a ctmc grow in time, and have no bounds here")
     left, right = states_of(model, about["left"]), states_of(model, about["right"])
-    values = [number_of(about["most"]), *reward.of_state.values(), *reward.of_step.values()]
+    bound = number_of(about["most" if "most" in about else "least"])
+    values = [bound, *reward.of_state.values(), *reward.of_step.values()]
     if min(values) < 0:
         raise Rejected("a bound on a reward, and its rewards, are at least 0")
     unit = lcm(*(v.denominator for v in values))  # the memory is a whole number
-    most, *_ = whole = [int(v * unit) for v in values]
+    limit, *_ = whole = [int(v * unit) for v in values]
+    least, most = (0, limit) if "most" in about else (limit, None)
     of_state = dict(zip(reward.of_state, whole[1:], strict=False))
     of_step = dict(zip(reward.of_step, whole[1 + len(of_state) :], strict=True))
-    stops = [s in right or s not in left for s in range(model.states)]
 
     def after(state: int, row: int, target: int, memory: int) -> int:
-        if memory < 0 or stops[state]:
+        if memory < 0 or state not in left or (state in right and memory >= least):
             return memory
         earned = memory + of_state.get(state, 0) + of_step.get((row, target), 0)
-        return earned if earned <= most else -1
+        return min(earned, least) if most is None else earned if earned <= most else -1
 
     inner, pairs = product(model, [0] * model.states, after)
     through = {i for i, (s, earned) in enumerate(pairs) if s in left and earned >= 0}
-    ends = {i for i, (s, earned) in enumerate(pairs) if s in right and earned >= 0}
+    ends = {i for i, (s, earned) in enumerate(pairs) if s in right and earned >= least}
     entry = {s: i for i, (s, earned) in enumerate(pairs) if earned == 0}
     return _until(inner, evidence, about["optimum"], through, ends, entry)

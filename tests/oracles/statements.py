@@ -69,6 +69,7 @@ def _formula(rng: Random, kind: str) -> str:
         asked += more
         bound = rng.choice((0, 2, 4))
         asked += [f'P{{}} [ "free" U^{{{{rew{{{{"r"}}}}<={bound}}}}} "goal" ]']
+        asked += [f'P{{}} [ F^{{{{rew{{{{"r"}}}}>={bound + 1}}}}} "goal" ]']
         asked += ['R{{"r"}}{} [ C discount=0.9 ]', 'R{{"r"}}{} [ C<=3 discount=1/3 ]']
     else:
         asked += [f'R{{{{"r"}}}}{{}} [ C<={steps} ]', f'R{{{{"r"}}}}{{}} [ I={steps} ]']
@@ -113,12 +114,14 @@ def _discrete(model: Model, statement: Mapping[str, Any]) -> Sequence[Value]:
             return [nan if value is None else value for value in found]
         case "until":
             left, right = (_set(model, statement[side]) for side in ("left", "right"))
-            if "most" in statement:
+            if "reward" in statement:
                 steps_earn = [
                     [_of_state(model, statement, s) for _ in c] for s, c in enumerate(rows)
                 ]
-                most = Fraction(statement["most"])
-                return _within_reward(rows, steps_earn, best, left, right, most, {})
+                at_least = "least" in statement
+                bound = Fraction(statement["least" if at_least else "most"])
+                about = rows, steps_earn, best, left, right
+                return _within_reward(*about, bound, {}, at_least=at_least)
             if steps is None:
                 return decisions.until(rows, best, left, right)
             return decisions.bounded_until(rows, best, left, right, 0, steps)
@@ -167,11 +170,16 @@ def _within_reward(
     right: set[int],
     budget: Fraction,
     known: dict[Fraction, Sequence[Value]],
+    *,
+    at_least: bool,
 ) -> Sequence[Value]:
-    """The optimal probability of `left U right` with what is left of a budget.
+    """The optimal probability of `left U right` with what is left of a budget, or of what has to be
+    earned before (at_least).
 
     Choices that cost something lead to 0 (won) or 1 (lost) by the values of the smaller budget.
     """
+    if at_least and budget <= 0:
+        return decisions.until(rows, best, left, right)
     if budget < 0:
         return [Fraction(0)] * len(rows)
     if budget not in known:
@@ -182,13 +190,15 @@ def _within_reward(
             for cost, row in zip(own, choices, strict=True):
                 if cost:
                     rest = budget - cost
-                    after = _within_reward(rows, earned, best, left, right, rest, known)
+                    about = rows, earned, best, left, right
+                    after = _within_reward(*about, rest, known, at_least=at_least)
                     p = chains.average(row, after)
                     level[-1].append({t: q for t, q in ((won, p), (lost, 1 - p)) if q})
                 else:
                     level[-1].append(row)
         level += [[{won: Fraction(1)}], [{lost: Fraction(1)}]]
-        known[budget] = decisions.until(level, best, left, right | {won})[: len(rows)]
+        goals = {won} if at_least else right | {won}
+        known[budget] = decisions.until(level, best, left, goals)[: len(rows)]
     return known[budget]
 
 

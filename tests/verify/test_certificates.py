@@ -226,3 +226,24 @@ def test_the_file_is_json(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"a certificate is a \.json file"):
         symcheck.save_certificate(proof, tmp_path / "proof.txt")
     assert not list(tmp_path.iterdir())
+
+
+def test_stiff_chains_are_refused_where_the_checker_would_not_end() -> None:
+    text = "ctmc module m s:[0..1]; [] s=0 -> 1e6:(s'=0)+1e-3:(s'=1); [] s=1 -> true; endmodule"
+    model = symcheck.loads(text)
+    with pytest.raises(UnsupportedError, match=r"at most 1E\+09 jumps"):
+        model.check("P=? [ F<=10000 s=1 ]").certificate()
+
+
+def test_a_bias_has_more_digits_than_doubles(tmp_path: Path) -> None:
+    """A policy leaves two states after 1e12 steps, and so its bias is 1e15 times its gain."""
+    slow = "1/1000001:(s'=s+1)+1000000/1000001:(s'=0)"
+    text = f"dtmc module m s:[0..3]; [] s=0|s=1 -> {slow}; [] s=2 -> 1/3:(s'=2)+2/3:(s'=3);"
+    model = symcheck.loads(
+        f'{text} [] s=3 -> (s\'=2); endmodule rewards "r" s=0:7; s=1:1/3; s=2:1000; endrewards'
+    )
+    proof = model.check('R{"r"}=? [ S ]').certificate()
+    ((low, high),) = proof.bounds.values()
+    assert low <= 600 <= high <= low + Fraction(1, 1000)
+    files = symcheck.save_certificate(proof, tmp_path / "proof.json")
+    assert symcheck_verify.main([files[1], files[0]]) == 0

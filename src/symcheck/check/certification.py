@@ -95,6 +95,8 @@ _STEP_ERROR = Fraction(1, 2**90)
 _STATED = Fraction(1, 10**11)
 """Relative width that is stated of values within steps or a time; the checker computes them."""
 
+_JUMPS = 10**9
+"""Jumps within a time up to which the checker takes a step for each of them."""
 _PART_OF_EPSILON = 1e-4
 """Accuracy of the values from which vectors are made: slack makes their bounds wider."""
 
@@ -281,12 +283,15 @@ class _Writer:
             case asked.CumulativeReward(reward, window), _:
                 if self._continuous:
                     self._refuse_negative(reward)
-                    return _Proof(self._of(reward, "cumulative", time=str(window.upper)), {})
+                    assert window.upper is not None
+                    time = self._within_budget(window.upper)
+                    return _Proof(self._of(reward, "cumulative", time=time), {})
                 return _Proof(self._of(reward, "cumulative", steps=_steps(window)), {})
             case asked.InstantaneousReward(reward, time), _:
                 if self._continuous:
                     self._refuse_negative(reward)
-                    return _Proof(self._of(reward, "instantaneous", time=str(time)), {})
+                    at = self._within_budget(time)
+                    return _Proof(self._of(reward, "instantaneous", time=at), {})
                 return _Proof(self._of(reward, "instantaneous", steps=int(time)), {})
             case asked.DiscountedReward(reward, discount, steps), _:
                 statement = self._of(reward, "cumulative", factor=str(discount))
@@ -441,7 +446,8 @@ class _Writer:
                     ends = self._ends(evidence, complement=negative)
                     return _Proof(statement, evidence, ends)
                 if window.contains_zero and self._continuous:
-                    return _Proof({**statement, "time": str(window.upper)}, {})
+                    assert window.upper is not None
+                    return _Proof({**statement, "time": self._within_budget(window.upper)}, {})
                 if window.contains_zero:
                     return _Proof({**statement, "steps": _steps(window)}, {})
                 return self._linear_time(as_ltl(path), as_ltl(over), direction)
@@ -452,14 +458,18 @@ class _Writer:
                 return _Proof({"measure": "instantaneous", "states": inside, "steps": 1}, {})
             case RewardPath(UntilPath(left, right), counts, negative), RewardPath(
                 UntilPath(passing, goal)
-            ) if len(counts) == 1 and counts[0].window.contains_zero:
-                within = counts[0]
-                assert within.window.upper is not None
+            ) if len(counts) == 1:
+                within, window = counts[0], counts[0].window
+                both = window.upper is not None and not window.contains_zero
+                strict = window.upper_strict or window.lower_strict
+                if both or strict or window.is_unbounded:
+                    raise _unsupported()
                 statement = self._until(left, right, negative=negative)
                 statement = {**self._of(within.reward, "until"), **statement}
-                if within.window.upper_strict:
-                    raise _unsupported()
-                statement["most"] = str(within.window.upper)
+                if window.upper is None:
+                    statement["least"] = str(window.lower)
+                else:
+                    statement["most"] = str(window.upper)
                 towards = direction and direction.dual if negative else direction
                 sets = self.model_set(passing), self.model_set(goal)
                 evidence, entry = self._within_reward(within, *sets, towards)
@@ -587,15 +597,16 @@ class _Writer:
         self, within: RewardWindow, left: Bools, right: Bools, direction: Direction | None
     ) -> tuple[Json, Int64s]:
         """The evidence of `left U right` with a bound on a reward, and the entries."""
-        earned, most = self._system.step_rewards(within.reward), within.window.upper
-        assert most is not None
+        earned, window = self._system.step_rewards(within.reward), within.window
+        bound = window.lower if window.upper is None else window.upper
         growing = self._continuous and (self._system.state_rewards(within.reward) != 0).any()
         if growing or isinstance(within.reward, Time) or (earned < 0).any():
             raise _unsupported()
         of_rows = self._system.rewards(within.reward)[1]
         check_uniform_rewards(self.exact, within.reward, paying=bool((of_rows != 0).any()))
-        unit = lcm(most.denominator, *{Fraction(r).denominator for r in earned.tolist()})
-        limit = int(most * unit)
+        unit = lcm(bound.denominator, *{Fraction(r).denominator for r in earned.tolist()})
+        limit = int(bound * unit)
+        least = limit if window.upper is None else 0
         units = np.array([min(int(r * unit), limit + 1) for r in earned.tolist()], np.int64)
         matrix, width = self._matrix, limit + 2
         if self.model.states * width > tuning.REWARD_PAIRS:
@@ -604,16 +615,16 @@ class _Writer:
                 "of a state and a reward"
             )
         groups = np.arange(matrix.rows + 1) if matrix.groups is None else matrix.groups
-        stops = right | ~left
 
         def steps(keys: Int64s) -> tuple[Int64s, Int64s, Int64s]:
             """The rows and entries of pairs, and the pair that each entry leads to."""
             state, memory = keys // width, keys % width - 1
             rows = spans(groups[:-1][state], groups[1:][state])
             each = np.diff(groups)[state]
-            after, ended = np.repeat(memory, each), np.repeat(stops[state] | (memory < 0), each)
-            after = np.where(ended, after, after + units[rows])
-            after = np.where(after > limit, -1, after)
+            stops = ~left[state] | (right[state] & (memory >= least)) | (memory < 0)
+            after = np.repeat(memory, each)
+            after = np.where(np.repeat(stops, each), after, after + units[rows])
+            after = np.where(after > limit, least or -1, after)
             entries = spans(matrix.indptr[:-1][rows], matrix.indptr[1:][rows])
             target = matrix.indices[entries].astype(np.int64)
             return rows, entries, target * width + np.repeat(after, matrix.lengths[rows]) + 1
@@ -642,11 +653,22 @@ class _Writer:
         inner = of_pairs if self.exactly else of_pairs.doubles()
         pairs = ProductModel(base, state.astype(np.int32), memory.astype(np.int32), inner, rows)
         allowed = memory >= 0
-        sets = left[state] & allowed, right[state] & allowed
+        sets = left[state] & allowed, right[state] & (memory >= least)
         guess = self._reached(erased(ExplicitEngine(pairs, "rewards")), *sets, direction)
         return space.both_sides(*sets, direction, guess), entry
 
     # ------------------------------------------------------------------------------------ rewards
+
+    def _within_budget(self, time: Fraction) -> str:
+        """A time as the checker reads it, which takes a step for each jump."""
+        exit_rates = self._system.exit_rates
+        assert exit_rates is not None
+        if exit_rates.max() * time > _JUMPS:
+            raise UnsupportedError(
+                f"certificates in time are for at most {_JUMPS:.0E} jumps, each of which is a step "
+                "of the checker"
+            )
+        return str(time)
 
     def _refuse_negative(self, reward: Reward) -> None:
         if (self._system.step_rewards(reward) < 0).any():
@@ -820,6 +842,6 @@ def _unsupported() -> UnsupportedError:
     return UnsupportedError(
         "certificates are for probabilities of path formulas (in continuous time, with at most an "
         "upper bound, and of LTL formulas without bounds), given conditions in chains, with one "
-        "upper bound on a reward, for rewards until states are reached, of the first steps, within "
+        "bound on a reward, for rewards until states are reached, of the first steps, within "
         "a time, after some or discounted, and for long-run averages"
     )

@@ -477,31 +477,73 @@ def average_vectors(problem: Inequalities, stay: Rationals, gain: Floats) -> Ave
         NumericalError: none were found.
     """
     assert problem.earned is not None
-    gain, bias = _gain_and_bias(problem, doubles(stay), gain)
+    gain, bias, policy = _gain_and_bias(problem, doubles(stay), gain)
     shift = 1.0 + float(np.max(np.abs(gain), initial=0.0))
-    of_gain = inductive(replace(problem, earned=None), gain + shift)
+    best = float(gain.max(initial=0.0) if problem.upper else gain.min(initial=np.inf))
+    if np.ptp(gain) <= tuning.EQUAL_GAINS * shift:  # a constant satisfies g = P g
+        of_gain = InductiveVector(*_on_grid(np.full(len(gain), best + shift)))
+    else:
+        of_gain = inductive(replace(problem, earned=None), gain + shift)
     rows = np.ones(problem.matrix.rows, np.bool_)
     if not problem.all_rows:
         assert problem.strategy is not None
         rows[:] = False
         rows[problem.strategy] = True
     candidate, checked = InductiveVector(*_on_grid(bias)), _Integers.of(problem, rows, stay)
-    for room in tuning.GAIN_ROOM:
-        step = Fraction(room * shift if problem.upper else -room * shift) - Fraction(shift)
-        moved = of_gain.numerators + int(step * of_gain.denominator)
-        found = InductiveVector(moved, of_gain.denominator, problem.strategy)
-        if checked.satisfied_by(candidate, found, upper=problem.upper):
-            return AverageVectors(found, candidate)
+
+    def moved(by: float) -> InductiveVector:
+        step = int((Fraction(by) - Fraction(shift)) * of_gain.denominator)
+        return InductiveVector(of_gain.numerators + step, of_gain.denominator, problem.strategy)
+
+    for rooms in (tuning.GAIN_ROOM[:4], tuning.GAIN_ROOM):
+        for room in rooms:
+            found = moved(room * shift if problem.upper else -room * shift)
+            if checked.satisfied_by(candidate, found, upper=problem.upper):
+                return AverageVectors(found, candidate)
+        candidate = _refined(problem, stay, policy, moved(0.0), candidate)
     raise NumericalError("no bias was found that satisfies the inequalities of a certificate")
 
 
-def _gain_and_bias(problem: Inequalities, stay: Floats, gain: Floats) -> tuple[Floats, Floats]:
+def _refined(
+    problem: Inequalities,
+    stay: Rationals,
+    policy: Int64s,
+    gain: InductiveVector,
+    bias: InductiveVector,
+) -> InductiveVector:
+    """The bias of a policy with more digits than doubles have, by iterative refinement.
+
+    A residual is computed exactly, and its correction in doubles. A bias may be 1e15 times as large
+    as the gain, where a policy leaves transient states very slowly.
+    """
+    chosen = np.zeros(problem.matrix.rows, np.bool_)
+    chosen[policy] = True
+    equations, times = _Integers.of(problem, chosen, stay), doubles(stay)
+    vector = InductiveVector(
+        bias.numerators << tuning.MORE_BITS, bias.denominator << tuning.MORE_BITS
+    )
+    for _ in range(tuning.REFINEMENTS):
+        missing = -equations.excess(vector) * gain.denominator
+        missing -= equations.stay * gain.numerators * vector.denominator
+        below = equations.denominators * vector.denominator * gain.denominator
+        rewards = np.zeros(problem.matrix.rows)
+        rewards[policy] = [top / bottom for top, bottom in zip(missing, below, strict=True)]
+        _, change, _ = _of_policy(problem, policy, times, np.zeros(len(policy)), rewards)
+        ratios = (c.as_integer_ratio() for c in change.tolist())
+        added = _whole(top * vector.denominator // bottom for top, bottom in ratios)
+        vector = replace(vector, numerators=vector.numerators + added)
+    return vector
+
+
+def _gain_and_bias(
+    problem: Inequalities, stay: Floats, gain: Floats
+) -> tuple[Floats, Floats, Int64s]:
     """The gain and the bias of an optimal policy that no row improves, by policy iteration."""
     groups = problem.edges.groups
     policy = groups[:-1].copy() if problem.strategy is None else problem.strategy
     sign = 1.0 if problem.upper else -1.0
     several = problem.all_rows and problem.matrix.groups is not None
-    gain, bias, steps = _of_policy(problem, policy, stay, gain)
+    gain, bias, steps = _of_policy(problem, policy, stay, gain, problem.rewards)
     for _ in range(tuning.BIAS_POLICIES if several else 0):
         excess, falls = _excess(problem, stay, gain, bias)
         keeps = falls <= 1e-9 * (1.0 + np.abs(gain).max(initial=0.0))
@@ -511,16 +553,16 @@ def _gain_and_bias(problem: Inequalities, stay: Floats, gain: Floats) -> tuple[F
         if (improved == policy).all():
             break
         policy = improved
-        better, bias, steps = _of_policy(problem, policy, stay, gain)
+        better, bias, steps = _of_policy(problem, policy, stay, gain, problem.rewards)
         gain = sign * np.maximum(sign * gain, sign * better)
     if not several:  # the steps in transient states give their rows room; a bias is not stated
         room = tuning.BIAS_ROOM * (1.0 + float(np.max(np.abs(bias), initial=0.0)))
-        return gain, bias + sign * room * steps
+        return gain, bias + sign * room * steps, policy
     # Rows that lead to worse gains get room from a multiple of the gain.
     excess, falls = _excess(problem, stay, gain, bias)
     needs = (falls > 1e-9 * (1.0 + np.abs(gain).max(initial=0.0))) & (excess > 0.0)
     weight = float(np.max(2.0 * excess[needs] / falls[needs], initial=0.0))
-    return gain, np.asarray(bias + weight * gain)
+    return gain, np.asarray(bias + weight * gain), policy
 
 
 def _excess(
@@ -533,11 +575,11 @@ def _excess(
 
 
 def _of_policy(
-    problem: Inequalities, policy: Int64s, stay: Floats, gain: Floats
+    problem: Inequalities, policy: Int64s, stay: Floats, gain: Floats, rewards: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """The gain and the bias of a policy, and the mean number of steps in transient states.
 
-    Gains of transient states are left as they are.
+    Gains of transient states are left as they are. Rows earn `rewards`.
 
     The gain of a recurrent component is unknown in the place of the bias of its first state, which
     is 0. So all equations of the component are solved to the last digits.
@@ -556,7 +598,7 @@ def _of_policy(
     gains = csr_array((stay[policy][inside], (inside, recurrent[inside])), shape=(n, n))
     without_first = csr_array((first, (np.arange(n), np.arange(n))), shape=(n, n))
     system = csc_array((eye_array(n) - matrix) @ without_first + gains)
-    right = problem.rewards[policy] - np.where(recurrent < 0, stay[policy] * gain, 0.0)
+    right = rewards[policy] - np.where(recurrent < 0, stay[policy] * gain, 0.0)
     try:
         factors = splu(system)
     except RuntimeError:
