@@ -18,7 +18,6 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
 from math import frexp, gcd, lcm
-from typing import Any
 
 import numpy as np
 
@@ -70,7 +69,9 @@ class RationalRows:
     """
 
     matrix: SparseMatrix = field(repr=False)
-    kept: list[Any] = field(default_factory=list, init=False, repr=False)
+    kept: list[tuple[Rationals | None, Rationals | None, _Integers]] = field(
+        default_factory=list, init=False, repr=False
+    )
 
     @cached_property
     def edges(self) -> graph.Incidence:
@@ -217,7 +218,8 @@ def exactly_inductive(problem: Inequalities, values: Rationals) -> InductiveVect
         NumericalError: these are not the values, or no strategy attains them.
     """
     fixed = problem.fixed.astype(object)
-    x = np.where(problem.free, values, np.where(np.isinf(problem.fixed), None, fixed))
+    x = np.where(problem.free, values, fixed)
+    x[~problem.free & np.isinf(problem.fixed)] = None
     numbers = [Fraction(0 if v is None else v) for v in x.tolist()]
     denominator = lcm(*{f.denominator for f in numbers})
     numerators = _whole(f.numerator * (denominator // f.denominator) for f in numbers)
@@ -418,16 +420,18 @@ class _Integers:
     def of(problem: Inequalities, rows: Bools, stay: Rationals | None = None) -> _Integers:
         """The rows of the inequalities; `stay` is the mean time of each row of the model."""
         whole, kept = problem.rows.scaled(problem.earned, stay), np.flatnonzero(rows)
-        parts = whole.owner, whole.denominators, whole.earned, whole.stay
         weights = whole.matrix.choose(kept.astype(np.int64))
-        return _Integers(weights, *(part[kept] for part in parts))
+        numbers = (part[kept] for part in (whole.denominators, whole.earned, whole.stay))
+        return _Integers(weights, whole.owner[kept], *numbers)
 
     def excess(self, vector: InductiveVector) -> Rationals:
         """Per row: `x - r - P x`, times its denominator and that of the vector."""
         values = np.where(vector.numerators == None, 0, vector.numerators)  # noqa: E711
         products = self.matrix.data * values[self.matrix.indices]
         expected = np.add.reduceat(products, self.matrix.indptr[:-1]) if len(products) else products
-        return values[self.owner] * self.denominators - expected - self.earned * vector.denominator
+        excess = values[self.owner] * self.denominators - expected
+        excess -= self.earned * vector.denominator
+        return np.asarray(excess)
 
     def satisfied_by(
         self, vector: InductiveVector, gain: InductiveVector | None = None, *, upper: bool
