@@ -27,6 +27,7 @@ from symcheck.check.strategies.strategy import strategy_of
 from symcheck.check.strategies.to_explicit import rows_engine
 from symcheck.direction import Direction
 from symcheck.engines.base import Engine, Number, StateSet, System, Values, erased
+from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.product import ProductModel
 from symcheck.engines.transition_actions import state_order
@@ -59,7 +60,6 @@ from symcheck.semantics.path_formulas import (
     RewardPath,
     UntilPath,
     as_ltl,
-    negated,
 )
 from symcheck.semantics.path_normal_form import (
     Connected,
@@ -377,7 +377,7 @@ class _Writer:
         """The context in which values are computed: in doubles, or in rationals if asked for."""
         if self.exactly:
             return self.exact
-        explored = self.model.explored
+        explored: Any = self.model.explored  # one of the data classes of this protocol
         rounded = replace(
             explored,
             matrix=explored.matrix.doubles(),
@@ -497,14 +497,16 @@ class _Writer:
             "formula": _json(Negated(path.form) if path.negative is not complement else path.form),
             "negated": complement,
         }
-        evidence, entry = self._automaton(negated(over) if complement else over, direction)
+        asked_for = replace(over, negative=over.negative is not complement)
+        evidence, entry = self._automaton(asked_for, direction)
         return _Proof(statement, evidence, self._ends(evidence, entry, complement=complement))
 
     def _automaton(
         self, path: LtlPathFormula[StateSet], direction: Direction | None
     ) -> tuple[Json, Int64s]:
         """The evidence of the greatest probability of an LTL formula, and the entries."""
-        letters, sets, automaton = numbered_automaton(self.exact, path)
+        letters, coded, automaton = numbered_automaton(self.exact, path)
+        sets = [ArraySet(self.model_set(states)) for states in coded]
         given: Json = {
             "letters": list(letters),
             "table": automaton.table[:, : len(letters)].tolist(),
@@ -646,7 +648,7 @@ class _Writer:
             None if matrix.groups is None else starts_of(np.diff(groups)[state]),
         )
         space, entry = self._product(
-            of_pairs, state.astype(np.int32), memory, np.searchsorted(known, first)
+            of_pairs, state.astype(np.int32), memory.astype(np.int32), np.searchsorted(known, first)
         )
         base = self._context.engine.capability(ExplicitEngine)
         assert base is not None

@@ -101,11 +101,9 @@ def doubles(values: Numbers) -> Floats:
     """The nearest doubles; infinite beyond their range."""
     if not is_rational(values):
         return np.asarray(values, dtype=np.float64)
-    try:  # the quotient of two ints is rounded once; this is faster than float(v)
-        ratios = (v.as_integer_ratio() for v in values)
-        return np.fromiter((top / bottom for top, bottom in ratios), np.float64, len(values))
-    except (OverflowError, ValueError):  # infinite and undefined floats have no ratio
-        return np.array([_nearest(v) for v in values])
+    objects = values.tolist()
+    found = {id(v): _nearest(v) for v in {id(v): v for v in objects}.values()}  # many are shared
+    return np.fromiter(map(found.__getitem__, map(id, objects)), np.float64, len(objects))
 
 
 def _nearest(value: float | Fraction) -> float:

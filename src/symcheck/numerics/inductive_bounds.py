@@ -299,14 +299,18 @@ def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> Induc
     with np.errstate(invalid="ignore", divide="ignore"):
         missing = np.maximum(-problem.room(base), 0.0) / np.abs(base)[problem.edges.owner_of_rows]
     worst = float(np.max(missing[tight & rows & np.isfinite(missing)], initial=0.0))
-    step = 2.0 * worst + (problem.matrix.longest + 8) * 4.0 * tuning.UNIT_ROUNDOFF
+    rounding = (problem.matrix.longest + 8) * 4.0 * tuning.UNIT_ROUNDOFF
+    weight = np.abs(base)[problem.edges.owner_of_rows] + np.abs(problem.rewards)
+    step = 2.0 * worst + rounding
     while step < tuning.WIDEST_ROOM:
         moved = np.minimum(base + step * w, problem.limit) if problem.upper else base - step * w
         if problem.earned is None and not problem.upper:
             moved = np.maximum(moved, 0.0)
-        vector = InductiveVector(*_on_grid(np.where(problem.free, moved, problem.fixed)))
-        if checked.satisfied_by(vector, upper=problem.upper):
-            return replace(vector, choices=choices, ranks=ranks)
+        whole = np.where(problem.free, moved, problem.fixed)
+        if not (problem.room(whole) < -rounding * weight)[rows].any():  # not hopeless: exactly
+            vector = InductiveVector(*_on_grid(whole))
+            if checked.satisfied_by(vector, upper=problem.upper):
+                return replace(vector, choices=choices, ranks=ranks)
         step *= tuning.ROOM_GROWTH
     return None
 
@@ -446,8 +450,10 @@ class _Integers:
 
 def _parts(values: Rationals) -> tuple[Rationals, Rationals]:
     """The numerators and the denominators."""
-    ratios = [v.as_integer_ratio() for v in values.tolist()]
-    return _whole(top for top, _ in ratios), _whole(bottom for _, bottom in ratios)
+    objects = values.tolist()
+    ratios = {id(v): v.as_integer_ratio() for v in {id(v): v for v in objects}.values()}
+    each = [ratios[id(v)] for v in objects]
+    return _whole(top for top, _ in each), _whole(bottom for _, bottom in each)
 
 
 def _whole(values: Iterable[int]) -> Rationals:
