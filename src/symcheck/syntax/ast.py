@@ -91,7 +91,12 @@ class Type(Enum):
     DOUBLE = "double"
 
 
-_PROPERTIES = {"dtmc": (False, False), "ctmc": (True, False), "mdp": (False, True)}
+_PROPERTIES = {
+    "dtmc": (False, False),
+    "ctmc": (True, False),
+    "mdp": (False, True),
+    "ma": (True, True),
+}
 """Of each type: whether time is continuous, and whether it has choices."""
 
 
@@ -107,9 +112,20 @@ class ModelType(Enum):
     DTMC = "dtmc"
     CTMC = "ctmc"
     MDP = "mdp"
+    MA = "ma"
 
     def __init__(self, keyword: str) -> None:
         self.continuous_time, self.has_choices = _PROPERTIES[keyword]
+
+    @property
+    def immediate_choices(self) -> bool:
+        """Whether choices take no time, and time passes where there is none to make."""
+        return self.continuous_time and self.has_choices
+
+    @property
+    def has_probabilities(self) -> bool:
+        """Whether updates have probabilities, of some commands at least, and not rates."""
+        return self.has_choices or not self.continuous_time
 
     @property
     def chooses_uniformly(self) -> bool:
