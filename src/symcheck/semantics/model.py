@@ -73,12 +73,15 @@ class BoundUpdate(Node):
 
 @dataclass(frozen=True, slots=True)
 class BoundCommand(Node):
-    """A guarded command of module number `module`."""
+    """A guarded command of module number `module`; `is_markovian`: its updates have rates, in a
+    model that also has commands without.
+    """
 
     module: int
     action: str | None
     guard: Expression
     updates: tuple[BoundUpdate, ...]
+    is_markovian: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +122,11 @@ class Event:
 
     action: str | None
     participants: tuple[tuple[BoundCommand, ...], ...]
+
+    @property
+    def is_markovian(self) -> bool:
+        """Whether it takes time in a Markov automaton: its commands have rates, and race."""
+        return self.participants[0][0].is_markovian
 
 
 @dataclass(frozen=True, slots=True)

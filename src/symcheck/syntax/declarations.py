@@ -88,11 +88,15 @@ class Update(Node):
 
 @dataclass(frozen=True, slots=True)
 class Command(Node):
-    """`[action] guard -> updates;`; action None for `[]`."""
+    """`[action] guard -> updates;`; action None for `[]`.
+
+    is_markovian: `<action> guard -> updates;` of a Markov automaton, whose updates have rates.
+    """
 
     action: str | None
     guard: Expression
     updates: tuple[Update, ...]
+    is_markovian: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -337,7 +337,8 @@ def _module(module: decl.Module | decl.RenamedModule) -> str:
 
 def _command(command: decl.Command) -> str:
     updates = " + ".join(map(_update, command.updates))
-    return f"[{command.action or ''}] {_tree(command.guard)} -> {updates};"
+    opening, closing = "<>" if command.is_markovian else "[]"
+    return f"{opening}{command.action or ''}{closing} {_tree(command.guard)} -> {updates};"
 
 
 def _update(update: decl.Update) -> str:

@@ -434,10 +434,10 @@ class ModelBuilder(Builder):
         return decl.Module(values[1].value, variables, commands, span=self._words(values))
 
     def command(self, values: Values) -> decl.Command:
-        _, action, _, guard, _, updates, _ = values
+        opening, action, _, guard, _, updates, _ = values
         self._outer.clear()
-        name = action and action.value
-        return decl.Command(name, self.measure(guard), updates, span=self._words(values))
+        name, has_rates = action and action.value, opening.value == "<"
+        return decl.Command(name, self.measure(guard), updates, has_rates, span=self._words(values))
 
     updates = _listed
 

@@ -29,6 +29,7 @@ from symcheck.semantics.model import (
     BoundReward,
     BoundRewards,
     BoundUpdate,
+    Event,
     Value,
     Variable,
 )
@@ -124,17 +125,20 @@ class _Builder:
         initial = None if self.program.initial is None else root.expand(self.program.initial)
         if initial is not None:
             self._check_enumerable(variables)
+        composed = events(modules, self.program.system)
+        self._check_markovian(kind, composed)
         self.report.raise_all()
         warnings: tuple[str, ...] = ()
         unchecked = False
-        if normalise and not kind.continuous_time:
+        if normalise and kind.has_probabilities:
             modules, warnings, unchecked = normalised_modules(modules, variables)
+            composed = events(modules, self.program.system)
         return BoundModel(
             program=self.program,
             type=kind,
             variables=variables,
             modules=modules,
-            events=events(modules, self.program.system),
+            events=composed,
             initial=initial,
             labels=labels,
             rewards=rewards,
@@ -222,7 +226,21 @@ class _Builder:
     def _command(self, module: int, scope: Scope, command: Command) -> BoundCommand:
         action = None if command.action is None else scope.renamed(command.action)
         updates = tuple(self._update(scope, u, command.span) for u in command.updates)
-        return BoundCommand(module, action, scope.expand(command.guard), updates, span=command.span)
+        guard, has_rates = scope.expand(command.guard), command.is_markovian
+        return BoundCommand(module, action, guard, updates, has_rates, span=command.span)
+
+    def _check_markovian(self, kind: ModelType, composed: tuple[Event, ...]) -> None:
+        """Markovian commands are for Markov automata, and none of them synchronises."""
+        for event in composed:
+            for command in (c for p in event.participants for c in p if c.is_markovian):
+                if not kind.immediate_choices:
+                    message = f"a {kind.value} has no Markovian commands <>"
+                    hint = "the type of the model is ma, or write [] in place of <>"
+                    self.report.input("markovian", message, command.span, hint)
+                elif len(event.participants) > 1:
+                    message = f"Markovian commands cannot synchronise, here on {command.action}"
+                    hint = "let a command [] that follows it synchronise"
+                    self.report.input("markovian", message, command.span, hint)
 
     def _update(self, scope: Scope, update: Update, span: Span) -> BoundUpdate:
         probability = _ONE if update.probability is None else scope.expand(update.probability)
