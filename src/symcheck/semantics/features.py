@@ -71,7 +71,17 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
 }
 """Per type what it offers; nothing where it has no row."""
 
-_OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {Weights.NUMBERS: _ALL}
+_OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {
+    Weights.NUMBERS: _ALL,
+    Weights.INTERVALS: frozenset(
+        {
+            *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
+            *(Feature.REACH_REWARDS, Feature.CUMULATIVE_REWARDS, Feature.INSTANTANEOUS_REWARDS),
+            *(Feature.LONG_RUN, Feature.SOME_OR_ALL_PATHS),
+        }
+    ),
+}
 """Per kind of probabilities what can be computed with it; nothing where it has no row."""
 
 _WITH_WEIGHTS = {

@@ -65,10 +65,14 @@ class Variable(Node):
 
 @dataclass(frozen=True, slots=True)
 class BoundUpdate(Node):
-    """An update: its probability (a rate in a CTMC), and assignments by variable index."""
+    """An update: its probability (a rate in a CTMC), and assignments by variable index.
+
+    upper: the upper end of an interval of probabilities; None: the probability is a number.
+    """
 
     probability: Expression
     assignments: tuple[tuple[int, Expression], ...]
+    upper: Expression | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,10 +80,14 @@ class Assignment(Node):
 
 @dataclass(frozen=True, slots=True)
 class Update(Node):
-    """`probability : assignments`; probability None is 1; no assignments is `true`."""
+    """`probability : assignments`; probability None is 1; no assignments is `true`.
+
+    upper: the upper end of an interval `[probability,upper]`; None: the probability is a number.
+    """
 
     probability: Expression | None
     assignments: tuple[Assignment, ...]
+    upper: Expression | None = None
 
 
 @dataclass(frozen=True, slots=True)

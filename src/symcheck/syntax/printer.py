@@ -344,6 +344,8 @@ def _command(command: decl.Command) -> str:
 def _update(update: decl.Update) -> str:
     assignments = [f"({a.variable}'={_tree(a.expression)})" for a in update.assignments]
     probability = "" if update.probability is None else f"{_tree(update.probability)} : "
+    if update.probability is not None and update.upper is not None:
+        probability = f"[{_tree(update.probability)},{_tree(update.upper)}] : "
     return probability + (" & ".join(assignments) or "true")
 
 

@@ -447,8 +447,18 @@ class ModelBuilder(Builder):
 
     def update(self, values: Values) -> decl.Update:
         probability, _, (assignments, span) = values
-        span = Span(self.source, self._extent(probability)[0], span.end)
-        return decl.Update(self.measure(probability), assignments, span=span)
+        upper = None
+        if isinstance(probability, tuple):
+            bracket, probability, upper = probability
+            start = bracket.start_pos
+        else:
+            start = self._extent(probability)[0]
+        span = Span(self.source, start, span.end)
+        return decl.Update(self.measure(probability), assignments, self.measure(upper), span=span)
+
+    def interval(self, values: Values) -> tuple[Value, Value, Value]:
+        bracket, lower, _, upper, _ = values
+        return bracket, lower, upper
 
     def assignments(self, values: Values) -> tuple[tuple[decl.Assignment, ...], Span]:
         return _of_kind(decl.Assignment, values), self._span(values)

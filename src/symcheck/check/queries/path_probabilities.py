@@ -28,6 +28,7 @@ from symcheck.semantics.path_formulas import (
 )
 from symcheck.semantics.query import Threshold
 from symcheck.semantics.time_bounds import Window
+from symcheck.syntax.ast import Weights
 from symcheck.syntax.operators import Operator
 
 __all__ = ["complement_of", "defined_bounds", "probability", "qualitative"]
@@ -112,7 +113,8 @@ def probability(
         satisfied = context.engine.indicator(known - path.right if path.negative else path.right)
         return satisfied.choose(known, context.engine.constant(0, 1))
     # A difference of rationals is exact; one of doubles loses the digits of a small probability.
-    if isinstance(path, UntilPath) and path.negative and not context.engine.is_rational:
+    by_difference = context.engine.is_rational or context.engine.model.weights is Weights.INTERVALS
+    if isinstance(path, UntilPath) and path.negative and not by_difference:
         from symcheck.check.queries.complement_until import complement_until
 
         certain = _probability_zero(context, path.left, path.right, direction and direction.dual)

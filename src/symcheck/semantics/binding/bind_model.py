@@ -33,7 +33,7 @@ from symcheck.semantics.model import (
     Value,
     Variable,
 )
-from symcheck.syntax.ast import WITHOUT_KEYWORD, Expression, Literal, ModelType, Type
+from symcheck.syntax.ast import WITHOUT_KEYWORD, Expression, Literal, ModelType, Type, Weights
 from symcheck.syntax.declarations import Command, Constant, Program, RewardStructure, Update
 
 __all__ = ["bind", "check_constant_names", "exactly_bound", "undefined_constants"]
@@ -120,6 +120,7 @@ class _Builder:
             self._module(i, instance, scope)
             for i, (instance, scope) in enumerate(self.checked.modules)
         )
+        weights = self._weights(modules, kind)
         labels = {x.name: root.expand(x.expression) for x in self.program.labels}
         rewards = tuple(self._rewards(r) for r in self.program.rewards)
         initial = None if self.program.initial is None else root.expand(self.program.initial)
@@ -150,7 +151,17 @@ class _Builder:
             sums_divided=bool(warnings),
             unchecked_sums=unchecked,
             definitions={name: self.table.expression(name) for name in constants},
+            weights=weights,
         )
+
+    def _weights(self, modules: tuple[BoundModule, ...], kind: ModelType) -> Weights:
+        updates = (u for m in modules for c in m.commands for u in c.updates)
+        intervals = [u for u in updates if u.upper is not None]
+        if intervals and kind.continuous_time:
+            message = f"{kind.called} with intervals are not supported"
+            hint = "intervals of probabilities belong to a dtmc or an mdp"
+            self.report.input("interval", message, intervals[0].span, hint)
+        return Weights.INTERVALS if intervals else Weights.NUMBERS
 
     # --------------------------------------------------------------------------------------- values
 
@@ -249,7 +260,8 @@ class _Builder:
             for a in update.assignments
         )
         position = update.span if update.span.source.text else span
-        return BoundUpdate(probability, tuple(assignments), span=position)
+        upper = None if update.upper is None else scope.expand(update.upper)
+        return BoundUpdate(probability, tuple(assignments), upper, span=position)
 
     def _rewards(self, structure: RewardStructure) -> BoundRewards:
         scope = self.checked.root

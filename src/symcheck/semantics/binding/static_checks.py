@@ -233,6 +233,8 @@ def _check_command(
     for update in command.updates:
         if update.probability is not None:
             typer.numeric(update.probability, "a probability or rate")
+        if update.upper is not None:
+            typer.numeric(update.upper, "a probability")
         written: set[str] = set()
         for assignment in update.assignments:
             _check_assignment(checked, instance, scope, command, assignment)
