@@ -68,6 +68,16 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
     ModelType.DTMC: _ALL,
     ModelType.CTMC: _ALL,
     ModelType.MDP: _ALL,
+    ModelType.PTA: frozenset(
+        {
+            Feature.ROWS,
+            Feature.DIAGRAMS,
+            Feature.RATIONALS,
+            Feature.REACHABILITY,
+            Feature.BOUNDED_REACHABILITY,
+            Feature.REACH_REWARDS,
+        }
+    ),
 }
 """Per type what it offers; nothing where it has no row."""
 
