@@ -34,8 +34,8 @@ class FunctionField:
     Attributes:
         names: the parameters.
         factors: the polynomials that divide.
-        conditions: products of polynomials that were compared with 0, with the signs that they
-            have at the sample point (0: the sample lies on a border).
+        conditions: products of polynomials that were compared with 0, and the signs that they have
+            at the sample point (0: the sample lies on a border), by their texts.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -44,7 +44,7 @@ class FunctionField:
         self.names = tuple(names)
         self.ring = flint.fmpq_mpoly_ctx.get(self.names, "degrevlex")
         self.factors: list[Polynomial] = []
-        self.conditions: dict[tuple[Polynomial, ...], int] = {}
+        self.conditions: dict[str, tuple[tuple[Polynomial, ...], int]] = {}
         self._point: tuple[Any, ...] = ()
         self._at_point: dict[int, Fraction] = {}
         self.epoch = 0
@@ -115,8 +115,9 @@ class FunctionField:
 
     def note(self, parts: Iterable[Polynomial], sign: int) -> None:
         """Take note of the sign of a product of polynomials."""
-        if key := tuple(p for p in parts if not p.is_constant()):
-            self.conditions[key] = sign
+        parts = tuple(p for p in parts if not p.is_constant())
+        if parts:
+            self.conditions[" * ".join(map(str, parts))] = parts, sign
 
 
 class RationalFunction:
@@ -147,6 +148,8 @@ class RationalFunction:
             return self.field.constant(other)
         if isinstance(other, float) and other.is_integer():
             return self.field.constant(int(other))
+        if type(other).__name__ == "fmpq":
+            return self.field.constant(_fraction(other))
         return None
 
     def __add__(self, other: object) -> RationalFunction:
@@ -323,7 +326,8 @@ class RationalFunction:
         above, below = (str(p).replace(" ", "") for p in self._whole())
         if below == "1":
             return above
-        return f"({above})/({below})" if not above.lstrip("-").isalnum() else f"{above}/({below})"
+        above = f"({above})" if "+" in above or "-" in above[1:] else above
+        return f"{above}/{below}" if below.isalnum() else f"{above}/({below})"
 
     def __repr__(self) -> str:
         return f"<RationalFunction {self}>"

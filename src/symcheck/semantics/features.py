@@ -71,7 +71,24 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
 }
 """Per type what it offers; nothing where it has no row."""
 
-_OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {Weights.NUMBERS: _ALL}
+_OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {
+    Weights.NUMBERS: _ALL,
+    Weights.PARAMETERS: frozenset(
+        {
+            Feature.ROWS,
+            Feature.RATIONALS,
+            Feature.REACHABILITY,
+            Feature.BOUNDED_REACHABILITY,
+            Feature.LTL,
+            Feature.LONG_RUN,
+            Feature.REACH_REWARDS,
+            Feature.TOTAL_REWARDS,
+            Feature.CUMULATIVE_REWARDS,
+            Feature.INSTANTANEOUS_REWARDS,
+            Feature.CONDITIONAL,
+        }
+    ),
+}
 """Per kind of probabilities what can be computed with it; nothing where it has no row."""
 
 _WITH_WEIGHTS = {
