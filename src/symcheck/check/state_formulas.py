@@ -159,6 +159,8 @@ def _applied(context: Context, operator: Operator | Function, operands: Sequence
 
 def _clipped(context: Context, values: Values) -> Values:
     """Probabilities with bounds limited to [0, 1]."""
+    if context.engine.model.parameters:
+        return values
     if values.minimum(context.engine.all)[0] < 0:
         values = values.map(Function.MAX, 0)
     return values.map(Function.MIN, 1) if values.maximum(context.engine.all)[1] > 1 else values

@@ -47,6 +47,10 @@ def _exact(model: BoundModel, options: Options, _: Observer | None) -> Engine:
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.engines.rational.explore import explore_exactly
 
+    if model.parameters:
+        from symcheck.engines.parametric.build import explore_parametric
+
+        return erased(ExplicitEngine(explore_parametric(model, options), "parametric"))
     explored = explore_exactly(
         model,
         fix_deadlocks=options.fix_deadlocks,
@@ -121,7 +125,7 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         ModelFault: the model has a fault in some state.
         ResourceError: a limit of time or memory was reached.
     """
-    name: EngineName = "exact" if options.exact else options.engine
+    name: EngineName = "exact" if options.exact or model.parameters else options.engine
     name = _offered(model, name)
     if name == "auto" and options.workdir is not None:
         from symcheck.engines.selection import EngineChoice

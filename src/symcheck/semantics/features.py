@@ -91,6 +91,21 @@ _OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {
             *(Feature.LONG_RUN, Feature.SOME_OR_ALL_PATHS),
         }
     ),
+    Weights.PARAMETERS: frozenset(
+        {
+            Feature.ROWS,
+            Feature.RATIONALS,
+            Feature.REACHABILITY,
+            Feature.BOUNDED_REACHABILITY,
+            Feature.LTL,
+            Feature.LONG_RUN,
+            Feature.REACH_REWARDS,
+            Feature.TOTAL_REWARDS,
+            Feature.CUMULATIVE_REWARDS,
+            Feature.INSTANTANEOUS_REWARDS,
+            Feature.CONDITIONAL,
+        }
+    ),
 }
 """Per kind of probabilities what can be computed with it; nothing where it has no row."""
 
@@ -124,6 +139,8 @@ def offers(model: BoundModel, feature: Feature) -> bool:
         >>> offers(symcheck.load("models/die/die.pm").bound, Feature.LTL)
         True
     """
+    if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
+        return False  # the rows of the two tables were opened, and tested, apart
     of_type = _OF_TYPE.get(model.type, _NONE)
     return feature in of_type and feature in _OF_WEIGHTS.get(model.weights, _NONE)
 

@@ -179,6 +179,7 @@ class BoundModel:
             states tells which command they have (`AlmostOne`).
         weights: the kind of its probabilities.
         clocks: of a model that counts the time of a timed automaton, how that is read on it.
+        parameters: the constants that are left open, and their open ranges.
     """
 
     program: Program
@@ -204,6 +205,7 @@ class BoundModel:
     unchecked_sums: bool = False
     weights: Weights = Weights.NUMBERS
     clocks: DigitalClocks | None = field(default=None, compare=False)
+    parameters: Mapping[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """A summary on one line."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
 
 from symcheck.errors import InputError, Span
@@ -10,6 +11,7 @@ from symcheck.semantics.binding.composition import events
 from symcheck.semantics.binding.label_references import inline_labels
 from symcheck.semantics.binding.module_renaming import ModuleInstance
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable
+from symcheck.semantics.binding.parameters import Ranges, check_places, check_ranges
 from symcheck.semantics.binding.probability_sums import normalised_modules
 from symcheck.semantics.binding.static_checks import (
     CheckedProgram,
@@ -61,6 +63,7 @@ def bind(
     model_type: ModelType | None = None,
     exact: bool = False,
     normalise: bool | None = None,
+    parameters: Ranges | None = None,
 ) -> BoundModel:
     """Evaluate the constants of a program, expand its formulas, and check names and types.
 
@@ -73,6 +76,7 @@ def bind(
         exact: keep decimal constants as fractions.
         normalise: divide probabilities that almost sum to 1 by their sum, with a warning; by
             default unless `exact`, because the engine for rationals refuses them.
+        parameters: the range of each constant that is left open; then numbers are exact.
 
     Raises:
         UnsupportedError: nothing is offered for models of this type.
@@ -87,14 +91,24 @@ def bind(
     report = DiagnosticCollector()
     program = inline_labels(program, report)
     report.raise_all()
+    exact = exact or bool(parameters)
     table = SymbolTable(report, exact)
+    check_ranges(parameters or {}, program.constants, report)
+    table.parameters = (parameters or {}).keys()
     set_constants(table, program.constants, constants or {})
     check_values_given(table, program.constants)
     checked = check_program(program, table)
     report.raise_all()
     kind, divides = model_type or program.type or WITHOUT_KEYWORD, normalise
     require_type(kind)
-    return _Builder(checked, constants or {}).build(kind, not exact if divides is None else divides)
+    bound = _Builder(checked, constants or {}).build(kind, not exact if divides is None else divides)
+    if not parameters:
+        return bound
+    if bound.weights is not Weights.NUMBERS:
+        raise UnsupportedError("intervals of probabilities with parameters are not supported")
+    bound = replace(bound, parameters=dict(parameters), weights=Weights.PARAMETERS)
+    check_places(bound)
+    return bound
 
 
 class _Builder:
@@ -110,7 +124,8 @@ class _Builder:
 
     def build(self, kind: ModelType, normalise: bool) -> BoundModel:
         root = self.checked.root
-        constants = {c.name: v for c in self.program.constants if (v := self._value(c)) is not None}
+        known = (c for c in self.program.constants if not self.table.is_open(c.name))
+        constants = {c.name: v for c in known if (v := self._value(c)) is not None}
         self.report.raise_all()
         self.table.check_repeated()
         variables = tuple(

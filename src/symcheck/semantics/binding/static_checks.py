@@ -171,7 +171,7 @@ def check_constants(scope: Scope, constants: Iterable[Constant]) -> None:
 def check_values_given(table: SymbolTable, constants: Iterable[Constant]) -> None:
     """Report the constants that have no value."""
     for constant in constants:
-        if constant.value is None and constant.name not in table.given:
+        if constant.value is None and constant.name not in table.given.keys() | table.parameters:
             table.report.absorb(NameFault(undefined(constant)))
 
 
