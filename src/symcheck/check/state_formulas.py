@@ -18,6 +18,7 @@ from symcheck.check.thresholds import decide
 from symcheck.engines.base import StateSet, Values
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, UnsupportedError
 from symcheck.matrices.numbers import Numbers
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.path_formulas import PathFormula, over_leaves, path_formula
 from symcheck.semantics.query import PathProbability, Query
 from symcheck.semantics.query import query_of as resolve
@@ -137,6 +138,7 @@ def values_of(context: Context, formula: Expression, relevant: StateSet) -> Valu
         case Filter() | StateFilter():
             return applied_filter(context, formula, relevant).number().per_state
         case Quantile():
+            require(context.engine.model, Feature.QUANTILES)
             from symcheck.check.queries.quantile import quantile
 
             return quantile(context, formula, satisfying, relevant)
@@ -188,6 +190,7 @@ def states_of(context: Context) -> Callable[[Expression], StateSet]:
 
 def path_of(context: Context, formula: PathQuantifier) -> PathFormula[StateSet]:
     """The path formula of A or E over the sets of the engine."""
+    require(context.engine.model, Feature.SOME_OR_ALL_PATHS)
     return over_leaves(path_formula(formula.path, context.engine.model), states_of(context))
 
 
@@ -252,6 +255,8 @@ def query_of(context: Context, formula: AnyMeasure) -> Query[StateSet]:
     """
     query = resolve(formula, context.engine.model)
     quantity, direction = query.quantity, query.direction
+    if context.options.fairness:
+        require(context.engine.model, Feature.FAIRNESS)
     if context.options.fairness and direction not in (None, *quantity.fair_directions):
         raise UnsupportedError(
             f"{quantity.called} over fair strategies only are not supported; without -fair they are"

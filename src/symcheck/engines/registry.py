@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, assert_never, cast
 
 from symcheck.engines import tuning
 from symcheck.engines.base import Engine, erased
 from symcheck.errors import converts_memory_error
 from symcheck.options import EngineName, Options
 from symcheck.semantics.binding.probability_sums import normalised_at
+from symcheck.semantics.features import Feature, offers, require
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.state_faults import AlmostOne
 
@@ -84,6 +85,26 @@ BUILDERS: Mapping[EngineName, Builder] = {
 }
 
 
+def _offered(model: BoundModel, name: EngineName) -> EngineName:
+    """The engine, or 'explicit' for 'auto' if the class of the model has no diagrams.
+
+    Raises UnsupportedError if the class of the model has no such engine.
+    """
+    match name:
+        case "auto":
+            require(model, Feature.ROWS)
+            return name if offers(model, Feature.DIAGRAMS) else "explicit"
+        case "explicit":
+            require(model, Feature.ROWS)
+        case "exact":
+            require(model, Feature.ROWS, Feature.RATIONALS)
+        case "sparse" | "hybrid" | "mtbdd":
+            require(model, Feature.DIAGRAMS)
+        case _:
+            assert_never(name)
+    return name
+
+
 @converts_memory_error()
 def build(model: BoundModel, options: Options, observer: Observer | None = None) -> Engine:
     """Build a model on the engine that the options name ('exact' if they ask for rationals).
@@ -100,6 +121,7 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         ResourceError: a limit of time or memory was reached.
     """
     name: EngineName = "exact" if options.exact else options.engine
+    name = _offered(model, name)
     if name == "auto" and options.workdir is not None:
         from symcheck.engines.selection import EngineChoice
 

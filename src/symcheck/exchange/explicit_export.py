@@ -15,6 +15,7 @@ from symcheck.exchange.explicit_data import ExplicitRewards
 from symcheck.matrices.contributions import Contributions, TransitionParts
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.model import Variable
 from symcheck.semantics.rewards import Structure
 from symcheck.syntax.ast import ModelType, Type
@@ -179,6 +180,7 @@ def explicit_export(
         property_labels: the names of labels of a properties file.
     """
     model = engine.model
+    require(model, Feature.EXPLICIT_FILES)
     columns = state_columns(engine)
     members = {
         "init": engine.to_bools(engine.initial),

@@ -11,7 +11,7 @@ from dataclasses import field
 from fractions import Fraction
 
 from symcheck.lazy_dataclass import dataclass
-from symcheck.syntax.ast import Expression, Literal, ModelType, Node, Type
+from symcheck.syntax.ast import Expression, Literal, ModelType, Node, Type, Weights
 from symcheck.syntax.declarations import Composition, Program
 
 __all__ = [
@@ -155,6 +155,7 @@ class BoundModel:
         sums_divided: whether probabilities that sum to almost 1 are divided by their sum.
         unchecked_sums: whether probabilities may sum to almost 1 in some state. The search for
             states tells which command they have (`AlmostOne`).
+        weights: the kind of its probabilities.
     """
 
     program: Program
@@ -178,6 +179,7 @@ class BoundModel:
     warnings: tuple[str, ...] = field(default=(), compare=False)
     sums_divided: bool = field(default=False, compare=False)
     unchecked_sums: bool = False
+    weights: Weights = Weights.NUMBERS
 
     def __repr__(self) -> str:
         """A summary on one line."""

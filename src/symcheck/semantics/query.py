@@ -16,11 +16,14 @@ from typing import ClassVar, Generic, TypeVar, assert_never, cast
 from symcheck.direction import Direction
 from symcheck.errors import Diagnostic, InputError, Span, UnsupportedError
 from symcheck.semantics.expressions.evaluate import evaluate_constant
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.path_formulas import (
     LtlPathFormula,
+    NextPath,
     PathFormula,
     RewardPath,
+    StatePath,
     UntilPath,
     as_ltl,
     over_leaves,
@@ -88,6 +91,11 @@ class _Quantity:
         """The directions in which it is computed over fair strategies if these are asked for."""
         return ()
 
+    @property
+    def feature(self) -> Feature:
+        """What a class of models has to offer for it."""
+        raise NotImplementedError
+
 
 _BOTH = tuple(Direction)
 """Finitely many steps decide, and any strategy is fair thereafter."""
@@ -106,6 +114,23 @@ class PathProbability(_Quantity, Generic[L]):
         """Both, but for bounds on rewards."""
         return () if isinstance(self.path, RewardPath) else _BOTH
 
+    @property
+    def feature(self) -> Feature:
+        """That of its path formula."""
+        match self.path:
+            case StatePath() | NextPath():
+                return Feature.BOUNDED_REACHABILITY
+            case UntilPath(window=window) if window.is_unbounded:
+                return Feature.REACHABILITY
+            case UntilPath():
+                return Feature.BOUNDED_REACHABILITY
+            case LtlPathFormula():
+                return Feature.LTL
+            case RewardPath():
+                return Feature.REWARD_BOUNDS
+            case _:
+                assert_never(self.path)
+
 
 @dataclass(frozen=True, slots=True)
 class ProbabilityGiven(_Quantity, Generic[L]):
@@ -115,6 +140,7 @@ class ProbabilityGiven(_Quantity, Generic[L]):
     """
 
     called = "conditional probabilities"
+    feature = Feature.CONDITIONAL
 
     path: PathFormula[L]
     condition: PathFormula[L]
@@ -127,6 +153,7 @@ class LongRunProbability(_Quantity, Generic[L]):
     """The long-run fraction of the time that is spent in some states."""
 
     called = "long-run averages"
+    feature = Feature.LONG_RUN
 
     states: L
 
@@ -136,6 +163,7 @@ class LongRunReward(_Quantity):
     """The long-run average of a reward per step or unit of time."""
 
     called = "long-run averages"
+    feature = Feature.LONG_RUN
 
     reward: Reward
 
@@ -143,6 +171,8 @@ class LongRunReward(_Quantity):
 @dataclass(frozen=True, slots=True)
 class ReachReward(_Quantity, Generic[L]):
     """The reward that is earned until a target is reached; infinite if it is missed."""
+
+    feature = Feature.REACH_REWARDS
 
     reward: Reward
     target: L
@@ -152,6 +182,8 @@ class ReachReward(_Quantity, Generic[L]):
 class CoSafeReward(_Quantity, Generic[L]):
     """The reward that is earned until a run shows that it satisfies a path formula."""
 
+    feature = Feature.REACH_REWARDS
+
     reward: Reward
     path: LtlPathFormula[L]
 
@@ -160,6 +192,7 @@ class CoSafeReward(_Quantity, Generic[L]):
 class TotalReward(_Quantity):
     """The reward of all steps."""
 
+    feature = Feature.TOTAL_REWARDS
     # Fairness affects only the least value: staying where no reward is earned is unfair.
     fair_directions = (Direction.MAX,)
 
@@ -170,6 +203,7 @@ class TotalReward(_Quantity):
 class CumulativeReward(_Quantity):
     """The reward up to the upper end of a window that begins at 0."""
 
+    feature = Feature.CUMULATIVE_REWARDS
     fair_directions = _BOTH
 
     reward: Reward
@@ -181,6 +215,7 @@ class CostBoundedReward(_Quantity):
     """The reward of the steps whose accumulated cost is within a window."""
 
     called = "rewards within a cost"
+    feature = Feature.REWARD_BOUNDS
 
     reward: Reward
     cost: RewardWindow
@@ -191,6 +226,7 @@ class DiscountedReward(_Quantity):
     """The reward of the first steps (None: of all), of which step i counts discount^i times."""
 
     called = "discounted rewards"
+    feature = Feature.DISCOUNTED_REWARDS
     fair_directions = _BOTH
 
     reward: Reward
@@ -202,6 +238,7 @@ class DiscountedReward(_Quantity):
 class InstantaneousReward(_Quantity):
     """The reward of the state at a time."""
 
+    feature = Feature.INSTANTANEOUS_REWARDS
     fair_directions = _BOTH
 
     reward: Reward
@@ -277,7 +314,9 @@ def query_of(formula: ast.AnyMeasure, model: BoundModel) -> Query[Expression]:
     """
     threshold = None if formula.bound is None else _threshold(formula.bound)
     direction = direction_of(formula, model.type)
-    return Query(_quantity(formula, model), direction, threshold)
+    quantity = _quantity(formula, model)
+    require(model, quantity.feature)
+    return Query(quantity, direction, threshold)
 
 
 def _threshold(bound: ast.Bound) -> Threshold:

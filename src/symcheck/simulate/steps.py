@@ -18,6 +18,7 @@ from symcheck.matrices.contributions import TransitionParts
 from symcheck.matrices.rows import Floats
 from symcheck.semantics.command_text import command_text
 from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.interpreter import State, choices, state_rewards, valuation
 from symcheck.semantics.model import BoundCommand, BoundModel, Value
 from symcheck.simulate.path import PathStep
@@ -66,6 +67,7 @@ class Steps:
     """
 
     def __init__(self, model: BoundModel, check_sums: bool = True) -> None:
+        require(model, Feature.STEPPING)
         self.model, self._check_sums = replace(model, unchecked_sums=False), check_sums
 
     def initial(self) -> Sequence[State]:

@@ -20,6 +20,7 @@ from symcheck.engines.base import StateSet
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import per_row
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.path_formulas import (
     LtlPathFormula,
     NextPath,
@@ -65,6 +66,7 @@ def strategy_of(context: Context, formula: Expression) -> Strategy:
         UnsupportedError: the model is no MDP, or the formula is of another kind.
     """
     kind = context.engine.model.type
+    require(context.engine.model, Feature.STRATEGIES)
     if not kind.has_choices:
         raise UnsupportedError(f"strategies exist only for MDPs, and this model is a {kind.name}")
     if context.options.fairness:

@@ -21,6 +21,7 @@ from symcheck.semantics.binding.static_checks import (
 from symcheck.semantics.diagnostics import DiagnosticCollector
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
 from symcheck.semantics.expressions.literals import format_value
+from symcheck.semantics.features import require_type
 from symcheck.semantics.model import (
     BoundCommand,
     BoundModel,
@@ -73,6 +74,7 @@ def bind(
             default unless `exact`, because the engine for rationals refuses them.
 
     Raises:
+        UnsupportedError: nothing is offered for models of this type.
         NameFault, TypeFault, InputError: all faults of the program, in the order of the text.
 
     Examples:
@@ -90,6 +92,7 @@ def bind(
     checked = check_program(program, table)
     report.raise_all()
     kind, divides = model_type or program.type or WITHOUT_KEYWORD, normalise
+    require_type(kind)
     return _Builder(checked, constants or {}).build(kind, not exact if divides is None else divides)
 
 
