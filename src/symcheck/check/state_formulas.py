@@ -271,7 +271,8 @@ def _bounded(context: Context, formula: AnyMeasure, relevant: StateSet) -> State
     assert threshold is not None
     context = context.relevant_at(relevant)
     if isinstance(query.quantity, PathProbability):
-        by_graph = qualitative(context, query.quantity.path, threshold, query.direction)
+        playing, direction = context.playing(query)
+        by_graph = qualitative(playing, query.quantity.path, threshold, direction)
         if by_graph is not None:
             return by_graph
     return decide(

@@ -135,7 +135,9 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
     if model.builder is not None:
         return cast(Engine, model.builder(replace(options, engine=name)))
     try:
-        return BUILDERS[name](model, options, observer)
+        engine = BUILDERS[name](model, options, observer)
+        # Games are solved on rows, which diagrams list.
+        return erased(on_rows(engine, options)) if model.type.players > 1 else engine
     except AlmostOne as fault:
         model = normalised_at(model, fault)
     return build(model, options, observer)

@@ -73,6 +73,10 @@ def solve(
         if not problem.probability:
             raise UnsupportedError("method 'interval' does not solve reward problems")
         return _interval(problem, settings, observer)
+    if problem.signed:
+        raise UnsupportedError(
+            "negative rewards of games are not supported without a bound on steps; C<=k is"
+        )
     if problem.is_rational:
         return _Game(problem, settings, observer, inner, settings.epsilon).solution()
     for share in tuning.GAME_ACCURACIES:
