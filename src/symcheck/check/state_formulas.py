@@ -275,7 +275,8 @@ def _bounded(context: Context, formula: AnyMeasure, relevant: StateSet) -> State
     quantity = query.quantity
     if isinstance(quantity, PathProbability):
         inner, towards = against_nature(context, query)
-        by_graph = qualitative(inner, quantity.path, threshold, towards.direction)
+        playing, direction = inner.playing(towards)
+        by_graph = qualitative(playing, quantity.path, threshold, direction)
         if by_graph is not None:
             return by_graph
     return decide(

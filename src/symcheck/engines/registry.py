@@ -146,7 +146,9 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         inner = replace(options, engine=engine)
         return build_intervals(model, inner, lambda end, o: build(end, o, observer))
     try:
-        return BUILDERS[name](model, options, observer)
+        engine = BUILDERS[name](model, options, observer)
+        # Games are solved on rows, which diagrams list.
+        return erased(on_rows(engine, options)) if model.type.players > 1 else engine
     except AlmostOne as fault:
         model = normalised_at(model, fault)
     return build(model, options, observer)

@@ -38,6 +38,7 @@ class Feature(Enum):
     CUMULATIVE_REWARDS = "rewards up to a bound"
     INSTANTANEOUS_REWARDS = "rewards at a time"
     DISCOUNTED_REWARDS = "discounted rewards"
+    ENDED_REWARDS = "the rewards Fc and F0"
     MULTI_OBJECTIVE = "multi-objective queries"
     SOME_OR_ALL_PATHS = "the operators A and E"
     DISTRIBUTIONS = "distributions over states"
@@ -65,9 +66,9 @@ _ALL = frozenset(Feature)
 _NONE: frozenset[Feature] = frozenset()
 
 _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
-    ModelType.DTMC: _ALL,
-    ModelType.CTMC: _ALL,
-    ModelType.MDP: _ALL,
+    ModelType.DTMC: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.CTMC: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.MDP: _ALL - {Feature.ENDED_REWARDS},
     ModelType.PTA: frozenset(
         {
             Feature.ROWS,
@@ -76,6 +77,14 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
             Feature.REACHABILITY,
             Feature.BOUNDED_REACHABILITY,
             Feature.REACH_REWARDS,
+        }
+    ),
+    ModelType.SMG: frozenset(
+        {
+            *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
+            *(Feature.REACH_REWARDS, Feature.TOTAL_REWARDS, Feature.CUMULATIVE_REWARDS),
+            *(Feature.INSTANTANEOUS_REWARDS, Feature.ENDED_REWARDS, Feature.STRATEGIES),
         }
     ),
 }

@@ -22,6 +22,7 @@ __all__ = [
     "BoundCommand",
     "BoundModel",
     "BoundModule",
+    "BoundPlayer",
     "BoundReward",
     "BoundRewards",
     "BoundUpdate",
@@ -126,6 +127,15 @@ class BoundRewards:
 
 
 @dataclass(frozen=True, slots=True)
+class BoundPlayer:
+    """A player, who chooses among the unlabelled commands of modules and the events of actions."""
+
+    name: str
+    modules: frozenset[str]
+    actions: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
 class Event:
     """Commands that synchronise: one of each participant's `commands` is executed at once.
 
@@ -165,6 +175,7 @@ class BoundModel:
         initial: the condition on initial states; None: the variables' initial values.
         definitions: an expression without names for the exact value of each constant.
         is_rational: values are computed in exact arithmetic. (Conditions always are.)
+        players: the players of a game, in the order of their declarations.
         given: the values of constants as they were given, which `constants` may have rounded.
         derivation: of a transformed model (such as a reduced one), the function that transforms
             another bound model of the same text in the same way.
@@ -192,6 +203,7 @@ class BoundModel:
     rewards: tuple[BoundRewards, ...]
     constants: Mapping[str, Value]
     is_rational: bool = False
+    players: tuple[BoundPlayer, ...] = ()
     given: Mapping[str, Value | str] = field(default_factory=dict, compare=False)
     system: Composition | None = None
     definitions: Mapping[str, Expression] = field(default_factory=dict)

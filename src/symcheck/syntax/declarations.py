@@ -21,6 +21,7 @@ __all__ = [
     "Module",
     "ModuleReference",
     "Parallel",
+    "Player",
     "Program",
     "PropertiesFile",
     "Property",
@@ -127,6 +128,17 @@ class RenamedModule(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class Player(Node):
+    """`player name module, [action], … endplayer`: who chooses among unlabelled commands of the
+    modules, and among the commands of the actions.
+    """
+
+    name: str
+    modules: tuple[str, ...]
+    actions: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class RewardItem(Node):
     """`guard : value;` of states (action False), or `[a] guard : value;` (action None for `[]`)."""
 
@@ -205,6 +217,7 @@ class Program(Node):
     rewards: tuple[RewardStructure, ...] = ()
     initial: Expression | None = None
     system: Composition | None = None
+    players: tuple[Player, ...] = ()
 
     def __repr__(self) -> str:
         """One line, as the nodes fill pages; `symcheck.pretty` gives the text."""

@@ -12,6 +12,7 @@ from symcheck.semantics.binding.label_references import inline_labels
 from symcheck.semantics.binding.module_renaming import ModuleInstance
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable
 from symcheck.semantics.binding.parameters import Ranges, check_places, check_ranges
+from symcheck.semantics.binding.players import check_players
 from symcheck.semantics.binding.probability_sums import normalised_modules
 from symcheck.semantics.binding.static_checks import (
     CheckedProgram,
@@ -28,6 +29,7 @@ from symcheck.semantics.model import (
     BoundCommand,
     BoundModel,
     BoundModule,
+    BoundPlayer,
     BoundReward,
     BoundRewards,
     BoundUpdate,
@@ -101,6 +103,8 @@ def bind(
     report.raise_all()
     kind, divides = model_type or program.type or WITHOUT_KEYWORD, normalise
     require_type(kind)
+    check_players(checked, kind)
+    report.raise_all()
     bound = _Builder(checked, constants or {}).build(kind, not exact if divides is None else divides)
     if not parameters:
         return bound
@@ -161,6 +165,10 @@ class _Builder:
             rewards=rewards,
             constants=constants,
             is_rational=self.table.exact,
+            players=tuple(
+                BoundPlayer(p.name, frozenset(p.modules), frozenset(p.actions))
+                for p in self.program.players
+            ),
             given=dict(self.given),
             system=self.program.system,
             warnings=warnings,
