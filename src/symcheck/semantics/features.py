@@ -68,6 +68,12 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
     ModelType.DTMC: _ALL,
     ModelType.CTMC: _ALL,
     ModelType.MDP: _ALL,
+    ModelType.POMDP: frozenset(
+        {
+            *(Feature.ROWS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
+        }
+    ),
 }
 """Per type what it offers; nothing where it has no row."""
 

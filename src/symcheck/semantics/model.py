@@ -156,6 +156,7 @@ class BoundModel:
         unchecked_sums: whether probabilities may sum to almost 1 in some state. The search for
             states tells which command they have (`AlmostOne`).
         weights: the kind of its probabilities.
+        observables: what strategies see of a state, if that is not all.
     """
 
     program: Program
@@ -180,6 +181,7 @@ class BoundModel:
     sums_divided: bool = field(default=False, compare=False)
     unchecked_sums: bool = False
     weights: Weights = Weights.NUMBERS
+    observables: tuple[Expression, ...] = ()
 
     def __repr__(self) -> str:
         """A summary on one line."""

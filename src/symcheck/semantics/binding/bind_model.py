@@ -120,6 +120,12 @@ class _Builder:
             for i, (instance, scope) in enumerate(self.checked.modules)
         )
         labels = {x.name: root.expand(x.expression) for x in self.program.labels}
+        observables = tuple(root.expand(x.expression) for x in self.program.observables)
+        labels |= {
+            x.name: seen
+            for x, seen in zip(self.program.observables, observables, strict=True)
+            if x.name is not None and root.typer().state(seen) is Type.BOOL
+        }
         rewards = tuple(self._rewards(r) for r in self.program.rewards)
         initial = None if self.program.initial is None else root.expand(self.program.initial)
         if initial is not None:
@@ -145,6 +151,7 @@ class _Builder:
             warnings=warnings,
             sums_divided=bool(warnings),
             unchecked_sums=unchecked,
+            observables=observables,
             definitions={name: self.table.expression(name) for name in constants},
         )
 
