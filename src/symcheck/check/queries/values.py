@@ -53,6 +53,10 @@ def values(
         UnsupportedError: the quantity does not apply to the model, or a value is beyond doubles.
     """
     quantity, direction = query.quantity, query.direction
+    if context.engine.model.type.partially_observed:
+        from symcheck.check.beliefs.values import belief_values
+
+        return belief_values(context, query)
     match quantity:
         case PathProbability(path):
             return probability(context, path, direction)
