@@ -72,6 +72,7 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
         {
             *(Feature.ROWS, Feature.RATIONALS),
             *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
+            *(Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES),
         }
     ),
 }

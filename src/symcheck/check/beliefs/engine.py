@@ -68,9 +68,13 @@ def engine_of(
     return ExplicitEngine(_BeliefModel(model, matrix, initial, [states], [rows]), "beliefs")
 
 
-def belief_context(context: Context, engine: ExplicitEngine, relevant: Bools) -> Context:
+def belief_context(
+    context: Context, engine: ExplicitEngine, relevant: Bools, *, strategy: bool = False
+) -> Context:
     """The context in which values of beliefs are computed: bounds at the relevant ones."""
-    options = replace(context.options, certify=True, bisim=False, everywhere=False)
+    options = replace(
+        context.options, certify=True, bisim=False, everywhere=False, strategy=strategy
+    )
     return replace(
         context,
         engine=erased(engine),
@@ -80,9 +84,7 @@ def belief_context(context: Context, engine: ExplicitEngine, relevant: Bools) ->
     )
 
 
-def rows_matrix(
-    rows: Rows, cut: Numbers | None, *, reward: bool
-) -> tuple[SparseMatrix, Numbers]:
+def rows_matrix(rows: Rows, cut: Numbers | None, *, reward: bool) -> tuple[SparseMatrix, Numbers]:
     """The rows of all beliefs, and their rewards.
 
     Args:

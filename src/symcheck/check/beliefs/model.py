@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -11,9 +11,10 @@ from symcheck.check.exact_twin import exact_twin
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import Diagnostic, InputError, ModelFault, UnsupportedError
-from symcheck.matrices.numbers import Numbers, rationals
-from symcheck.matrices.rows import Bools, Int32s, Int64s, per_row
+from symcheck.matrices.numbers import Numbers, doubles, rationals
+from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, per_row
 from symcheck.numerics.beliefs.observed import Observed, aligned_rows
+from symcheck.semantics.features import class_name
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["ObservedModel", "observations", "observed_model", "require_observable"]
@@ -24,12 +25,14 @@ class ObservedModel:
     """A model with its observations.
 
     Attributes:
-        engine: the rows of the model.
+        engine: the rows of the model. rows: those of each state in the order of the actions of its
+            observation, int64[rows].
         arrays: the model for the exploration of beliefs.
         numbers: an engine with the same states that has rationals, if there is one.
     """
 
     engine: ExplicitEngine = field(repr=False)
+    rows: Int64s = field(repr=False)
     arrays: Observed = field(repr=False)
     numbers: ExplicitEngine = field(repr=False)
 
@@ -42,7 +45,8 @@ class ObservedModel:
         total = (per_row(self.numbers.matrix.groups, states) + rows)[self.arrays.origin]
         if len(total) and not (total.min() >= 0 and total.max() < np.inf):
             raise UnsupportedError(
-                f"negative and infinite rewards are not supported for {self.engine.model.type.called}"
+                "negative and infinite rewards are not supported for "
+                f"{class_name(self.engine.model)}"
             )
         return rationals(total.tolist())
 
@@ -51,7 +55,8 @@ def observations(engine: ExplicitEngine) -> Int32s:
     """The number of the observation of each state, int32[states], from 0."""
     n = engine.states
     columns = [
-        np.broadcast_to(np.asarray(engine.explored.evaluate(e)), n) for e in engine.model.observables
+        np.broadcast_to(np.asarray(engine.explored.evaluate(e)), n)
+        for e in engine.model.observables
     ]
     codes = np.zeros(n, np.int64)
     for column in columns:
@@ -72,26 +77,40 @@ def observed_model(context: Context) -> ObservedModel:
             return value
     engine = context.engine.capability(ExplicitEngine)
     assert engine is not None, "only explicit engines are built for these models"
-    numbers = engine
-    if not engine.is_rational:
-        try:
-            twin = exact_twin(context).engine.capability(ExplicitEngine)
-        except UnsupportedError:  # its doubles are taken as they are
-            twin = None
-        numbers = twin or engine
-    matrix = numbers.matrix
-    if not matrix.is_rational:
-        matrix = type(matrix)(
-            matrix.indptr, matrix.indices, rationals(matrix.data.tolist()), matrix.columns, matrix.groups
-        )
+    matrix, seen = engine.matrix, observations(engine)
     assert matrix.groups is not None
-    seen = observations(engine)
-    rows, differing = aligned_rows(matrix.groups, seen, numbers.explored.choice_actions)
+    rows, differing = aligned_rows(matrix.groups, seen, engine.explored.choice_actions)
     if differing is not None:
-        raise _different_actions(numbers, *differing)
-    found = ObservedModel(engine, Observed.of(matrix, rows, seen), numbers)
+        raise _different_actions(engine, *differing)
+    numbers, aligned = engine, rows
+    if not engine.is_rational:
+        twin = _twin(context)
+        exact = replace(matrix, data=rationals(matrix.data.tolist()))
+        if twin is not None and twin.matrix.groups is not None:
+            order, _ = aligned_rows(twin.matrix.groups, seen, twin.explored.choice_actions)
+            if _are_alike(twin.matrix.choose(order), matrix.choose(rows)):
+                numbers, aligned, exact = twin, order, twin.matrix
+        matrix = exact
+    found = ObservedModel(engine, rows, Observed.of(matrix, aligned, seen), numbers)
     context.log.kept.append((("observed", id(context.engine)), found))
     return found
+
+
+def _twin(context: Context) -> ExplicitEngine | None:
+    """The model in rational arithmetic; None where that is not possible."""
+    try:
+        return exact_twin(context).engine.capability(ExplicitEngine)
+    except UnsupportedError:
+        return None
+
+
+def _are_alike(exact: SparseMatrix, rounded: SparseMatrix) -> bool:
+    """Whether the rows of two matrices are the same, up to rounding."""
+    return (
+        np.array_equal(exact.indptr, rounded.indptr)
+        and np.array_equal(exact.indices, rounded.indices)
+        and np.allclose(doubles(exact.data), rounded.data, rtol=1e-9, atol=0.0)
+    )
 
 
 def _different_actions(engine: ExplicitEngine, one: int, other: int) -> ModelFault:
@@ -100,7 +119,9 @@ def _different_actions(engine: ExplicitEngine, one: int, other: int) -> ModelFau
     actions = engine.explored.choice_actions
     texts = []
     for state in (one, other):
-        listed = sorted(f"[{names[a]}]" for a in actions[groups[state] : groups[state + 1]].tolist())
+        listed = sorted(
+            f"[{names[a]}]" for a in actions[groups[state] : groups[state + 1]].tolist()
+        )
         texts.append(f"{_shown(engine, state)} has {' '.join(listed)}")
     return ModelFault(
         Diagnostic(

@@ -63,23 +63,24 @@ class Policies:
     of_states: Floats = field(repr=False)
     found: list[Policy] = field(default_factory=list, repr=False)
 
+    @property
+    def uniform(self) -> Floats:
+        """Each of the usable rows with the same probability."""
+        owner = self.memory.rows.row_of_belief
+        counts = np.bincount(owner[self.usable], minlength=len(self.memory.beliefs))[owner]
+        with np.errstate(divide="ignore"):
+            shares = np.where(self.usable, 1.0 / counts, 0.0)
+        lost = counts == 0  # whatever is done there
+        shares[lost] = (np.diff(owner, prepend=-1) != 0)[lost]
+        return shares
+
     def improve(self, context: Context, starts: Int64s) -> None:
         """Find strategies, the later ones better at some memory values with one state each."""
         pairs = self.memory.beliefs.starts[:-1][starts]
         sign = 1.0 if self.direction is Direction.MAX else -1.0
-        counts = np.bincount(
-            self.memory.rows.row_of_belief[self.usable], minlength=len(self.memory.beliefs)
-        )
-        owner = self.memory.rows.row_of_belief
-        with np.errstate(divide="ignore"):
-            shares = np.where(self.usable, 1.0 / counts[owner], 0.0)
-        lost = counts[owner] == 0  # whatever is done there
-        shares[lost] = (np.diff(owner, prepend=-1) != 0)[lost]
-        uniform = self._evaluated(context, shares)
+        uniform = self._evaluated(context, self.uniform)
         self.found.append(uniform)
-        full_values = np.append(
-            self.of_states[self.memory.beliefs.states], self._ends()
-        )
+        full_values = np.append(self.of_states[self.memory.beliefs.states], self._ends())
         best, tried = uniform, full_values
         for _ in range(tuning.POLICY_ROUNDS):
             shares = self._greedy(best.shares, tried, pairs)
@@ -154,7 +155,7 @@ class Policies:
         return self.search.memory_of(beliefs, numbers)
 
     def bounds(self, beliefs: Beliefs, numbers: Int64s) -> tuple[Floats, Int64s]:
-        """The best value of a strategy from each of some beliefs, and the number of this strategy."""
+        """The best value of a strategy from each of some beliefs, and this strategy's number."""
         memory = self.memory_of(beliefs, numbers)
         begin, end = beliefs.starts[numbers], beliefs.starts[numbers + 1]
         entries = spans(begin, end)

@@ -1,10 +1,10 @@
 """Bounds on values of partially observed models, from both sides.
 
 What strategies attain is bounded from one side by those that follow beliefs as far as these were
-explored, and then a strategy with little memory. From the other side, beliefs beyond those that are
-kept exactly are replaced by convex combinations of points of a grid, and where the grid ends, states
-are assumed to be seen: what is known more can only help. No round makes bounds worse. Whether they
-meet is undecidable.
+explored, and then a strategy with little memory. From the other side, beliefs beyond those that
+are kept exactly are replaced by convex combinations of points of a grid, and where the grid ends,
+states are assumed to be seen: what is known more can only help. No round makes bounds worse.
+Whether they meet is undecidable.
 
 Sources: Lovejoy (1991); Norman, Parker & Zou (2017), 'Verification and control of partially
 observable probabilistic systems'; Bork, Katoen & Quatmann (2022), 'Under-approximating expected
@@ -15,7 +15,7 @@ planning and related stochastic optimization problems'.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
@@ -23,15 +23,15 @@ import numpy as np
 from symcheck.check import tuning
 from symcheck.check.beliefs.engine import belief_context, engine_of, rows_matrix
 from symcheck.check.beliefs.model import ObservedModel
-from symcheck.check.beliefs.policies import Policies
+from symcheck.check.beliefs.policies import Policies, Policy
 from symcheck.check.context import Context
 from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.direction import Direction
-from symcheck.engines.base import ROUNDING, Values
+from symcheck.engines.base import ROUNDING
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.errors import NumericalError
-from symcheck.matrices.numbers import Numbers, doubles
-from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix
+from symcheck.matrices.numbers import Numbers, doubles, full
+from symcheck.matrices.rows import Bools, Floats, Int64s
 from symcheck.numerics import graph
 from symcheck.numerics.beliefs.exploration import Exploration
 from symcheck.numerics.beliefs.memory import Memory
@@ -70,8 +70,7 @@ class Found:
         complete: whether all beliefs were explored.
         text: what was explored.
         beliefs: their number.
-        inner: what a strategy is made of (see `symcheck.check.beliefs.strategy`); None if
-            observations do not matter for it.
+        plan: what a strategy that attains the value is made of; None if there is none.
     """
 
     lower: Numbers = field(repr=False)
@@ -80,7 +79,22 @@ class Found:
     complete: bool
     text: str
     beliefs: int
-    inner: tuple[Exploration, Policies | None, Int64s] | None = field(default=None, repr=False)
+    plan: Plan | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a strategy does: it follows beliefs, or one with little memory.
+
+    Attributes:
+        points: the beliefs (or memory values, if there are no beliefs) at the beginning.
+        beliefs: those that are kept exactly; None: there are none.
+        policies: what is done beyond them, and on which memory; None: they have no end.
+    """
+
+    points: Int64s = field(repr=False)
+    beliefs: Exploration | None = field(repr=False)
+    policies: Policies | None = field(repr=False)
 
 
 Enough = Callable[[Floats, Floats], bool]
@@ -128,7 +142,7 @@ class _Search:
         every = np.ones(len(p.right), np.bool_)
         return p.right, ~graph.prob1(edges, every, p.right, Direction.MAX)
 
-    # ---------------------------------------------------------------------------------------- rounds
+    # --------------------------------------------------------------------------------------- rounds
 
     def run(self, enough: Enough) -> Found:
         by_sets = self._by_supports()
@@ -159,43 +173,35 @@ class _Search:
                 hint="without -exact there are bounds; -beliefs explores more",
             )
         text += f", and {points:,} points of a grid with resolution {resolution}"
-        inner = self.exact, self.policies, self.points
-        return Found(self.lower, self.upper, True, False, text, len(self.exact), inner)
+        plan = Plan(self.points, self.exact, self.policies)
+        return Found(self.lower, self.upper, True, False, text, len(self.exact), plan)
 
     def _complete(self) -> Found:
         """The values, as all beliefs are known."""
-        values = self._values(self.exact, None)
-        states = self._numbers_of(values)
+        lower, upper, rounded = self._values(self.exact, None)
         text = f"all {len(self.exact):,} beliefs"
-        lower, upper, rounded = states
-        inner = self.exact, None, self.points
-        return Found(lower, upper, rounded, True, text, len(self.exact), inner)
+        plan = Plan(self.points, self.exact, None)
+        return Found(lower, upper, rounded, True, text, len(self.exact), plan)
 
-    def _numbers_of(self, values: Values) -> tuple[Numbers, Numbers, bool]:
-        relevant = np.zeros(len(self.exact), np.bool_)
-        relevant[self.points] = True
-        where = np.flatnonzero(relevant)
-        low, high = values.at(ArraySet(relevant))
-        at = np.searchsorted(where, self.points)
-        return low[at], high[at], values.rounded(ArraySet(relevant))
-
-    def _values(self, found: Exploration, cut: Numbers | None, rows: int | None = None) -> Values:
-        """The values of beliefs, where those that were not expanded have the values `cut`."""
-        part = found.rows(len(found) if cut is None else len(cut), rows)
+    def _values(self, found: Exploration, cut: Numbers | None) -> tuple[Numbers, Numbers, bool]:
+        """Bounds at the beginning, where beliefs that were not expanded have the values `cut`, and
+        whether equal ones are rounded.
+        """
+        part = found.rows()
         reward = self.problem.reward is not None
         matrix, earned = rows_matrix(part, cut, reward=reward)
         engine = engine_of(self.base, matrix, self.points, earned)
-        inner = belief_context(self.context, engine, self._members(len(part.first)))
-        goal = np.zeros(len(part.first), np.bool_)
-        goal[GOAL] = True
+        goal, relevant = np.zeros((2, len(found)), np.bool_)
+        goal[GOAL] = relevant[self.points] = True
+        members, direction = ArraySet(relevant), self.problem.direction
+        inner = belief_context(self.context, engine, relevant)
         if reward:
-            return reach_reward(inner, Structure(0), ArraySet(goal), self.problem.direction)
-        return until(inner, inner.engine.all, ArraySet(goal), self.problem.direction)
-
-    def _members(self, n: int) -> Bools:
-        out = np.zeros(n, np.bool_)
-        out[self.points] = True
-        return out
+            values = reach_reward(inner, Structure(0), ArraySet(goal), direction)
+        else:
+            values = until(inner, inner.engine.all, ArraySet(goal), direction)
+        at = np.searchsorted(np.flatnonzero(relevant), self.points)
+        low, high = values.at(members)
+        return low[at], high[at], values.rounded(members)
 
     def _narrow(self, lower: Floats | None, upper: Floats | None) -> None:
         """Bounds never become worse, and rounding does not exclude the value."""
@@ -221,12 +227,16 @@ class _Search:
             values = reach_reward(inner, p.reward, ArraySet(p.right), p.direction)
         low, high = values.at(inner.engine.all)
         self.seen: Floats = high * (1 + ROUNDING) if self.maximum else low * (1 - ROUNDING)
-        self._narrow(*((None, self.seen[self.starts]) if self.maximum else (self.seen[self.starts], None)))
+        self._narrow(
+            *((None, self.seen[self.starts]) if self.maximum else (self.seen[self.starts], None))
+        )
         search, memory, usable = self.supports
         earned = None if self.earned is None else doubles(self.earned)
         self.policies = Policies(base, search, memory, usable, earned, p.direction, self.seen)
-        points = search.points(self.starts) if search.keeps_supports else search.memory_of(
-            self.exact.beliefs, self.points[self.points > SINK]
+        points = (
+            search.points(self.starts)
+            if search.keeps_supports
+            else search.memory_of(self.exact.beliefs, self.points[self.points > SINK])
         )
         self.policies.improve(self.context, points[points > SINK])
 
@@ -237,7 +247,7 @@ class _Search:
         cut = np.zeros(len(beliefs))
         ends = self.exact.pending
         cut[ends] = self.policies.bounds(beliefs, ends)[0]
-        low, high, _ = self._numbers_of(self._values(self.exact, cut))
+        low, high, _ = self._values(self.exact, cut)
         self._narrow(*((low, None) if self.maximum else (None, high)))
 
     def _outer(self, resolution: int, most: int) -> int:
@@ -245,7 +255,7 @@ class _Search:
         wider = self.exact.clone()
         wider.run(len(self.exact) + most, resolution)
         cut = wider.beliefs.mean(self.seen)
-        low, high, _ = self._numbers_of(self._values(wider, cut))
+        low, high, _ = self._values(wider, cut)
         self._narrow(*((None, high) if self.maximum else (low, None)))
         return len(wider) - len(self.exact)
 
@@ -267,14 +277,15 @@ class _Search:
             found, points = known
             memory = Memory(self.arrays, found.beliefs, found.rows())
             sure, rows = memory.almost_surely()
+            safe, safe_rows = memory.surely_safe()
             if not self.maximum and p.reward is not None:
                 usable = rows
             if p.reward is None and self.maximum and sure[points].all():
-                return self._decided(1.0)
+                return self._decided(1.0, self._plan(found, memory, rows, points))
             if p.reward is not None and not self.maximum and not sure[points].any():
                 return self._decided(inf)
-            if p.reward is None and not self.maximum and memory.surely_safe()[points].all():
-                return self._decided(0.0)
+            if p.reward is None and not self.maximum and safe[points].all():
+                return self._decided(0.0, self._plan(found, memory, safe_rows, points))
         else:
             found = Exploration(self.arrays, supports=True)
             found.by_observation()
@@ -310,10 +321,17 @@ class _Search:
         if known is None:
             return None
         found, points = known
-        safe = Memory(self.arrays, found.beliefs, found.rows()).surely_safe()
+        safe, _ = Memory(self.arrays, found.beliefs, found.rows()).surely_safe()
         return bool(safe[points].any())
 
-    def _decided(self, value: float) -> Found:
+    def _decided(self, value: float, plan: Plan | None = None) -> Found:
         text = "sets of possible states decide"
-        array = np.full(len(self.starts), value)
-        return Found(array, array, False, True, text, 0)
+        array = full(len(self.starts), value, rational=self.rational)
+        return Found(array, array, False, True, text, 0, plan)
+
+    def _plan(self, found: Exploration, memory: Memory, rows: Bools, points: Int64s) -> Plan:
+        """A strategy that takes each of some rows with the same probability."""
+        earned = np.zeros(0)
+        policies = Policies(self.base, found, memory, rows, None, self.problem.direction, earned)
+        policies.found.append(Policy(policies.uniform, earned))
+        return Plan(points, None, policies)

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from math import inf
-from typing import assert_never
 
 import numpy as np
 
 from symcheck.check import tuning
 from symcheck.check.beliefs.engine import belief_context, engine_of, rows_matrix
-from symcheck.check.beliefs.model import ObservedModel, observed_model, require_observable
-from symcheck.check.beliefs.search import Enough, Found, Problem, search
+from symcheck.check.beliefs.model import observed_model, require_observable
+from symcheck.check.beliefs.search import Enough, Problem, search
 from symcheck.check.context import Context
 from symcheck.check.queries.path_probabilities import probability
 from symcheck.check.result import SolverRun
 from symcheck.check.thresholds import decide
-from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, Values
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.rational_values import RationalValues
@@ -83,8 +80,8 @@ def belief_values(context: Context, query: Query[StateSet]) -> Values:
     if widest > epsilon:
         context.log.wide = True
         context.log.warn(
-            f"the bounds are {widest:.1E} apart: more beliefs (-beliefs, -gridresolution) may narrow"
-            " them, but that they ever meet is not promised for partially observed models"
+            f"the bounds are {widest:.1E} apart: more beliefs (-beliefs, -gridresolution) may "
+            "narrow them, but that they ever meet is not promised for partially observed models"
         )
     return values
 
@@ -96,7 +93,7 @@ def decided_by_beliefs(context: Context, query: Query[StateSet], relevant: State
     """
     threshold = query.threshold
     assert threshold is not None
-    decides = _decides(context, query, threshold)
+    decides = _decides(query, threshold)
 
     def compute(c: Context) -> Values:
         values, widest = _values(c, query, decides)
@@ -104,8 +101,9 @@ def decided_by_beliefs(context: Context, query: Query[StateSet], relevant: State
         if undecided and widest > 1e-9:
             low, high = values.at(c.engine.first(undecided))
             raise NumericalError(
-                f"undecided: the value in state {c.example(undecided)} lies between {low[0]:.9g} and "
-                f"{high[0]:.9g}, and is compared with {float(threshold.value):.9g}",
+                f"undecided: the value in state {c.example(undecided)} lies between "
+                f"{low[0]:.9g} and {high[0]:.9g}, and is compared with "
+                f"{float(threshold.value):.9g}",
                 hint="-beliefs and -gridresolution explore more; whether it helps is undecidable",
             )
         return values
@@ -120,12 +118,10 @@ def decided_by_beliefs(context: Context, query: Query[StateSet], relevant: State
         sure = values.compare(threshold.operator.value, threshold.value)[0]
         return context.engine.from_bools(exact.engine.to_bools(sure))
 
-    return decide(
-        context, compute, threshold.operator.value, threshold.value, relevant, exactly
-    )
+    return decide(context, compute, threshold.operator.value, threshold.value, relevant, exactly)
 
 
-def _decides(context: Context, query: Query[StateSet], threshold: Threshold) -> Enough:
+def _decides(query: Query[StateSet], threshold: Threshold) -> Enough:
     negative = isinstance(query.quantity, PathProbability) and query.quantity.path.negative
 
     def decides(lower: Floats, upper: Floats) -> bool:
@@ -153,14 +149,16 @@ def _values(context: Context, query: Query[StateSet], enough: Enough) -> tuple[V
     parts = [search(context, problem, states[i : i + 1], enough) for i in range(len(states))]
     for found in parts:
         context.log.runs.append(SolverRun("linear", "beliefs", found.beliefs, 1, found.text))
-    context.log.kept.append((("beliefs", id(engine)), (problem, parts[-1])))
+    context.log.kept.append((("beliefs", id(engine)), (problem, parts[-1], states)))
     lower = np.concatenate([p.lower for p in parts])
     upper = np.concatenate([p.upper for p in parts])
     slack = 0.0
     if complement:
         lower, upper, slack = 1 - upper, 1 - lower, ROUNDING
     rounded = any(p.rounded for p in parts)
-    values = _spread(engine.states, engine.is_rational, states, lower, upper, rounded, problem, slack)
+    values = _spread(
+        engine.states, engine.is_rational, states, lower, upper, rounded, problem, slack
+    )
     if engine.is_rational:
         return values, 0.0
     return values, largest_width(lower, upper, context.options.relative)
@@ -187,7 +185,7 @@ def _spread(
     return ArrayValues(low, low if np.array_equal(low, high) else high, computed, slack)
 
 
-# -------------------------------------------------------------------------------------- bounded paths
+# ------------------------------------------------------------------------------------ bounded paths
 
 
 def _within_steps(context: Context, query: Query[StateSet], states: Int64s) -> Values:
@@ -229,7 +227,7 @@ def _within_steps(context: Context, query: Query[StateSet], states: Int64s) -> V
     relevant = np.zeros(len(found), np.bool_)
     relevant[points] = True
     inner = belief_context(context, engine_of(model.engine, matrix, points), relevant)
-    over = [_of_beliefs(found, model, s) for s in sets]
+    over = [_of_beliefs(found, s) for s in sets]
     node_path = (
         replace(path, target=ArraySet(over[0]))
         if isinstance(path, NextPath)
@@ -246,7 +244,7 @@ def _within_steps(context: Context, query: Query[StateSet], states: Int64s) -> V
     return _spread(engine.states, engine.is_rational, states, low[at], high[at], rounded)
 
 
-def _of_beliefs(found: Exploration, model: ObservedModel, members: Bools) -> Bools:
+def _of_beliefs(found: Exploration, members: Bools) -> Bools:
     """The beliefs of whose states these observable ones are all; GOAL is one of them."""
     beliefs = found.beliefs
     out = np.zeros(len(found), np.bool_)

@@ -14,13 +14,14 @@ from copy import copy
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, doubles, sum_segments
-from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, spans, starts_of
+from symcheck.matrices.rows import Int64s, spans, starts_of
 from symcheck.numerics.beliefs.observed import GOAL, LARGEST, SINK, Observed, Whole
 from symcheck.numerics.beliefs.triangulation import reduced, totals, triangulate
 
@@ -34,10 +35,10 @@ _BATCH = 1 << 20
 class _Growing:
     """An array that grows at its end."""
 
-    def __init__(self, first: NDArray[np.generic]) -> None:
+    def __init__(self, first: NDArray[Any]) -> None:
         self._data, self._n = first, len(first)
 
-    def extend(self, part: NDArray[np.generic]) -> None:
+    def extend(self, part: NDArray[Any]) -> None:
         if part.dtype == object and self._data.dtype != object:
             self._data = self._data.astype(object)
         size = self._n + len(part)
@@ -47,7 +48,7 @@ class _Growing:
         self._n = size
 
     @property
-    def array(self) -> NDArray[np.generic]:
+    def array(self) -> NDArray[Any]:
         return self._data[: self._n]
 
 
@@ -55,8 +56,8 @@ class _Growing:
 class Beliefs:
     """Beliefs by number: `states[starts[i]:starts[i+1]]` with `values` in proportion.
 
-    The beliefs GOAL and SINK, of which no state matters, are empty. States are in the order of their
-    classes.
+    The beliefs GOAL and SINK, of which no state matters, are empty. States are in the order of
+    their classes.
     """
 
     starts: Int64s
@@ -81,11 +82,9 @@ class Beliefs:
             out = sum_segments(terms, self.starts)
             out[filled] = out[filled] / np.add.reduceat(self.values.astype(object), starts)
             return out
-        out = np.zeros(len(self))
-        shares = self.shares
-        with np.errstate(invalid="ignore"):
-            out[filled] = np.add.reduceat(shares * of_states[self.states], starts)
-        return out
+        means = np.zeros(len(self))
+        means[filled] = np.add.reduceat(self.shares * of_states[self.states], starts)
+        return means
 
     @cached_property
     def shares(self) -> NDArray[np.float64]:
@@ -181,7 +180,7 @@ class Exploration:
             self._fixed[present] = self._numbers(ends, states, np.ones(len(states), np.int64))
 
     def memory_of(self, beliefs: Beliefs, numbers: Int64s) -> Int64s:
-        """The numbers of the supports of some beliefs, which are known, or of their observations."""
+        """The numbers of the known supports of some beliefs, or of their observations."""
         begin, end = beliefs.starts[numbers], beliefs.starts[numbers + 1]
         out = self._fixed[self.model.classes[beliefs.states[begin]]]
         free = np.flatnonzero(out < 0)
@@ -237,9 +236,7 @@ class Exploration:
         kept = slice(None, int(np.searchsorted(row, rows)))
         owners = np.concatenate((empty, *self._belief_of_row))[:rows]
         earned = np.concatenate((number, *self._earned_by_row))[:rows]
-        return Rows(
-            first, owners, earned, row[kept], target[kept], observed[kept], weight[kept]
-        )
+        return Rows(first, owners, earned, row[kept], target[kept], observed[kept], weight[kept])
 
     @property
     def row_count(self) -> int:
@@ -261,7 +258,7 @@ class Exploration:
         if len(fresh):
             fresh = fresh[np.argsort(where[fresh])]  # in the order in which they come
             numbers[fresh] = len(self) + np.arange(len(fresh))
-            self._known.update((listed[i], n) for i, n in zip(fresh, numbers[fresh].tolist()))
+            self._known.update(zip(listed, numbers.tolist(), strict=True))
             begin, end = starts[:-1][where[fresh]], starts[1:][where[fresh]]
             entries = spans(begin, end)
             last = self._starts.array[-1]
@@ -296,14 +293,16 @@ class Exploration:
         # Whole numbers: the belief times the numerators, over its sum times the denominator.
         parts = beliefs.values[spans(begin, end)]
         sums = totals(starts_of(end - begin), parts)
-        factor = float(max(sums)) * float(max(model.denominators)) * (resolution or 1)
-        kind = np.int64 if factor < LARGEST else object
+        largest = int(max(sums)) * int(max(model.denominators)) * (resolution or 1)
+        kind = np.int64 if largest < LARGEST else object
         value, numerators = beliefs.values[entries].astype(kind), model.numerators
         first, last = model.matrix.indptr[row], model.matrix.indptr[row + 1]
         below = (sums.astype(kind)[of_node]) * model.denominators.astype(kind)[slot]
         steps = spans(first, last)
         product = np.repeat(value, last - first) * numerators[steps].astype(kind)
-        keys = np.repeat(pair, last - first) * model.states + model.rank[model.matrix.indices[steps]]
+        keys = (
+            np.repeat(pair, last - first) * model.states + model.rank[model.matrix.indices[steps]]
+        )
         order = np.argsort(keys, kind="stable")
         keys = keys[order]
         starts = np.flatnonzero(np.diff(keys, prepend=-1))
@@ -335,7 +334,8 @@ class Exploration:
             mass, of_pair, observed = mass[keep], of_pair[keep], observed[keep]
         if self._rational:
             weight: Numbers = np.array(
-                [Fraction(int(a), int(b)) for a, b in zip(mass, below[of_pair])], object
+                [Fraction(int(a), int(b)) for a, b in zip(mass, below[of_pair], strict=True)],
+                object,
             )
         else:
             weight = np.asarray(mass / below[of_pair], np.float64)
@@ -349,7 +349,7 @@ class Exploration:
         self._row_count += len(of_node)
 
     def _reward(self, pair: Int64s, row: Int64s, values: Whole) -> Numbers:
-        """The expected reward of each row; `row` of the model are those of the states of a belief."""
+        """The expected reward of each row; `row`: those of the states of each belief."""
         starts = np.flatnonzero(np.diff(pair, prepend=-1))
         if self._earned is None:
             zero = Fraction(0) if self._rational else 0.0

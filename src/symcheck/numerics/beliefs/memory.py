@@ -90,7 +90,7 @@ class Memory:
         return SparseMatrix(merged.indptr, merged.indices, merged.data, n + 2, groups)
 
     def chain(self, shares: Floats) -> SparseMatrix:
-        """The chain of a strategy: the share of each row of the memory. GOAL and SINK are absorbing."""
+        """The chain of a strategy, given the share of each row; GOAL and SINK are absorbing."""
         matrix, n = self.matrix, self.pairs
         share = shares[self.row_of_memory]
         taken = np.flatnonzero(share > 0)
@@ -107,11 +107,11 @@ class Memory:
         )
         return mixed.merge(np.arange(n + 2, dtype=np.int32), n + 2)
 
-    def surely_safe(self) -> Bools:
-        """The memory values from which some strategy surely never meets GOAL."""
+    def surely_safe(self) -> tuple[Bools, Bools]:
+        """The memory values from which some strategy surely never meets GOAL, and its rows."""
         safe = np.ones(len(self.beliefs), np.bool_)
         safe[GOAL] = False
-        return self._greatest(safe)[0]
+        return self._greatest(safe)
 
     def almost_surely(self) -> tuple[Bools, Bools]:
         """The memory values from which a strategy meets GOAL almost surely, and the rows that such
@@ -140,7 +140,9 @@ class Memory:
         starts = np.flatnonzero(np.diff(rows.row, prepend=-1))
         expanded = np.flatnonzero(rows.first >= 0)
         while True:
-            stays = np.logical_and.reduceat(alive[rows.target], starts) if len(starts) else starts > 0
+            stays = (
+                np.logical_and.reduceat(alive[rows.target], starts) if len(starts) else starts > 0
+            )
             usable = stays & alive[rows.row_of_belief]
             some = np.bincount(rows.row_of_belief[stays], minlength=len(alive)) > 0
             lost = expanded[alive[expanded] & ~some[expanded]]

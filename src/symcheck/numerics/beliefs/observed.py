@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +18,13 @@ from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, spans, s
 
 __all__ = ["GOAL", "SINK", "Observed", "Whole", "aligned_rows"]
 
-Whole = NDArray[np.generic]
+Whole = NDArray[Any]
 """Whole numbers: int64, or Python's where they are large."""
 
 GOAL, SINK = 0, 1
 """The classes of states whose value no strategy changes: 1 (or nothing is earned), and 0."""
 
-LARGEST = 2.0**62
+LARGEST = 2**62
 """Whole numbers below it are kept as int64."""
 
 
@@ -64,8 +65,8 @@ class Observed:
     """A model with observations.
 
     Attributes:
-        matrix: the probabilities as doubles; row groups[s] + j is the j-th choice of the observation
-            of s.
+        matrix: the probabilities as doubles; row groups[s] + j is the j-th choice of the
+            observation of s.
         origin: the row of the model of each of these rows, int64[rows].
         numerators: probabilities times `denominators[slot]`, per entry.
         denominators: one for each choice of each observation.
@@ -86,7 +87,12 @@ class Observed:
         aligned = matrix.choose(rows, matrix.groups)
         assert aligned.groups is not None
         base = cls(
-            aligned.doubles(), rows, np.zeros(0), np.zeros(0), observation, observation + np.int64(2)
+            aligned.doubles(),
+            rows,
+            np.zeros(0),
+            np.zeros(0),
+            observation,
+            observation + np.int64(2),
         )
         data: Rationals = aligned.data
         slot = base.first_slot[observation][aligned.state_of_row] + base.position

@@ -17,7 +17,7 @@ __all__ = ["reduced", "totals", "triangulate"]
 
 def totals(starts: Int64s, values: Whole) -> Whole:
     """The sum of each belief; none of them is empty."""
-    return np.add.reduceat(values, starts[:-1])
+    return np.asarray(np.add.reduceat(values, starts[:-1]))
 
 
 def reduced(starts: Int64s, values: Whole) -> Whole:
