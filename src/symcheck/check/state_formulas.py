@@ -272,6 +272,10 @@ def _bounded(context: Context, formula: AnyMeasure, relevant: StateSet) -> State
     threshold = query.threshold
     assert threshold is not None
     context = context.relevant_at(relevant)
+    if context.engine.model.type.partially_observed:
+        from symcheck.check.beliefs.values import decided_by_beliefs
+
+        return decided_by_beliefs(context, query, relevant)
     quantity = query.quantity
     if isinstance(quantity, PathProbability):
         inner, towards = against_nature(context, query)

@@ -320,7 +320,9 @@ class RationalFunction:
         """The function as an expression of sympy, which has to be installed."""
         import sympy
 
-        return sympy.sympify(str(self).replace("^", "**"), {n: sympy.Symbol(n) for n in self.field.names})
+        return sympy.sympify(
+            str(self).replace("^", "**"), {n: sympy.Symbol(n) for n in self.field.names}
+        )
 
     def __str__(self) -> str:
         above, below = (str(p).replace(" ", "") for p in self._whole())
@@ -355,7 +357,9 @@ def divide_out(polynomial: Polynomial, factor: Polynomial) -> tuple[Polynomial, 
         return polynomial, exponent
 
 
-def _reduced(field: FunctionField, top: Polynomial, bottom: Iterable[tuple[int, int]]) -> RationalFunction:
+def _reduced(
+    field: FunctionField, top: Polynomial, bottom: Iterable[tuple[int, int]]
+) -> RationalFunction:
     """A quotient without the factors that both sides have."""
     from flint.utils.flint_exceptions import DomainError
 

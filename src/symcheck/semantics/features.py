@@ -87,6 +87,13 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
             *(Feature.INSTANTANEOUS_REWARDS, Feature.ENDED_REWARDS, Feature.STRATEGIES),
         }
     ),
+    ModelType.POMDP: frozenset(
+        {
+            *(Feature.ROWS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
+            *(Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES),
+        }
+    ),
 }
 """Per type what it offers; nothing where it has no row."""
 

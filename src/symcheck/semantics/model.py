@@ -191,6 +191,7 @@ class BoundModel:
         weights: the kind of its probabilities.
         clocks: of a model that counts the time of a timed automaton, how that is read on it.
         parameters: the constants that are left open, and their open ranges.
+        observables: what strategies see of a state, if that is not all.
     """
 
     program: Program
@@ -218,6 +219,7 @@ class BoundModel:
     weights: Weights = Weights.NUMBERS
     clocks: DigitalClocks | None = field(default=None, compare=False)
     parameters: Mapping[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
+    observables: tuple[Expression, ...] = ()
 
     def __repr__(self) -> str:
         """A summary on one line."""

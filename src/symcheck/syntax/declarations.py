@@ -20,6 +20,7 @@ __all__ = [
     "Label",
     "Module",
     "ModuleReference",
+    "Observable",
     "Parallel",
     "Player",
     "Program",
@@ -57,6 +58,14 @@ class Label(Node):
     """`label "name" = expression;`."""
 
     name: str
+    expression: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Observable(Node):
+    """`observable "name" = expression;`; name None for a name in `observables … endobservables`."""
+
+    name: str | None
     expression: Expression
 
 
@@ -218,6 +227,7 @@ class Program(Node):
     initial: Expression | None = None
     system: Composition | None = None
     players: tuple[Player, ...] = ()
+    observables: tuple[Observable, ...] = ()
 
     def __repr__(self) -> str:
         """One line, as the nodes fill pages; `symcheck.pretty` gives the text."""

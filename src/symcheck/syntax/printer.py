@@ -288,6 +288,7 @@ def _program(program: decl.Program) -> str:
         *([_module(m)] for m in program.modules),
         map(_player, program.players),
         map(_label, program.labels),
+        map(_observable, program.observables),
         *([_rewards(r)] for r in program.rewards),
         [] if initial is None else [f"init\n  {_tree(initial)}\nendinit"],
         [] if system is None else [f"system\n  {_tree(system, _PARALLEL)}\nendsystem"],
@@ -312,6 +313,13 @@ def _constant(constant: decl.Constant) -> str:
 
 def _formula(formula: decl.Formula) -> str:
     return f"formula {formula.name} = {_tree(formula.expression)};"
+
+
+def _observable(observable: decl.Observable) -> str:
+    text = _tree(observable.expression)
+    if observable.name is None:
+        return f"observables {text} endobservables"
+    return f'observable "{observable.name}" = {text};'
 
 
 def _label(label: decl.Label) -> str:

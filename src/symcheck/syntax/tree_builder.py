@@ -402,6 +402,10 @@ class ModelBuilder(Builder):
             self._single([v[1:] for v in tagged if v[0] == "init"], "init … endinit"),
             self._single([v[1:] for v in tagged if v[0] == "system"], "system … endsystem"),
             _of_kind(decl.Player, values),
+            (
+                *(o for v in tagged if v[0] == "observables" for o in v[1]),
+                *_of_kind(decl.Observable, values),
+            ),
             span=Span(self.source, 0, len(self.source.text)),
         )
 
@@ -411,6 +415,17 @@ class ModelBuilder(Builder):
                 continue  # the same one, in a part of a broken text that was read twice
             self._wrong(f"a second {what}", span, "repeated", f"a model has one {what} at most")
         return items[0][0] if items else None
+
+    def observables(self, values: Values) -> tuple[str, tuple[decl.Observable, ...], Span]:
+        names = [v for v in values[1:-1:2] if v is not None]
+        spans = [self._span([name]) for name in names]
+        nodes = (
+            decl.Observable(None, ast.Name(name.value, span=span), span=span)
+            for name, span in zip(names, spans, strict=True)
+        )
+        return "observables", tuple(nodes), self._words(values)
+
+    observable = _node(decl.Observable, 1, 3)
 
     def initial(self, values: Values) -> tuple[str, Expression, Span]:
         return "init", self.measure(values[1]), self._words(values)
@@ -772,7 +787,7 @@ _MODEL_TYPES = {"probabilistic": "dtmc", "stochastic": "ctmc", "nondeterministic
 }
 _UNARY_PATHS = {kind.symbol: kind for kind in (ast.Next, ast.Eventually, ast.Globally)}
 _BINARY_PATHS = {kind.symbol: kind for kind in (ast.Until, ast.WeakUntil, ast.Release)}
-_DECLARATIONS = frozenset({decl.Formula, decl.Label, decl.RewardItem})
+_DECLARATIONS = frozenset({decl.Formula, decl.Label, decl.Observable, decl.RewardItem})
 """The nodes whose expressions are complete, so that their depth is measured."""
 
 

@@ -183,7 +183,9 @@ class _Functions:
         found = []
         for row in distinct.tolist():
             pairs = zip(read, row, strict=True)
-            values: dict[str, Value] = {k: bool(v) if kinds[k] is Type.BOOL else v for k, v in pairs}
+            values: dict[str, Value] = {
+                k: bool(v) if kinds[k] is Type.BOOL else v for k, v in pairs
+            }
             found.append(self.number(self.function(expression, values)))
         return np.array(found, np.int64)[inverse.reshape(-1)]
 
@@ -343,7 +345,10 @@ class _Rows:
         if self.bound.type.chooses_uniformly:
             count = np.bincount(owner, minlength=self.n)[owner]
             share = np.array(
-                [functions.number(self.field.constant(Fraction(1, c or 1))) for c in range(count.max(initial=0) + 1)]
+                [
+                    functions.number(self.field.constant(Fraction(1, c or 1)))
+                    for c in range(count.max(initial=0) + 1)
+                ]
             )[count]
             weight = functions.product(share[choice_of], weight)
             earned = [functions.product(share, e) for e in earned]

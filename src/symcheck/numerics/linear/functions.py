@@ -32,10 +32,7 @@ def least_functions(matrix: SparseMatrix, constant: Sequence[RationalFunction]) 
     rows = np.unique(block, return_index=True)[1]
     merged, starts = _merged(matrix, weights, block, table)
     quotient: list[Row[RationalFunction]] = [
-        {
-            int(merged[0, i]): table.functions[merged[1, i]]
-            for i in range(starts[r], starts[r + 1])
-        }
+        {int(merged[0, i]): table.functions[merged[1, i]] for i in range(starts[r], starts[r + 1])}
         for r in rows.tolist()
     ]
     x = least_solution(quotient, [constant[r] for r in rows.tolist()])
@@ -72,9 +69,7 @@ class _Distinct:
         return self._sums[key]
 
 
-def _blocks(
-    matrix: SparseMatrix, weights: Int64s, constants: Int64s, table: _Distinct
-) -> Int64s:
+def _blocks(matrix: SparseMatrix, weights: Int64s, constants: Int64s, table: _Distinct) -> Int64s:
     """Blocks of states that satisfy the same equations; each state alone where that is not so."""
     alone = np.arange(matrix.rows)
     if matrix.rows <= _FEW:

@@ -95,9 +95,7 @@ def solve_chain(matrix: SparseMatrix, constant: Numbers) -> Rationals:
 def fractions(values: Sequence[Number]) -> Rationals:
     """Numbers as a vector of Fractions."""
     return rationals(
-        v
-        if isinstance(v, RationalFunction)
-        else Fraction(int(v.numerator), int(v.denominator))
+        v if isinstance(v, RationalFunction) else Fraction(int(v.numerator), int(v.denominator))
         for v in values
     )
 
@@ -173,7 +171,9 @@ def _eliminate_and_lift(rows: list[Row[F]], right: list[F]) -> list[F]:
         if current > cost:
             heapq.heappush(queue, (current, k))
             continue
-        if cost > CHEAP_PIVOT and not any(isinstance(a, RationalFunction) for a in rows[k].values()):
+        if cost > CHEAP_PIVOT and not any(
+            isinstance(a, RationalFunction) for a in rows[k].values()
+        ):
             break
         remaining.discard(k)
         eliminated.append(k)

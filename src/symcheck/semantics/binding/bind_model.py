@@ -105,7 +105,9 @@ def bind(
     require_type(kind)
     check_players(checked, kind)
     report.raise_all()
-    bound = _Builder(checked, constants or {}).build(kind, not exact if divides is None else divides)
+    bound = _Builder(checked, constants or {}).build(
+        kind, not exact if divides is None else divides
+    )
     if not parameters:
         return bound
     if bound.weights is not Weights.NUMBERS:
@@ -141,6 +143,12 @@ class _Builder:
         )
         weights = self._weights(modules, kind)
         labels = {x.name: root.expand(x.expression) for x in self.program.labels}
+        observables = tuple(root.expand(x.expression) for x in self.program.observables)
+        labels |= {
+            x.name: seen
+            for x, seen in zip(self.program.observables, observables, strict=True)
+            if x.name is not None and root.typer().state(seen) is Type.BOOL
+        }
         rewards = tuple(self._rewards(r) for r in self.program.rewards)
         initial = None if self.program.initial is None else root.expand(self.program.initial)
         if initial is not None:
@@ -174,6 +182,7 @@ class _Builder:
             warnings=warnings,
             sums_divided=bool(warnings),
             unchecked_sums=unchecked,
+            observables=observables,
             definitions={name: self.table.expression(name) for name in constants},
             weights=weights,
         )

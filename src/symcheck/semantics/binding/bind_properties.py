@@ -123,7 +123,11 @@ def needed_constants(program: Program, file: PropertiesFile) -> tuple[tuple[str,
     table = SymbolTable(report, exact=False)
     table.add(program.constants, program.formulas)
     table.add(file.constants, file.formulas)
-    texts = PropertyReferences(table, file, {x.name: x.expression for x in program.labels})
+    texts = PropertyReferences(
+        table,
+        file,
+        {x.name: x.expression for x in (*program.labels, *program.observables) if x.name},
+    )
     return tuple(texts.undefined(p.formula, program.constants) for p in file.properties)
 
 

@@ -22,6 +22,7 @@ from symcheck.syntax.declarations import (
     Hiding,
     Label,
     ModuleReference,
+    Observable,
     Program,
     Renaming,
     Synchronised,
@@ -126,6 +127,9 @@ def _check(checked: CheckedProgram) -> None:
     for label in program.labels:
         check_label(checked.table, label, taken)
         typer.boolean(label.expression, f'label "{label.name}"')
+    for observable in program.observables:
+        check_label(checked.table, observable, taken)
+        typer.state(observable.expression)
     if program.initial is not None:
         typer.boolean(program.initial, "the condition on initial states")
     _check_system(checked)
@@ -191,8 +195,10 @@ def check_assignable(
     )
 
 
-def check_label(table: SymbolTable, label: Label, taken: set[str]) -> None:
+def check_label(table: SymbolTable, label: Label | Observable, taken: set[str]) -> None:
     """Check that the name of a label is not taken or reserved, and add it to those taken."""
+    if label.name is None:
+        return
     name, report = label.name, table.report
     if name in RESERVED_LABELS:
         message = f'label "{name}" is predefined and cannot be redefined'
