@@ -64,10 +64,30 @@ class Feature(Enum):
 _ALL = frozenset(Feature)
 _NONE: frozenset[Feature] = frozenset()
 
+_MARKOV_AUTOMATON = frozenset(
+    (
+        Feature.ROWS,
+        Feature.RATIONALS,
+        Feature.REACHABILITY,
+        Feature.BOUNDED_REACHABILITY,
+        Feature.LTL,
+        Feature.CONDITIONAL,
+        Feature.LONG_RUN,
+        Feature.REACH_REWARDS,
+        Feature.TOTAL_REWARDS,
+        Feature.CUMULATIVE_REWARDS,
+        Feature.INSTANTANEOUS_REWARDS,
+        Feature.REWARD_BOUNDS,
+        Feature.MULTI_OBJECTIVE,
+        Feature.SOME_OR_ALL_PATHS,
+    )
+)
+
 _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
     ModelType.DTMC: _ALL,
     ModelType.CTMC: _ALL,
     ModelType.MDP: _ALL,
+    ModelType.MA: _MARKOV_AUTOMATON,
 }
 """Per type what it offers; nothing where it has no row."""
 

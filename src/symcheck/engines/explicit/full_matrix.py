@@ -20,7 +20,7 @@ from symcheck.engines.linear_system import (
 )
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers
-from symcheck.matrices.rows import Bools, per_row
+from symcheck.matrices.rows import Bools
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.problem import Observer
 from symcheck.numerics.settings import Settings
@@ -70,7 +70,7 @@ class FullMatrix:
         if isinstance(query, ExpectedReward):
             states, rows = self.engine.rewards(query.reward)
             require_normal_rewards(states, rows)
-            constant, outside = per_row(matrix.groups, states) + rows, []
+            constant, outside = self.engine.system(self.engine.all).of_stay(states) + rows, []
             if system.continuous_time and may_underflow(
                 constant, 1.0 / (matrix.longest * self.engine.entry_range[1])
             ):

@@ -49,7 +49,6 @@ _TYPES = {
     kind.value: kind for kind in ModelType if kind.players < 2 and not kind.partially_observed
 } | {"lts": WITHOUT_KEYWORD}
 _OTHER_TYPES = {
-    "ma": "Markov automata",
     "ctmdp": "continuous-time Markov decision processes",
     "ta": "timed automata",
     "pta": "probabilistic timed automata",
@@ -265,7 +264,7 @@ def read_network(root: Json) -> Network:
     kind = root["type"]
     if kind.text in _OTHER_TYPES:
         raise kind.unsupported(
-            f"{_OTHER_TYPES[kind.text]} are not supported: models are DTMCs, CTMCs and MDPs"
+            f"{_OTHER_TYPES[kind.text]} are not supported: models are DTMCs, CTMCs, MDPs and MAs"
         )
     if kind.text not in _TYPES:
         raise kind.fault(f"'{kind.text}' is no model type", f"the types are {', '.join(_TYPES)}")
@@ -589,7 +588,7 @@ class _NetworkReader:
         """The edge that does nothing where no edge has the action."""
         guards = [e.guard for e in edges if e.action == action.text]
         guard = negation(_any(guards)) if guards else TRUE
-        rate = ONE if self.kind.continuous_time else None
+        rate = None if self.kind.has_probabilities else ONE
         return [Edge(action.text, guard, rate, (Branch(None, (), node.span),), node)]
 
 
