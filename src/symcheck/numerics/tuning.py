@@ -321,6 +321,9 @@ BIAS_ROOM = 1e-10
 BIAS_POLICIES = 100
 """The most policies whose bias is computed for a certificate."""
 
+MEAN_PAYOFF_SECANTS = 60
+"""Secants that approach a long-run average per unit of time; a few suffice."""
+
 TIMED_JUMPS = 16.0
 """Mean number of jumps of an interval, at least; more make intervals fewer, but each longer."""
 

@@ -67,6 +67,7 @@ _NONE: frozenset[Feature] = frozenset()
 _MARKOV_AUTOMATON = frozenset(
     (
         Feature.ROWS,
+        Feature.DIAGRAMS,
         Feature.RATIONALS,
         Feature.REACHABILITY,
         Feature.BOUNDED_REACHABILITY,
