@@ -79,7 +79,7 @@ class TimedProblem:
         It may be left, or not, which earns `instant`. Also returns the state of each state.
         """
         m = self.matrix
-        parts = graph.maximal_end_components(m, self.instants)
+        parts = graph.maximal_end_components(m, self.instants, self.leave == 0.0)
         state, count = parts.quotient_states()
         if not parts.count:
             return self, state
