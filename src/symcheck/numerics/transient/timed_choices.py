@@ -248,11 +248,13 @@ def timed_values(
         low, high = lower[wanted], upper[wanted]
         width = largest_width(low, np.maximum(low, high - 1e-299), settings.relative)
         work = jumps * max(problem.matrix.entries, 1)
-        if width <= settings.epsilon or work > tuning.TIMED_WORK or width > 0.5 * before:
+        least = float(high[high > 1e-290].min(initial=1.0)) if settings.relative else 1.0
+        finer = min(tolerance, 0.5 * settings.epsilon * least)
+        stuck = width > 0.5 * before and finer > 0.5 * tolerance
+        if width <= settings.epsilon or work > tuning.TIMED_WORK or stuck:
             break
-        before, target = width, settings.epsilon / width
-        tolerance *= 0.5 * target
-        allowed *= max(min(0.25, target**1.5), 1e-4)
+        before, tolerance = width, finer
+        allowed *= max(min(0.25, (settings.epsilon / width) ** 1.5), 1e-4)
     text = f"{intervals:,} intervals of {total:.6g} jumps"
     return Transient(lower[state], upper[state], jumps, text)
 
