@@ -85,7 +85,8 @@ def wrong(result: symcheck.Result, truth: object) -> str | None:
         if low > upper + 1e-9 or high < lower - 1e-9:
             return "outside of the enclosure"
         middle, width = 0.5 * (lower + upper), upper - lower
-        if abs(0.5 * (low + high) - middle) > 0.3 * width + 1e-6:
+        exact = isinstance(result.accuracy, Exact)
+        if not exact and abs(0.5 * (low + high) - middle) > 0.3 * width + 1e-6:
             return "far from the middle of the enclosure"
     elif truth == inf or high == inf:
         return None if low == high == truth else "not infinite, or wrongly so"

@@ -81,6 +81,9 @@ _MARKOV_AUTOMATON = frozenset(
         Feature.REWARD_BOUNDS,
         Feature.MULTI_OBJECTIVE,
         Feature.SOME_OR_ALL_PATHS,
+        Feature.SYMMETRY,
+        Feature.EXPLICIT_FILES,
+        Feature.STRATEGIES,
     )
 )
 
