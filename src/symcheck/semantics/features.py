@@ -84,6 +84,7 @@ _MARKOV_AUTOMATON = frozenset(
         Feature.SYMMETRY,
         Feature.EXPLICIT_FILES,
         Feature.STRATEGIES,
+        Feature.STEPPING,
     )
 )
 
