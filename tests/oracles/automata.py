@@ -61,9 +61,7 @@ class Automaton:
     @property
     def is_zeno(self) -> bool:
         """Whether some strategy goes round for ever in no time, from a state that 0 may reach."""
-        every = [
-            {t: Fraction(1) for row in rows for t in row} for rows in self.processes
-        ]
+        every = [{t: Fraction(1) for row in rows for t in row} for rows in self.processes]
         found = chains.reachable(every, 0) | {0}
         for chain in map(self._chain, decisions.strategies(self.processes)):
             if any(
@@ -212,9 +210,7 @@ def draw(seed: str) -> Drawn:
     rng.shuffle(lines)
     body = "\n".join(lines)
     items = [f"  x={s} : {v};" for s, v in enumerate(per_time)]
-    items += [
-        f"  [a{i}] x={s} : {v};" for s, row in enumerate(rewards) for i, v in enumerate(row)
-    ]
+    items += [f"  [a{i}] x={s} : {v};" for s, row in enumerate(rewards) for i, v in enumerate(row)]
     text = f"ma\nmodule m\n  x : [0..{n - 1}];\n{body}\nendmodule\nrewards\n" + "\n".join(items)
     return Drawn(Automaton(rates, choices, per_time, rewards), f"{text}\nendrewards\n")
 

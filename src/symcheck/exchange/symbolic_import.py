@@ -95,7 +95,9 @@ def symbolic_engine(
         part = manager.mtbdd_from_rows(encoding.bits, pairs[chosen], matrix.data[chosen])
         classes.append(ChoiceClass(part, among(owner[number == j])))
     actions = {
-        (j, (*model.actions, None)[max(a, -1)]): among(owner[(number == j) & (explored.choice_actions == a)])
+        (j, (*model.actions, None)[max(a, -1)]): among(
+            owner[(number == j) & (explored.choice_actions == a)]
+        )
         for j, a in set(zip(number.tolist(), explored.choice_actions.tolist(), strict=True))
     }
 

@@ -89,8 +89,8 @@ def solved_averages(
 def _solved_averages(
     context: Context, system: System, rewards: Numbers, direction: Direction
 ) -> Averages:
-    from symcheck.numerics.linear.methods import solve_linear
     from symcheck.check.measures.markov_automata import refuse_zeno
+    from symcheck.numerics.linear.methods import solve_linear
     from symcheck.numerics.long_run.mean_payoff import component_gains, mec_quotient, ratio_gains
 
     if is_infinite(rewards).any():

@@ -141,9 +141,7 @@ def instantaneous_reward(
     refuse_zeno(context, system, "rewards at a time")
     greatest = float(states.max(initial=0))
     nothing = np.zeros(system.rows)
-    return _lifted(
-        context, system, float(time), nothing, (states, states), [], greatest=greatest
-    )
+    return _lifted(context, system, float(time), nothing, (states, states), [], greatest=greatest)
 
 
 def refuse_zeno(context: Context, system: System, what: str) -> None:
@@ -212,9 +210,7 @@ def _within(
     system = engine.system(path.left - at_once - never, direction)
     entered = system.one_step_probability(goal)
     terminal = system.full(0) + end
-    return _lifted(
-        context, system, time, entered, (terminal, terminal), [(goal, 1.0)], instant=end
-    )
+    return _lifted(context, system, time, entered, (terminal, terminal), [(goal, 1.0)], instant=end)
 
 
 def _lifted(
@@ -252,9 +248,7 @@ def _lifted(
     if context.relevant_states is not None:
         interest = np.flatnonzero(system.restrict(context.relevant_states))
     found = timed_values(problem, time, context.options, interest, context.observer)
-    run = SolverRun(
-        "transient", "uniformisation", system.n, found.iterations, found.explanation
-    )
+    run = SolverRun("transient", "uniformisation", system.n, found.iterations, found.explanation)
     context.log.runs.append(run)
     lower, upper = found.lower * (1.0 - _ROUNDED), found.upper * (1.0 + _ROUNDED)
     lower, upper = np.minimum(lower, greatest), np.minimum(upper, greatest)

@@ -174,9 +174,11 @@ def ratio_gains(
 
     Args:
         matrix: the MDP.
-        rewards, times: what each row earns and takes, float64[rows] or rationals. Each end
-            component takes time.
-        direction, settings, observer: as in `component_gains`.
+        rewards: what each row earns, float64[rows] or rationals.
+        times: what it takes, alike. Each end component takes time.
+        direction: maximise or minimise the average.
+        settings: the accuracy.
+        observer: receives the progress.
 
     Returns:
         Certified bounds.
@@ -200,9 +202,7 @@ def ratio_gains(
             matrix,
             np.where(parts.rows, gained, 0),
             Direction.MAX,
-            Accuracy(
-                epsilon=epsilon, relative=False, max_iterations=settings.max_iterations
-            ),
+            Accuracy(epsilon=epsilon, relative=False, max_iterations=settings.max_iterations),
             observer,
         )
         error = full(parts.count, 0, rational=exact)

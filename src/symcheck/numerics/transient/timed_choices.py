@@ -235,7 +235,10 @@ def timed_values(
     total = rate * time
     tolerance = 0.5 * settings.epsilon
     allowed, jumps, before = 0.2 * tolerance, 0, np.inf
-    if not np.isfinite(problem.greatest) and (graph.sccs(problem.matrix, problem.instants).sizes > 1).any():
+    if (
+        not np.isfinite(problem.greatest)
+        and (graph.sccs(problem.matrix, problem.instants).sizes > 1).any()
+    ):
         raise UnsupportedError(
             "rewards up to a time are not supported where choices that take no time form a cycle"
         )
@@ -274,7 +277,10 @@ def _swept(
         low, high = run.interval(lower, upper, length, least)
         low, high = run.resolved(low, 0.0), run.resolved(high, min(problem.greatest, 1e300))
         apart = float((high - low).max(initial=0.0))
-        if apart - gap > max(allowed, 1e-15 * float(high.max())) and length > tuning.TIMED_LEAST_JUMPS:
+        if (
+            apart - gap > max(allowed, 1e-15 * float(high.max()))
+            and length > tuning.TIMED_LEAST_JUMPS
+        ):
             length *= min(0.7, max(0.1, 0.8 * (allowed / (apart - gap)) ** 0.5))
             continue
         lower, upper = low, high

@@ -132,9 +132,7 @@ def _raise_fault(space: StateSpace, faulty: Bdd, on_states: bool) -> None:
         )
 
 
-def _action_weight(
-    space: StateSpace, events: Sequence[EncodedEvent], action: str | None
-) -> Mtbdd:
+def _action_weight(space: StateSpace, events: Sequence[EncodedEvent], action: str | None) -> Mtbdd:
     """Sum of the probabilities (rates) of all transitions of an action, before division by the
     number of choices.
     """

@@ -121,9 +121,7 @@ class ExpressionReader:
             length, name = self.read(node["length"]), node["var"].text
             known = length.value if isinstance(length, Literal) else None
             numbers = range(int(known) if isinstance(known, int) else MOST_CELLS)
-            cells = (
-                self.with_name(name, Literal(i, Type.INT)).read(node["exp"]) for i in numbers
-            )
+            cells = (self.with_name(name, Literal(i, Type.INT)).read(node["exp"]) for i in numbers)
             return Cells(tuple(cells), None if isinstance(known, int) else length)
         raise node.unsupported("an array is a name, a list (av) or a comprehension (ac)")
 

@@ -82,7 +82,7 @@ class Json:
         return () if member is None else member.items
 
     def nodes(self) -> Iterator[Json]:
-        """This value and all values within it."""
+        """The value and all values within it."""
         yield self
         parts = self.value if isinstance(self.value, list) else ()
         for part in self.members.values() if isinstance(self.value, Mapping) else parts:

@@ -666,9 +666,7 @@ class _NetworkReader:
             result += [RawAssignment(at, name, value, node.span) for name, value in cells.items()]
         return result
 
-    def _assigned_cells(
-        self, node: Json, reader: ExpressionReader
-    ) -> dict[str, Expression] | None:
+    def _assigned_cells(self, node: Json, reader: ExpressionReader) -> dict[str, Expression] | None:
         """What an assignment to an array, or to one of its cells, gives to each cell; None: it is
         to another variable.
         """
