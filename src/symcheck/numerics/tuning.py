@@ -321,6 +321,11 @@ BIAS_ROOM = 1e-10
 BIAS_POLICIES = 100
 """The most policies whose bias is computed for a certificate."""
 
+GAIN_RATE = 1.05
+"""Of the greatest exit rate: the rate of jumps, some of which change nothing (no periods)."""
+GAIN_JUMPS = (8, 16, 32, 64, 128, *[256] * 64)
+"""Jumps between two looks at the bounds of a long-run average; then other methods follow."""
+
 MEAN_PAYOFF_SECANTS = 60
 """Secants that approach a long-run average per unit of time; a few suffice."""
 

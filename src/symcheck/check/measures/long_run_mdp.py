@@ -91,7 +91,8 @@ def _solved_averages(
 ) -> Averages:
     from symcheck.check.measures.markov_automata import refuse_zeno
     from symcheck.numerics.linear.methods import solve_linear
-    from symcheck.numerics.long_run.mean_payoff import component_gains, mec_quotient, ratio_gains
+    from symcheck.numerics.long_run.mean_payoff import component_gains, mec_quotient
+    from symcheck.numerics.long_run.timed_gains import timed_gains
 
     if is_infinite(rewards).any():
         raise UnsupportedError("long-run averages of infinite rewards are not supported")
@@ -102,12 +103,12 @@ def _solved_averages(
         if rewards.min(initial=0.0) < 0
         else options
     )
-    times = _times(system)
-    if times is None:
+    rates = system.exit_rates
+    if rates is None:
         gains = component_gains(system.matrix, rewards, direction, finer, observer)
     else:
         refuse_zeno(context, system, "long-run averages")
-        gains = ratio_gains(system.matrix, rewards, times, direction, finer, observer)
+        gains = timed_gains(system.matrix, rewards, rates, direction, finer, observer)
     # Averages that may be negative are shifted up: every strategy stays in some end component with
     # probability 1, so the values are shifted by the same amount. Rational equations may have
     # negative constants.

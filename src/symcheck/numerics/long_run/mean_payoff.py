@@ -39,7 +39,7 @@ from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
 from symcheck.numerics.linear.rational import solve_chain
 from symcheck.numerics.settings import Accuracy, Settings
 
-__all__ = ["Gain", "Gains", "component_gains", "gain_policy", "mec_quotient", "ratio_gains"]
+__all__ = ["Gain", "Gains", "component_gains", "gain_policy", "larger_components", "mec_quotient", "ratio_gains"]
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ def component_gains(
         best = full(parts.count, -np.inf, rational=matrix.is_rational)
         np.maximum.at(best, parts.of[owner[parts.rows]], sign * rewards[parts.rows])
         lower[singleton] = upper[singleton] = best[singleton]
-    for c, part in _larger_components(matrix, sign * rewards, parts, sizes, owner):
+    for c, part in larger_components(matrix, sign * rewards, parts, sizes, owner):
         gain = _gain(part, settings, observer)
         lower[c], upper[c] = gain.lower, gain.upper
         iterations += gain.iterations
@@ -239,7 +239,7 @@ def ratio_gains(
     return Gains(parts, lower, upper, iterations, longest.largest)
 
 
-def _larger_components(
+def larger_components(
     matrix: SparseMatrix, rewards: Numbers, parts: graph.EndComponents, sizes: Int64s, owner: Int32s
 ) -> Iterator[tuple[int, _EndComponent]]:
     """The components of more than one state, with their numbers."""
@@ -282,7 +282,7 @@ def gain_policy(
     inside = np.flatnonzero(parts.rows & (sizes[parts.of[owner]] == 1))
     order = inside[np.argsort(signed[inside], kind="stable")]
     policy[owner[order]] = order  # the greatest reward is the last
-    for c, part in _larger_components(matrix, signed, parts, sizes, owner):
+    for c, part in larger_components(matrix, signed, parts, sizes, owner):
         gain = sign * gains.lower[c], sign * gains.upper[c]
         policy[part.states] = part.rows_of[_best_policy(part, min(gain), max(gain), settings)]
     return policy

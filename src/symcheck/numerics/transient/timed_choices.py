@@ -33,7 +33,7 @@ from symcheck.numerics.transient.horizon import Transient
 from symcheck.numerics.transient.poisson import poisson
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 
-__all__ = ["TimedProblem", "timed_values"]
+__all__ = ["TimedProblem", "TimedSteps", "timed_values"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ class TimedProblem:
 
 
 @dataclass(eq=False)
-class _Run:
+class TimedSteps:
     """The steps of a problem, and how many were made."""
 
     problem: TimedProblem
@@ -125,6 +125,7 @@ class _Run:
         parts = graph.sccs(p.matrix, instants)
         rates = p.exit_rates[p.groups[:-1]]
         self.depth = self._depth(parts)
+        self.has_cycles = bool((parts.sizes > 1).any())
         self.most = (self.depth + 1) * float(p.constant.max(initial=0.0))
         self.policy = np.zeros(p.matrix.states, np.int64)
         self.steps = TimedChoices(
@@ -168,6 +169,25 @@ class _Run:
         self.steps.resolve(x, maximise, self.policy, start)
         return x
 
+    def jumped(self, x: Floats, count: int) -> Floats:
+        """The values before a number of jumps, from those after them."""
+        masses, total = np.zeros(count + 1), np.zeros(len(x))
+        masses[-1] = 1.0
+        maximise, average = self.problem.direction is Direction.MAX, np.zeros(len(x))
+        self.steps.advance(
+            x.copy(),
+            masses,
+            np.zeros(count + 1),
+            1.0,
+            maximise,
+            self.policy,
+            False,
+            0.0,
+            total,
+            average,
+        )
+        return total
+
     def interval(
         self, lower: Floats, upper: Floats, jumps: float, least: float
     ) -> tuple[Floats, Floats]:
@@ -181,7 +201,7 @@ class _Run:
         rate = max(jumps, tuning.TIMED_JUMPS)
         weights = poisson(rate, least)
         masses, tails = weights.masses(), weights.tails()
-        whole = [sequence.between(0, masses.end) for sequence in (masses, tails)]
+        mass, tail = (sequence.between(0, masses.end) for sequence in (masses, tails))
         maximise = self.problem.direction is Direction.MAX
         low, high = 0.0, self.problem.greatest
         better, worse = ((upper, high), (lower, low)) if maximise else ((lower, low), (upper, high))
@@ -190,13 +210,13 @@ class _Run:
         bound, start = better
         last = bound.copy()
         share = jumps / rate
-        self.steps.advance(last, *whole, share, maximise, self.policy, False, start, best, average)
-        self.resolved(average / max(float(whole[1].sum()), 1e-300), low)
+        self.steps.advance(last, mass, tail, share, maximise, self.policy, False, start, best, average)
+        self.resolved(average / max(float(tail.sum()), 1e-300), low)
         kept = np.zeros(len(lower))
         bound, start = worse
         other = bound.copy()
-        self.steps.advance(other, *whole, share, maximise, self.policy, True, start, kept, none)
-        self.jumps += 2 * len(whole[0])
+        self.steps.advance(other, mass, tail, share, maximise, self.policy, True, start, kept, none)
+        self.jumps += 2 * len(mass)
         lower, upper = (kept, best) if maximise else (best, kept)
         self.weight_error += weights.error
         # Of later jumps, each earns `most` at most, and is less likely than the one before.
@@ -243,7 +263,7 @@ def timed_values(
             "rewards up to a time are not supported where choices that take no time form a cycle"
         )
     while True:
-        run = _Run(problem, rate)
+        run = TimedSteps(problem, rate)
         lower, upper, intervals = _swept(run, total, allowed, tolerance, observer)
         jumps += run.jumps
         lower = lower * (1.0 - run.error)
@@ -263,7 +283,7 @@ def timed_values(
 
 
 def _swept(
-    run: _Run, total: float, allowed: float, tolerance: float, observer: Observer | None
+    run: TimedSteps, total: float, allowed: float, tolerance: float, observer: Observer | None
 ) -> tuple[Floats, Floats, int]:
     """The bounds at time 0, interval by interval; each may move them by `allowed` apart."""
     problem = run.problem
