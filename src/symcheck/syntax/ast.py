@@ -30,8 +30,10 @@ __all__ = [
     "Conditional",
     "ConditionalProbability",
     "CostBoundedReward",
+    "Coalition",
     "CumulativeReward",
     "DiscountedReward",
+    "EndedReward",
     "Eventually",
     "ExpectedTime",
     "Expression",
@@ -317,11 +319,23 @@ class StateOperator(ExpressionNode):
 
 
 @dataclass(frozen=True, slots=True)
+class Coalition:
+    """`<<players>>`: they have a strategy. `[[players]]` (`against`): others have one against them.
+
+    players: their names or numbers; None: all, `*`.
+    """
+
+    players: tuple[str, ...] | None
+    against: bool
+    span: Span = field(default=NO_SPAN, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
 class Measure(StateOperator):
     """An operator that computes a value, or compares it with a bound; in an MDP with a direction.
 
     letter: how the operator is written. is_probability: whether its values are from 0 to 1.
-    bound None: a query, `=?`.
+    bound None: a query, `=?`. coalition: the players who choose in the direction; None: all.
     """
 
     letter: ClassVar[str]
@@ -329,6 +343,7 @@ class Measure(StateOperator):
 
     direction: str | None
     bound: Bound | None
+    coalition: Coalition | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -619,6 +634,14 @@ class DiscountedReward(RewardQueryNode):
 
 
 @dataclass(frozen=True, slots=True)
+class EndedReward(RewardQueryNode):
+    """`Fc target` (`kept`) and `F0 target`: a run that misses the target keeps its reward or not."""
+
+    kept: bool
+    target: Expression
+
+
+@dataclass(frozen=True, slots=True)
 class InstantaneousReward(RewardQueryNode):
     """`I=k`."""
 
@@ -667,6 +690,7 @@ RewardQuery = (
     | CostBoundedReward
     | TotalReward
     | DiscountedReward
+    | EndedReward
     | InstantaneousReward
     | SteadyStateReward
     | PathFormula
