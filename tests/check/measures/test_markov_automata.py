@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from fractions import Fraction
+from itertools import pairwise
 from math import exp
 from pathlib import Path
 
@@ -211,7 +212,7 @@ def test_a_strategy_chooses_where_no_time_passes():
 
 def test_time_passes_in_markovian_states_of_a_random_path():
     path = list(symcheck.loads(WORKER).simulate(40, seed=1))
-    for before, after in zip(path, path[1:], strict=False):
+    for before, after in pairwise(path):
         assert (after.time > before.time) == (before.state[0] in (1, 2, 3, 5, 6))
 
 

@@ -63,8 +63,8 @@ def next_probability(
     until = 1.0 if upper is None else -np.expm1(-rates * (upper - lower))
     in_time = np.where(timed, np.exp(-rates * lower) * until, float(lower == 0))
     within = best(value * in_time, system, direction)
-    found = enclosed([within], lambda: best(value * (in_time > 0), system, direction))
-    return lift_bounds(context, system, found, 0.5 * ROUNDING, explanation="one step")
+    bounds = enclosed([within], lambda: best(value * (in_time > 0), system, direction))
+    return lift_bounds(context, system, bounds, 0.5 * ROUNDING, explanation="one step")
 
 
 def bounded_until(
@@ -95,7 +95,14 @@ def bounded_until(
     low, high = later.at(left)
     lost = outside * system.one_step_probability(~path.left)
     return _lifted(
-        context, system, lower, lost, (low, high), [(~path.left, outside)], instant=outside
+        context,
+        system,
+        direction,
+        lower,
+        lost,
+        (low, high),
+        [(~path.left, outside)],
+        instant=outside,
     )
 
 
@@ -127,7 +134,7 @@ def cumulative_reward(
     refuse_zeno(context, system, "rewards up to a time")
     nothing = system.full(0)
     return _lifted(
-        context, system, time, rewards, (nothing, nothing), [], greatest=np.inf, entries=rewards
+        context, system, direction, time, rewards, (nothing, nothing), [], greatest=np.inf
     )
 
 
@@ -141,7 +148,9 @@ def instantaneous_reward(
     refuse_zeno(context, system, "rewards at a time")
     greatest = float(states.max(initial=0))
     nothing = np.zeros(system.rows)
-    return _lifted(context, system, float(time), nothing, (states, states), [], greatest=greatest)
+    return _lifted(
+        context, system, direction, float(time), nothing, (states, states), [], greatest=greatest
+    )
 
 
 def refuse_zeno(context: Context, system: System, what: str) -> None:
@@ -210,12 +219,15 @@ def _within(
     system = engine.system(path.left - at_once - never, direction)
     entered = system.one_step_probability(goal)
     terminal = system.full(0) + end
-    return _lifted(context, system, time, entered, (terminal, terminal), [(goal, 1.0)], instant=end)
+    return _lifted(
+        context, system, direction, time, entered, (terminal, terminal), [(goal, 1.0)], instant=end
+    )
 
 
 def _lifted(
     context: Context,
     system: System,
+    direction: Direction | None,
     time: float,
     constant: Floats,
     terminal: tuple[Floats, Floats],
@@ -223,7 +235,6 @@ def _lifted(
     *,
     instant: float = 0.0,
     greatest: float = 1.0,
-    entries: Floats | None = None,
 ) -> Values:
     """The solution over the states of a system, with constants on other sets; see
     `TimedProblem`. A last choice that takes no time may be made at the end.
@@ -231,16 +242,16 @@ def _lifted(
     from symcheck.numerics.transient.timed_choices import TimedProblem, timed_values
 
     _refuse_rationals(context)
+    assert direction is not None
     if not system.states:
         return system.lift(system.full(0), None, rest)
-    assert system.direction is not None
     problem = TimedProblem(
         system.matrix,
         _exit_rates(system),
         constant,
         system.one_step_probability(~system.states),
         *terminal,
-        system.direction,
+        direction,
         instant,
         greatest,
     )

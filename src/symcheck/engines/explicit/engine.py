@@ -358,7 +358,7 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
         """The rows whose weights are rates, in a Markov automaton."""
         if not self.engine.model.type.immediate_choices:
             return None
-        timed = self.engine.row_actions() == RACE
+        timed: Bools = self.engine.row_actions() == RACE
         return timed if self._whole else timed[self.engine.weights.rows_of(self.states.members)]
 
     @property

@@ -14,6 +14,7 @@ from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.base import ExplicitOwner, Numeric
 from symcheck.engines.linear_system import (
     ExpectedReward,
+    LinearSystem,
     Query,
     require_normal_rewards,
     solved_values,
@@ -72,7 +73,9 @@ class FullMatrix:
         if isinstance(query, ExpectedReward):
             states, rows = self.engine.rewards(query.reward)
             require_normal_rewards(states, rows)
-            constant, outside = self.engine.system(self.engine.all).of_stay(states) + rows, []
+            whole = self.engine.system(self.engine.all)
+            assert isinstance(whole, LinearSystem)
+            constant, outside = whole.of_stay(states) + rows, []
             if system.continuous_time and may_underflow(
                 constant, 1.0 / (matrix.longest * self.engine.entry_range[1])
             ):

@@ -39,7 +39,15 @@ from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
 from symcheck.numerics.linear.rational import solve_chain
 from symcheck.numerics.settings import Accuracy, Settings
 
-__all__ = ["Gain", "Gains", "component_gains", "gain_policy", "larger_components", "mec_quotient", "ratio_gains"]
+__all__ = [
+    "Gain",
+    "Gains",
+    "component_gains",
+    "gain_policy",
+    "larger_components",
+    "mec_quotient",
+    "ratio_gains",
+]
 
 
 @dataclass(frozen=True)

@@ -210,7 +210,9 @@ class TimedSteps:
         bound, start = better
         last = bound.copy()
         share = jumps / rate
-        self.steps.advance(last, mass, tail, share, maximise, self.policy, False, start, best, average)
+        self.steps.advance(
+            last, mass, tail, share, maximise, self.policy, False, start, best, average
+        )
         self.resolved(average / max(float(tail.sum()), 1e-300), low)
         kept = np.zeros(len(lower))
         bound, start = worse
@@ -255,10 +257,7 @@ def timed_values(
     total = rate * time
     tolerance = 0.5 * settings.epsilon
     allowed, jumps, before = 0.2 * tolerance, 0, np.inf
-    if (
-        not np.isfinite(problem.greatest)
-        and (graph.sccs(problem.matrix, problem.instants).sizes > 1).any()
-    ):
+    if not np.isfinite(problem.greatest) and TimedSteps(problem, rate).has_cycles:
         raise UnsupportedError(
             "rewards up to a time are not supported where choices that take no time form a cycle"
         )
