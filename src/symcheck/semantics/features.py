@@ -65,10 +65,35 @@ class Feature(Enum):
 _ALL = frozenset(Feature)
 _NONE: frozenset[Feature] = frozenset()
 
+_MARKOV_AUTOMATON = frozenset(
+    (
+        Feature.ROWS,
+        Feature.DIAGRAMS,
+        Feature.RATIONALS,
+        Feature.REACHABILITY,
+        Feature.BOUNDED_REACHABILITY,
+        Feature.LTL,
+        Feature.CONDITIONAL,
+        Feature.LONG_RUN,
+        Feature.REACH_REWARDS,
+        Feature.TOTAL_REWARDS,
+        Feature.CUMULATIVE_REWARDS,
+        Feature.INSTANTANEOUS_REWARDS,
+        Feature.REWARD_BOUNDS,
+        Feature.MULTI_OBJECTIVE,
+        Feature.SOME_OR_ALL_PATHS,
+        Feature.SYMMETRY,
+        Feature.EXPLICIT_FILES,
+        Feature.STRATEGIES,
+        Feature.STEPPING,
+    )
+)
+
 _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
     ModelType.DTMC: _ALL - {Feature.ENDED_REWARDS},
     ModelType.CTMC: _ALL - {Feature.ENDED_REWARDS},
     ModelType.MDP: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.MA: _MARKOV_AUTOMATON,
     ModelType.PTA: frozenset(
         {
             Feature.ROWS,
