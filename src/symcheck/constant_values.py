@@ -175,6 +175,37 @@ def combinations(values: Mapping[str, Sequence[V]]) -> Iterator[dict[str, V]]:
         yield dict(zip(values, choice, strict=True))
 
 
+def parameter_ranges(
+    parameters: Mapping[str, tuple[object, object]] | str, source: str = "parametric"
+) -> dict[str, tuple[Fraction, Fraction]]:
+    """The ranges of parameters, from a mapping or a text such as "p=0.1:0.9,q" (q=0:1).
+
+    Raises UsageError.
+    """
+    try:
+        if isinstance(parameters, str):
+            found: dict[str, tuple[object, object]] = {}
+            for item in filter(None, map(str.strip, parameters.split(","))):
+                name, given, text = item.partition("=")
+                low, colon, high = (text if given else "0:1").partition(":")
+                if not (name.strip() and colon):
+                    raise ValueError(f"'{item}' is not NAME or NAME=LOW:HIGH")
+                found[name.strip()] = low.strip(), high.strip()
+            parameters = found
+        ranges = {
+            name: (Fraction(str(low)), Fraction(str(high)))
+            for name, (low, high) in parameters.items()
+        }
+    except (ValueError, TypeError, ZeroDivisionError) as error:
+        raise UsageError(f"{source}: {error}", hint="such as p=0.1:0.9,q") from None
+    for name, (low, high) in ranges.items():
+        if not low < high:
+            raise UsageError(f"{source}: the range {low}:{high} of {name} is empty")
+    if not ranges:
+        raise UsageError(f"{source}: no parameter is named", hint="such as p=0.1:0.9,q")
+    return ranges
+
+
 def _items(text: str) -> Iterator[str]:
     """The parts between the commas outside of brackets."""
     depth, start = 0, 0

@@ -259,6 +259,13 @@ class Options:
         "Width of the certified interval, relative to the value (absolute below 1e-300).",
         _switch("epsilon e", "width of the certified interval (default: 1e-6)"),
     )
+    regions: float = _option(
+        0.99,
+        _FRACTION,
+        "method",
+        "Share of the volume of parameters that is to be decided.",
+        _switch("regions", "share of the ranges of -param to be decided (default: 0.99)"),
+    )
     relative: bool = _option(
         True,
         _FLAG,
@@ -433,6 +440,7 @@ class OptionValues(TypedDict, total=False):
     method: MethodName
     exact: bool
     epsilon: float
+    regions: float
     relative: bool
     max_iterations: int
     certify: bool

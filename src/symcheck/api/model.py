@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 from symcheck.api.arguments import single_property
 from symcheck.api.checking import CheckedModel
 from symcheck.api.stages import limited
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
-from symcheck.constant_values import GivenConstants, constant_values
+from symcheck.constant_values import GivenConstants, constant_values, parameter_ranges
 from symcheck.engines.states import Named, States
 from symcheck.errors import UsageError
 from symcheck.lazy_dataclass import dataclass
@@ -70,7 +71,33 @@ class Model(CheckedModel):
         given_type: read the model as this type, whatever its keyword says.
         observer: is told of the progress of building, and of the choice of an engine.
         smaller: what is built in place of the model, for some properties (see `reduced_for`).
+        parameters: the ranges of the constants that are left open (see `parametric`).
     """
+
+    def parametric(self, parameters: Mapping[str, tuple[object, object]] | str) -> Self:
+        """The model with constants that are left open: its values are functions of them.
+
+        Args:
+            parameters: their open ranges: a mapping, or a text such as "p=0.1:0.9,q", in which a
+                range that is not given is 0:1.
+
+        Returns:
+            A model whose `check` gives rational functions, and truth values by regions
+            (`Result.regions`).
+
+        Raises:
+            InputError: there is no such open constant, or a parameter stands where it may not.
+            UsageError: a range is faulty.
+
+        Examples:
+            >>> import symcheck
+            >>> coin = symcheck.loads(
+            ...     "dtmc const double p; module m x:[0..2]; [] x=0 -> p:(x'=1)+1-p:(x'=2); endmodule"
+            ... )
+            >>> print(coin.parametric("p=0.1:0.9").check("P=? [ F x=2 ]").value)
+            -p+1
+        """
+        return replace(self, parameters=parameter_ranges(parameters)).checked()
 
     # ------------------------------------------------------------------ the built model
 

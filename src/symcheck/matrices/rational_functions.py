@@ -115,9 +115,14 @@ class FunctionField:
 
     def note(self, parts: Iterable[Polynomial], sign: int) -> None:
         """Take note of the sign of a product of polynomials."""
-        parts = tuple(p for p in parts if not p.is_constant())
-        if parts:
-            self.conditions[" * ".join(map(str, parts))] = parts, sign
+        kept = []
+        for part in parts:
+            leading = part.leading_coefficient()
+            sign = -sign if leading < 0 else sign
+            if not part.is_constant():
+                kept.append(part / leading)
+        if kept:
+            self.conditions[" * ".join(map(str, kept))] = tuple(kept), sign
 
 
 class RationalFunction:

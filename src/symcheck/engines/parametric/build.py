@@ -17,8 +17,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from symcheck.engines.parametric.functions import function_of
 from symcheck.engines.rational.whole_numbers import CompiledModel
-from symcheck.errors import Diagnostic, ModelFault, NumericalError
+from symcheck.errors import ModelFault, NumericalError
 from symcheck.explicit.build import explore
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateTable
@@ -27,19 +28,9 @@ from symcheck.matrices.rational_functions import FunctionField, RationalFunction
 from symcheck.matrices.rows import Int64s, SparseMatrix, starts_of
 from symcheck.options import Options
 from symcheck.semantics import state_faults
-from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, Event, Value
-from symcheck.syntax.ast import (
-    Binary,
-    Call,
-    Conditional,
-    Expression,
-    Literal,
-    Name,
-    Type,
-    Unary,
-)
+from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Type
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import names, substitute
 
@@ -129,7 +120,6 @@ class _Functions:
         self.table: list[RationalFunction] = []
         self._numbers: dict[RationalFunction, int] = {}
         self._sums: dict[tuple[int, ...], int] = {}
-        self.parameters = {n: field.parameter(n) for n in model.parameters}
         for value in (0, 1):
             self.number(field.constant(value))
 
@@ -176,7 +166,7 @@ class _Functions:
         """The numbers of an expression's functions in n states."""
         read = [name for name in columns if name in names(expression)]
         if not read:
-            return np.full(n, self.number(self.function(expression, {})), np.int64)
+            return np.full(n, self.number(function_of(expression, self.field, {})), np.int64)
         table = np.stack([np.asarray(columns[name], np.int64) for name in read], axis=1)
         distinct, inverse = np.unique(table, axis=0, return_inverse=True)
         kinds = {v.name: v.type for v in self.model.variables}
@@ -184,39 +174,8 @@ class _Functions:
         for row in distinct.tolist():
             pairs = zip(read, row, strict=True)
             values: dict[str, Value] = {k: bool(v) if kinds[k] is Type.BOOL else v for k, v in pairs}
-            found.append(self.number(self.function(expression, values)))
+            found.append(self.number(function_of(expression, self.field, values)))
         return np.array(found, np.int64)[inverse.reshape(-1)]
-
-    def function(self, expression: Expression, values: dict[str, Value]) -> RationalFunction:
-        """The function of an expression in a state."""
-        if self.parameters.keys().isdisjoint(names(expression)):
-            value = evaluate(expression, values, exact=True)
-            if isinstance(value, float):
-                raise ModelFault(Diagnostic(f"this number is {value}", expression.span, "number"))
-            return self.field.constant(value)
-        match expression:
-            case Name(name):
-                return self.parameters[name]
-            case Unary(_, operand):
-                return -self.function(operand, values)
-            case Conditional(condition, then, otherwise):
-                holds = evaluate(condition, values, exact=True)
-                return self.function(then if holds else otherwise, values)
-            case Binary(operator, left, right) if operator is not Operator.POWER:
-                f, g = self.function(left, values), self.function(right, values)
-                match operator:
-                    case Operator.PLUS:
-                        return f + g
-                    case Operator.MINUS:
-                        return f - g
-                    case Operator.TIMES:
-                        return f * g
-                    case _:
-                        return f / g
-            case Binary(_, base, exponent) | Call(_, (base, exponent)):
-                power = evaluate(exponent, values, exact=True)
-                return self.function(base, values) ** int(power)
-        raise TypeError(f"no rational function: {type(expression).__name__}")
 
 
 def _columns(model: BoundModel, states: StateTable) -> dict[str, Column]:
@@ -312,7 +271,7 @@ class _Rows:
     def model(self) -> ParametricModel:
         """The explored model. Raises KeyError if a target is not among the states."""
         found, functions = self.found, self.functions
-        states, kinds, choices, weights, targets = [], [], [], [], []
+        states, kinds, choices, weights, targets = ([np.zeros(0, np.int64)] for _ in range(5))
         for number, event in enumerate(self.bound.events):
             part = self.branches(event)
             keys = _keys(part.target)

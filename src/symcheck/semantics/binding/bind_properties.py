@@ -15,6 +15,7 @@ from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
 from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.binding.bound_conditions import check_conditions
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, undefined
+from symcheck.semantics.binding.parameters import with_open_thresholds
 from symcheck.semantics.binding.property_references import PropertyReferences
 from symcheck.semantics.binding.static_checks import check_constants, check_label, set_constants
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
@@ -432,7 +433,7 @@ class _Properties:
                 raise NameFault(*(undefined(self.table.constants[n]) for n in missing))
             for label in self.texts.used_labels(whole):
                 self.scope.expand(self.texts.label(label))
-            formula = self.scope.expand(whole)
+            formula = with_open_thresholds(self.scope.expand(whole), self.model.parameters)
             check_conditions(formula, self.model)
         except InputError as error:
             fault = error

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from fractions import Fraction
 
 from symcheck.errors import NO_SPAN, Diagnostic, NameFault, TypeFault, UnsupportedError
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Name, Type, Unary
+from symcheck.syntax.ast import (
+    Binary,
+    Call,
+    Conditional,
+    Expression,
+    Measure,
+    Name,
+    Type,
+    Unary,
+)
 from symcheck.syntax.declarations import Constant
 from symcheck.syntax.operators import Function, Operator
-from symcheck.syntax.traversal import children, nodes
+from symcheck.syntax.traversal import Tree, children, names, nodes, transform
 
-__all__ = ["Ranges", "check_places", "check_ranges"]
+__all__ = ["Ranges", "check_places", "check_ranges", "with_open_thresholds"]
 
 Ranges = Mapping[str, tuple[Fraction, Fraction]]
 """The range of each parameter, whose ends do not belong to it."""
@@ -25,9 +35,9 @@ _POWERS = {Operator.POWER, Function.POW}
 def check_ranges(
     parameters: Ranges, declared: Iterable[Constant], report: DiagnosticCollector
 ) -> None:
-    """Report parameters that are no open constants of type double, and empty ranges."""
+    """Report parameters that are no open constants of type double."""
     known = {c.name: c for c in declared}
-    for name, (low, high) in parameters.items():
+    for name in parameters:
         constant = known.get(name)
         if constant is None or constant.value is not None:
             why = "is defined in the text" if constant else "is not declared in the model"
@@ -40,9 +50,6 @@ def check_ranges(
             message = f"{name} is of type {constant.type.value}: a parameter is a real number"
             hint = f"-const {name}=VALUE gives it a value"
             report.absorb(TypeFault(Diagnostic(message, constant.span, "parameter", hint)))
-        elif not low < high:
-            message = f"the range {low}:{high} of parameter {name} is empty"
-            report.absorb(NameFault(Diagnostic(message, constant.span, "parameter")))
 
 
 def check_places(model: BoundModel) -> None:
@@ -60,6 +67,26 @@ def check_places(model: BoundModel) -> None:
     for structure in model.rewards:
         for item in structure.items:
             _check_function(model.parameters, item.value)
+
+
+def with_open_thresholds(formula: Expression, parameters: Ranges) -> Expression:
+    """The formula with comparisons in place of bounds that depend on parameters: `P=? [...] >= p`.
+
+    A bound without a direction must hold under all strategies.
+    """
+
+    def compared(node: Tree) -> Tree:
+        if not isinstance(node, Measure) or node.bound is None:
+            return node
+        bound = node.bound
+        if parameters.keys().isdisjoint(names(bound.threshold)):
+            return node
+        query = replace(node, bound=None)
+        if node.direction is None:
+            query = replace(query, direction="min" if bound.operator.is_lower_bound else "max")
+        return Binary(bound.operator, query, bound.threshold, span=node.span)
+
+    return transform(formula, compared) if parameters else formula
 
 
 def _without_parameters(model: BoundModel) -> Iterator[tuple[str, Expression]]:

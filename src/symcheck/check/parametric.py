@@ -1,0 +1,330 @@
+"""Checking of models with parameters: the ranges are divided into boxes, each with one outcome.
+
+A formula is checked at a sample point over rational functions. The comparisons that were made on
+the way are the conditions under which the outcome (a function, or a truth value) is the same; they
+are proved for a box, or the box is split. One outcome usually serves many boxes.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Mapping
+from dataclasses import field, replace
+from fractions import Fraction
+from itertools import count
+from math import prod
+from random import Random
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from symcheck.check.checker import check
+from symcheck.check.result import Exact, Result
+from symcheck.engines.base import Engine
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.parametric.build import ParametricModel, random_point
+from symcheck.errors import NumericalError, UnsupportedError, UsageError
+from symcheck.lazy_dataclass import dataclass
+from symcheck.matrices.rational_functions import FunctionField, Polynomial, RationalFunction
+from symcheck.numerics.bernstein import Box, function_bounds, sign_on
+from symcheck.options import Options
+from symcheck.syntax.ast import Expression, Type
+from symcheck.syntax.declarations import Property
+
+if TYPE_CHECKING:
+    from symcheck.engines.explicit.strategy import Strategy
+
+__all__ = ["Case", "Condition", "Extremum", "Regions", "check_parametric"]
+
+_MOST_BOXES = 4000
+"""Boxes after which an undecided rest is left."""
+_SAMPLES = 40
+"""Points at which a box is searched for one where all probabilities are positive."""
+
+Point = Mapping[str, Fraction]
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """A product of polynomials has a sign: `p*q - 1 > 0`."""
+
+    parts: tuple[Polynomial, ...]
+    sign: int
+    ring: FunctionField = field(repr=False)
+
+    def __str__(self) -> str:
+        product = str(self.parts[0])
+        if len(self.parts) > 1:
+            product = "*".join(f"({p})" for p in self.parts)
+        return f"{product} {'>' if self.sign > 0 else '<' if self.sign < 0 else '='} 0"
+
+    def holds(self, point: Point) -> bool:
+        """Whether it holds at a point."""
+        value = prod(RationalFunction(self.ring, p, ())(**point) for p in self.parts)
+        return (value > 0) - (value < 0) == self.sign
+
+    def proved(self, box: Box) -> bool:
+        """Whether it holds everywhere inside a box; False if that is not known."""
+        return sign_on(self.parts, self.ring, box) == self.sign
+
+
+@dataclass(frozen=True)
+class Case:
+    """An outcome, and where it holds.
+
+    Attributes:
+        value: a function of the parameters, a truth value, or an infinite number.
+        conditions: where all of them hold, and all probabilities are positive, so does the value.
+        sample: the point at which it was found.
+        boxes: where the conditions are proved.
+        strategy: with the option `strategy`, that of an MDP.
+    """
+
+    value: object
+    conditions: tuple[Condition, ...] = field(repr=False)
+    sample: Point = field(repr=False)
+    boxes: tuple[Box, ...] = field(default=(), repr=False)
+    strategy: Strategy | None = field(default=None, repr=False)
+
+    def __call__(self, **point: Fraction | float | str) -> object:
+        """The value at a point, whether or not it is valid there."""
+        return self.value(**point) if isinstance(self.value, RationalFunction) else self.value
+
+
+@dataclass(frozen=True)
+class Regions:
+    """The outcomes of a formula over the ranges of the parameters.
+
+    Attributes:
+        box: the ranges.
+        well_defined: the conditions under which all probabilities (rates) are positive: every
+            outcome holds only there. Those that hold in all of `box` are left out.
+        cases: the outcomes, in the order in which they were found.
+        empty: boxes without a point where all probabilities are positive.
+        undecided: boxes for which no outcome is proved.
+    """
+
+    box: Box
+    well_defined: tuple[Condition, ...]
+    cases: tuple[Case, ...]
+    empty: tuple[Box, ...] = field(default=(), repr=False)
+    undecided: tuple[Box, ...] = field(default=(), repr=False)
+
+    @property
+    def share(self) -> float:
+        """The share of the volume that is decided."""
+        return float(1 - sum(map(volume, self.undecided), Fraction(0)) / volume(self.box))
+
+    def where(self, value: object) -> tuple[Box, ...]:
+        """The boxes in which the formula has a value."""
+        return tuple(b for c in self.cases if c.value == value for b in c.boxes)
+
+    def at(self, **point: Fraction | float | str) -> Case:
+        """The case whose conditions hold at a point. Raises UsageError if there is none."""
+        exact = {n: Fraction(str(v)) for n, v in point.items()}
+        if all(c.holds(exact) for c in self.well_defined):
+            for case in self.cases:
+                if all(c.holds(exact) for c in case.conditions):
+                    return case
+        raise UsageError(f"no case is known at {_shown(exact)}")
+
+    def __str__(self) -> str:
+        lines = []
+        for case in self.cases:
+            share = sum(map(volume, case.boxes), Fraction(0)) / volume(self.box)
+            lines.append(f"  {float(share):7.2%}  {case.value} (first found at {_shown(case.sample)})")
+        if self.empty:
+            share = sum(map(volume, self.empty), Fraction(0)) / volume(self.box)
+            lines.append(f"  {float(share):7.2%}  no model: a probability is negative or 0")
+        if self.undecided:
+            lines.append(f"  {1 - self.share:7.2%}  undecided")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class Extremum:
+    """Bounds of the least or greatest value over a box; `point` has a value within `gap` of it."""
+
+    lower: Fraction
+    upper: Fraction
+    point: Point
+
+    @property
+    def gap(self) -> Fraction:
+        """The distance of the bounds."""
+        return self.upper - self.lower
+
+
+def volume(box: Box) -> Fraction:
+    """The product of the lengths of a box."""
+    return prod((high - low for low, high in box.values()), start=Fraction(1))
+
+
+def _shown(point: Point) -> str:
+    return ", ".join(f"{n}={float(v):g}" for n, v in point.items())
+
+
+def halves(box: Box, whole: Box) -> tuple[Box, Box]:
+    """A box divided across its longest side, relative to the whole one."""
+
+    def length(name: str) -> Fraction:
+        (low, high), (first, last) = box[name], whole[name]
+        return (high - low) / (last - first)
+
+    name = max(box, key=length)
+    low, high = box[name]
+    middle = (low + high) / 2
+    return {**box, name: (low, middle)}, {**box, name: (middle, high)}
+
+
+class _Search:
+    """Divides the ranges of a model's parameters by the outcomes of a formula."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        formula: Expression,
+        options: Options,
+        labels: Mapping[str, Expression] | None,
+    ) -> None:
+        explicit = engine.capability(ExplicitEngine)
+        assert explicit is not None
+        assert isinstance(explicit.explored, ParametricModel)
+        self.engine, self.formula, self.options, self.labels = engine, formula, options, labels
+        self.model = explicit.explored
+        self.field = self.model.field
+        self.box: Box = dict(self.model.model.parameters)
+        self.random = Random(0)
+        self.field.sample(random_point(self.model.model, self.random))
+        for weight in self.model.weights:
+            self.field.note([weight.top, *self._odd(weight)], 1)
+        self.positive = self._conditions(set())
+        self.cases: list[Case] = []
+        self.boxes: list[list[Box]] = []
+        self.result: Result | None = None
+
+    def _odd(self, function: RationalFunction) -> Iterator[Polynomial]:
+        return (self.field.factors[i] for i, n in function.bottom if n % 2)
+
+    def _conditions(self, known: set[str]) -> tuple[Condition, ...]:
+        """The conditions that were noted, without those that are known."""
+        noted = self.field.conditions.items()
+        return tuple(Condition(p, s, self.field) for k, (p, s) in noted if k not in known)
+
+    def sample(self, box: Box) -> Point | None:
+        """A point inside a box where all probabilities are positive; None if none was found."""
+        for _ in range(_SAMPLES):
+            point = {
+                n: low + (high - low) * Fraction(self.random.randrange(1, 1024), 1024)
+                for n, (low, high) in box.items()
+            }
+            if all(c.holds(point) for c in self.positive):
+                return point
+        return None
+
+    def case(self, point: Point) -> int:
+        """The number of the case whose conditions hold at a point, which may be new."""
+        for i, case in enumerate(self.cases):
+            if all(c.holds(point) for c in case.conditions):
+                return i
+        self.field.sample(point)
+        result = check(self.engine, self.formula, self.options, labels=self.labels)
+        if self.result is None:
+            self.result = result
+        known = {" * ".join(map(str, c.parts)) for c in self.positive}
+        (strategy,) = result.strategies or (None,)
+        self.cases.append(Case(result.value, self._conditions(known), point, (), strategy))
+        self.boxes.append([])
+        return len(self.cases) - 1
+
+    def regions(self, share: float) -> Regions:
+        """Divide the box until a share of its volume is decided."""
+        whole, number = volume(self.box), count()
+        rest = (1 - Fraction(repr(share))) * whole
+        queue: list[tuple[Fraction, int, Box, frozenset[Condition]]] = []
+        heapq.heappush(queue, (-whole, next(number), self.box, frozenset()))
+        left, empty = whole, []
+        for _ in range(_MOST_BOXES):
+            if not queue or left <= rest:
+                break
+            negative, _, box, proved = heapq.heappop(queue)
+            point = self.sample(box)
+            done = False
+            if point is None:
+                done = any(
+                    Condition(c.parts, -c.sign, self.field).proved(box) for c in self.positive
+                )
+                if done:
+                    empty.append(box)
+            else:
+                chosen = self.case(point)
+                conditions = self.cases[chosen].conditions
+                proved |= {c for c in conditions if c not in proved and c.proved(box)}
+                done = proved.issuperset(conditions)
+                if done:
+                    self.boxes[chosen].append(box)
+            if done:
+                left += negative
+                continue
+            for half in halves(box, self.box):
+                heapq.heappush(queue, (negative / 2, next(number), half, proved))
+        if not self.cases:
+            raise NumericalError(
+                "at no point of the ranges that was tried are all probabilities positive",
+                hint="give ranges in which the probabilities lie between 0 and 1",
+            )
+        return Regions(
+            self.box,
+            tuple(c for c in self.positive if not c.proved(self.box)),
+            tuple(replace(c, boxes=tuple(b)) for c, b in zip(self.cases, self.boxes, strict=True)),
+            tuple(empty),
+            tuple(box for _, _, box, _ in queue) if left else (),
+        )
+
+
+def check_parametric(
+    engine: Engine,
+    formula: Expression | Property,
+    options: Options | None = None,
+    *,
+    labels: Mapping[str, Expression] | None = None,
+) -> Result:
+    """Check a bound formula on a model with parameters.
+
+    Returns:
+        A result whose `regions` have the outcomes; its value is that of all of them, None if they
+        differ.
+
+    Raises:
+        SymcheckError: see `symcheck.check.checker.check`.
+        NumericalError: no point was found at which all probabilities are positive.
+    """
+    started = perf_counter()
+    if isinstance(formula, Property):
+        formula = formula.formula
+    options = options or Options()
+    search = _Search(engine, formula, options, labels)
+    regions = search.regions(options.regions)
+    assert search.result is not None
+    first, *others = regions.cases
+    same = all(other.value == first.value for other in others)
+    where = [str(c) for c in regions.well_defined]
+    explanation = search.result.explanation
+    if not same:
+        explanation = f"{len(regions.cases)} cases"
+    if regions.undecided:
+        explanation += f"; {regions.share:.2%} of the volume are decided"
+    if where:
+        explanation += f"; where {', '.join(where)}"
+    return replace(
+        search.result,
+        value=first.value if same and not (regions.undecided and isinstance(first.value, bool)) else None,
+        accuracy=Exact(),
+        explanation=explanation,
+        values_or_none=None,
+        satisfying_or_none=None,
+        strategies=(first.strategy,) if same and first.strategy is not None else (),
+        regions=regions,
+        seconds=perf_counter() - started,
+        explain=None,
+        certify=None,
+    )
