@@ -266,6 +266,13 @@ class Options:
         "Share of the volume of parameters that is to be decided.",
         _switch("regions", "share of the ranges of -param to be decided (default: 0.99)"),
     )
+    lifting: bool = _option(
+        False,
+        _FLAG,
+        "method",
+        "Whether thresholds are decided over boxes of parameters by parameter lifting.",
+        _switch("lifting", "decide regions of -param by lifting, not by functions", True),
+    )
     relative: bool = _option(
         True,
         _FLAG,
@@ -441,6 +448,7 @@ class OptionValues(TypedDict, total=False):
     exact: bool
     epsilon: float
     regions: float
+    lifting: bool
     relative: bool
     max_iterations: int
     certify: bool

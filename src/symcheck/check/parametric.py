@@ -19,15 +19,18 @@ from typing import TYPE_CHECKING
 
 from symcheck.check.checker import check
 from symcheck.check.result import Exact, Result
+from symcheck.direction import Direction
 from symcheck.engines.base import Engine
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.parametric.build import ParametricModel, random_point
 from symcheck.errors import NumericalError, UnsupportedError, UsageError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rational_functions import FunctionField, Polynomial, RationalFunction
-from symcheck.numerics.bernstein import Box, function_bounds, sign_on
+from symcheck.numerics.bernstein import Box, sign_on
 from symcheck.options import Options
-from symcheck.syntax.ast import Expression, Type
+from symcheck.semantics.path_formulas import UntilPath
+from symcheck.semantics.query import PathProbability, ReachReward, query_of
+from symcheck.syntax.ast import Expression, Measure
 from symcheck.syntax.declarations import Property
 
 if TYPE_CHECKING:
@@ -73,17 +76,26 @@ class Case:
 
     Attributes:
         value: a function of the parameters, a truth value, or an infinite number.
-        conditions: where all of them hold, and all probabilities are positive, so does the value.
+        conditions: where all of them hold, and all probabilities are positive, so does the value;
+            None: it holds in `boxes`.
         sample: the point at which it was found.
         boxes: where the conditions are proved.
         strategy: with the option `strategy`, that of an MDP.
     """
 
     value: object
-    conditions: tuple[Condition, ...] = field(repr=False)
+    conditions: tuple[Condition, ...] | None = field(repr=False)
     sample: Point = field(repr=False)
     boxes: tuple[Box, ...] = field(default=(), repr=False)
     strategy: Strategy | None = field(default=None, repr=False)
+
+    def holds(self, point: Point) -> bool:
+        """Whether it is known to hold at a point."""
+        if self.conditions is not None:
+            return all(c.holds(point) for c in self.conditions)
+        return any(
+            all(low <= point[n] <= high for n, (low, high) in b.items()) for b in self.boxes
+        )
 
     def __call__(self, **point: Fraction | float | str) -> object:
         """The value at a point, whether or not it is valid there."""
@@ -123,15 +135,18 @@ class Regions:
         exact = {n: Fraction(str(v)) for n, v in point.items()}
         if all(c.holds(exact) for c in self.well_defined):
             for case in self.cases:
-                if all(c.holds(exact) for c in case.conditions):
+                if case.holds(exact):
                     return case
         raise UsageError(f"no case is known at {_shown(exact)}")
 
     def __str__(self) -> str:
         lines = []
+        first: dict[str, Case] = {}
         for case in self.cases:
-            share = sum(map(volume, case.boxes), Fraction(0)) / volume(self.box)
-            lines.append(f"  {float(share):7.2%}  {case.value} (first found at {_shown(case.sample)})")
+            first.setdefault(str(case.value).lower(), case)
+        for text, case in first.items():
+            share = sum(map(volume, self.where(case.value)), Fraction(0)) / volume(self.box)
+            lines.append(f"  {float(share):7.2%}  {text}, first found at {_shown(case.sample)}")
         if self.empty:
             share = sum(map(volume, self.empty), Fraction(0)) / volume(self.box)
             lines.append(f"  {float(share):7.2%}  no model: a probability is negative or 0")
@@ -201,6 +216,7 @@ class _Search:
         self.cases: list[Case] = []
         self.boxes: list[list[Box]] = []
         self.result: Result | None = None
+        self.lifting = options.lifting
 
     def _odd(self, function: RationalFunction) -> Iterator[Polynomial]:
         return (self.field.factors[i] for i, n in function.bottom if n % 2)
@@ -224,7 +240,7 @@ class _Search:
     def case(self, point: Point) -> int:
         """The number of the case whose conditions hold at a point, which may be new."""
         for i, case in enumerate(self.cases):
-            if all(c.holds(point) for c in case.conditions):
+            if case.holds(point):
                 return i
         self.field.sample(point)
         result = check(self.engine, self.formula, self.options, labels=self.labels)
@@ -235,6 +251,52 @@ class _Search:
         self.cases.append(Case(result.value, self._conditions(known), point, (), strategy))
         self.boxes.append([])
         return len(self.cases) - 1
+
+    def lifted(self, box: Box) -> tuple[Fraction, Fraction]:
+        """Bounds of the value of the measure over a box, by parameter lifting.
+
+        Raises UnsupportedError: bounds of this measure do not follow from those of its equations.
+        """
+        measure = self.formula
+        assert isinstance(measure, Measure)
+        query = query_of(measure, self.model.model)
+        match query.quantity:
+            case PathProbability(UntilPath(negative=False)) | ReachReward():
+                pass
+            case _:
+                raise UnsupportedError(
+                    "parameter lifting bounds P [ F … ], P [ … U … ] and R [ F … ]"
+                )
+        direction = query.direction and query.direction.value
+        asked = replace(measure, bound=None, direction=direction)
+        found = []
+        for self.field.lifting in ((box, Direction.MIN), (box, Direction.MAX)):
+            found.append(check(self.engine, asked, self.options, labels=self.labels))
+        self.field.lifting = None
+        if any(isinstance(r.value, RationalFunction) for r in found):
+            raise UnsupportedError("parameter lifting has no bounds on steps")
+        self.result = found[0]
+        return found[0].value, found[1].value
+
+    def by_lifting(self, box: Box) -> bool:
+        """Whether a box is decided by lifting; then it belongs to a case."""
+        if not isinstance(self.formula, Measure) or self.formula.bound is None:
+            raise UnsupportedError("parameter lifting decides P and R with a threshold")
+        threshold = query_of(self.formula, self.model.model).threshold
+        assert threshold is not None
+        point = self.sample(box)
+        if point is None or any(not c.proved(box) for c in self.positive):
+            return False
+        self.field.sample(point)
+        values = {threshold.operator.compare(v, threshold.value) for v in self.lifted(box)}
+        if len(values) == 2:
+            return False
+        (value,) = values
+        if value not in (known := [c.value for c in self.cases]):
+            self.cases.append(Case(value, None, point))
+            self.boxes.append([])
+        self.boxes[[*known, value].index(value)].append(box)
+        return True
 
     def regions(self, share: float) -> Regions:
         """Divide the box until a share of its volume is decided."""
@@ -248,8 +310,9 @@ class _Search:
                 break
             negative, _, box, proved = heapq.heappop(queue)
             point = self.sample(box)
-            done = False
-            if point is None:
+            if self.lifting and point is not None:
+                done = self.by_lifting(box)
+            elif point is None:
                 done = any(
                     Condition(c.parts, -c.sign, self.field).proved(box) for c in self.positive
                 )

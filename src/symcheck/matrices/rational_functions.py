@@ -16,6 +16,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any
 
+from symcheck.direction import Direction
+
 __all__ = ["FunctionField", "Polynomial", "RationalFunction"]
 
 Polynomial = Any
@@ -36,6 +38,8 @@ class FunctionField:
         factors: the polynomials that divide.
         conditions: products of polynomials that were compared with 0, and the signs that they have
             at the sample point (0: the sample lies on a border), by their texts.
+        lifting: a box and a direction: then equations are solved for bounds over the box (see
+            `symcheck.numerics.linear.lifting`), instead of functions.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -48,6 +52,7 @@ class FunctionField:
         self._point: tuple[Any, ...] = ()
         self._at_point: dict[int, Fraction] = {}
         self.epoch = 0
+        self.lifting: tuple[Mapping[str, tuple[Fraction, Fraction]], Direction] | None = None
 
     def __repr__(self) -> str:
         return f"<FunctionField of {', '.join(self.names)}>"

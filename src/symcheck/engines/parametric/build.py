@@ -8,12 +8,12 @@ products of functions are made once per pair.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import operator as op
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from random import Random
-from typing import TypeVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from symcheck.errors import ModelFault, NumericalError
 from symcheck.explicit.build import explore
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateTable
+from symcheck.matrices.function_table import FunctionTable
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rational_functions import FunctionField, RationalFunction
 from symcheck.matrices.rows import Int64s, SparseMatrix, starts_of
@@ -55,8 +56,8 @@ class ParametricModel(CompiledModel):
         """The value of an expression in each state."""
         if self.model.parameters.keys().isdisjoint(names(expression)):
             return super().evaluate(expression)
-        columns = _columns(self.model, self.states)
         table = _Functions(self.field, self.model)
+        columns = _columns(self.model, self.states)
         return table.of(table.values(expression, columns, len(self.states)))
 
 
@@ -112,68 +113,31 @@ def _support(model: BoundModel, point: dict[str, Fraction]) -> BoundModel:
     return replace(model, events=events, rewards=(), is_rational=False, parameters={})
 
 
-class _Functions:
-    """Distinct functions by number, with a cache of operations."""
+class _Functions(FunctionTable):
+    """The functions of a model: 0 and 1, and those of its expressions."""
 
     def __init__(self, field: FunctionField, model: BoundModel) -> None:
-        self.field, self.model = field, model
-        self.table: list[RationalFunction] = []
-        self._numbers: dict[RationalFunction, int] = {}
-        self._sums: dict[tuple[int, ...], int] = {}
-        for value in (0, 1):
-            self.number(field.constant(value))
-
-    def number(self, function: RationalFunction) -> int:
-        known = self._numbers.setdefault(function, len(self.table))
-        if known == len(self.table):
-            self.table.append(function)
-        return known
-
-    def of(self, numbers: Int64s) -> Numbers:
-        """The functions with these numbers, as objects."""
-        table = np.empty(len(self.table), object)
-        table[:] = self.table
-        return table[numbers]
-
-    def sum(self, numbers: Sequence[int]) -> int:
-        key = tuple(sorted(numbers))
-        if len(key) == 1:
-            return key[0]
-        if key not in self._sums:
-            zero = self.table[_ZERO]
-            self._sums[key] = self.number(sum((self.table[i] for i in key), zero))
-        return self._sums[key]
-
-    def pairs(
-        self,
-        operation: Callable[[RationalFunction, RationalFunction], RationalFunction],
-        a: Int64s,
-        b: Int64s,
-    ) -> Int64s:
-        """An operation on two functions each, by their numbers."""
-        size = len(self.table)
-        distinct, inverse = np.unique(a * size + b, return_inverse=True)
-        results = (
-            self.number(operation(self.table[i // size], self.table[i % size]))
-            for i in distinct.tolist()
-        )
-        return np.fromiter(results, np.int64, len(distinct))[inverse]
+        super().__init__([field.constant(0), field.constant(1)])
+        self.field = field
+        self.kinds = {v.name: v.type for v in model.variables}
 
     def product(self, a: Int64s, b: Int64s) -> Int64s:
-        return np.where(a == _ONE, b, self.pairs(lambda f, g: f * g, a, b))
+        return np.where(a == _ONE, b, self.pairs(op.mul, a, b))
 
     def values(self, expression: Expression, columns: dict[str, Column], n: int) -> Int64s:
         """The numbers of an expression's functions in n states."""
-        read = [name for name in columns if name in names(expression)]
-        if not read:
-            return np.full(n, self.number(function_of(expression, self.field, {})), np.int64)
-        table = np.stack([np.asarray(columns[name], np.int64) for name in read], axis=1)
+        used = names(expression)
+        read = [name for name in columns if name in used]
+        table = np.zeros((n, len(read)), np.int64)
+        for i, name in enumerate(read):
+            table[:, i] = columns[name]
         distinct, inverse = np.unique(table, axis=0, return_inverse=True)
-        kinds = {v.name: v.type for v in self.model.variables}
         found = []
         for row in distinct.tolist():
-            pairs = zip(read, row, strict=True)
-            values: dict[str, Value] = {k: bool(v) if kinds[k] is Type.BOOL else v for k, v in pairs}
+            values: dict[str, Value] = {
+                name: bool(v) if self.kinds[name] is Type.BOOL else v
+                for name, v in zip(read, row, strict=True)
+            }
             found.append(self.number(function_of(expression, self.field, values)))
         return np.array(found, np.int64)[inverse.reshape(-1)]
 
@@ -188,9 +152,6 @@ def _columns(model: BoundModel, states: StateTable) -> dict[str, Column]:
 def _keys(rows: Rows) -> np.ndarray:
     """Packed states as bytes that are in the same order."""
     return np.ascontiguousarray(rows.astype(">u8")).view(f"S{8 * rows.shape[1]}").reshape(-1)
-
-
-T = TypeVar("T")
 
 
 @dataclass
@@ -293,24 +254,26 @@ class _Rows:
         # Choices: their sums, and the rewards of their actions.
         starts = _changes(state, kind, choice)
         owner, of_kind = state[starts], kind[starts]
-        sums = self._sums(weight, starts)
+        sums = functions.sums(weight, starts)
         if self.check_sums:
             self._check(owner, of_kind, sums)
-        earned = [self._earned(items, owner, of_kind, sums) for items in self._by_transitions()]
+        earned = [
+            self._earned([i for i in r.items if not i.on_states], owner, of_kind, sums)
+            for r in self.bound.rewards
+        ]
         has_choices = self.bound.type.has_choices
         choice_of = np.repeat(np.arange(len(starts)), np.diff([*starts, len(state)]))
         if self.bound.type.chooses_uniformly:
             count = np.bincount(owner, minlength=self.n)[owner]
-            share = np.array(
-                [functions.number(self.field.constant(Fraction(1, c or 1))) for c in range(count.max(initial=0) + 1)]
-            )[count]
+            shares = (self.field.constant(Fraction(1, c or 1)) for c in range(max(count, default=0) + 1))
+            share = np.array([*map(functions.number, shares)], np.int64)[count]
             weight = functions.product(share[choice_of], weight)
             earned = [functions.product(share, e) for e in earned]
         row = choice_of if has_choices else state
         order = np.lexsort((target, row))
         row, target, weight = row[order], target[order], weight[order]
         first = _changes(row, target)
-        merged = self._sums(weight, first)
+        merged = functions.sums(weight, first)
         row, target = row[first], target[first]
         return self._assembled(row, target, merged, owner, of_kind, earned)
 
@@ -349,17 +312,15 @@ class _Rows:
         if has_choices:
             actions[place] = of_kind[kind]
         per_row = []
+        first = _changes(place)  # choices are sorted by their states
         for values in earned:
-            sums = [_ZERO] * count
-            for at in range(len(values)):
-                if values[at]:
-                    sums[place[at]] = functions.sum([sums[place[at]], int(values[at])])
-            per_row.append(functions.of(np.array(sums, np.int64)))
-        on_states = [
-            [item for item in structure.items if item.on_states] for structure in self.bound.rewards
+            sums = np.zeros(count, np.int64)
+            sums[place[first]] = functions.sums(values, first)
+            per_row.append(functions.of(sums))
+        state_rewards = [
+            functions.of(self._items([i for i in r.items if i.on_states], np.arange(n)))
+            for r in self.bound.rewards
         ]
-        all_states = np.arange(n)
-        state_rewards = [functions.of(self._items(items, all_states)) for items in on_states]
         matrix = SparseMatrix(
             indptr,
             target[order].astype(np.int32),
@@ -377,31 +338,19 @@ class _Rows:
             state_rewards,
             per_row,
             self.field,
-            tuple(functions.table[i] for i in np.unique(numbers).tolist()),
+            tuple(functions.functions[i] for i in np.unique(numbers).tolist()),
         )
-
-    def _sums(self, weight: Int64s, starts: Int64s) -> Int64s:
-        """The sum of each run of weights."""
-        ends = [*starts[1:].tolist(), len(weight)]
-        out = weight[starts]
-        for i in np.flatnonzero(np.diff([*starts, len(weight)]) > 1).tolist():
-            out[i] = self.functions.sum(weight[starts[i] : ends[i]].tolist())
-        return out
 
     def _check(self, owner: Int64s, kind: Int64s, sums: Int64s) -> None:
         """Raises ModelFault unless the probabilities of each choice sum to 1."""
         wrong = np.flatnonzero(sums != _ONE)
         for i in wrong[:1].tolist():
-            total = self.functions.table[sums[i]]
+            total = self.functions.functions[sums[i]]
             state = state_faults.describe_state(
                 self.bound.variables, self.found.states.row(int(owner[i]))
             )
             commands = self.bound.events[kind[i]].participants[0]
             raise ModelFault(state_faults.function_sum(commands[0], str(total), state))
-
-    def _by_transitions(self) -> Iterator[list[BoundReward]]:
-        for structure in self.bound.rewards:
-            yield [item for item in structure.items if not item.on_states]
 
     def _earned(
         self, items: Sequence[BoundReward], owner: Int64s, kind: Int64s, sums: Int64s
@@ -423,7 +372,7 @@ class _Rows:
             there = np.flatnonzero(self.guard(item.guard)[states])
             columns = {name: c[states[there]] for name, c in self.columns.items()}
             values = self.functions.values(item.value, columns, len(there))
-            total[there] = self.functions.pairs(lambda f, g: f + g, total[there], values)
+            total[there] = self.functions.pairs(op.add, total[there], values)
         return total
 
 

@@ -17,11 +17,12 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import doubles, rationals
-from symcheck.matrices.rational_functions import RationalFunction
+from symcheck.matrices.rational_functions import FunctionField, RationalFunction
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.matrices.weights import O
 from symcheck.numerics import graph
 from symcheck.numerics.linear.functions import least_functions
+from symcheck.numerics.linear.lifting import lifted
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.linear.rational import (
     Row,
@@ -46,13 +47,21 @@ Chooser = Callable[[LinearProblem, Settings], Solution]
 
 def solve(
     problem: LinearProblem,
-    settings: Settings,  # noqa: ARG001 (nothing to choose: the solution is exact)
+    settings: Settings,
     observer: Observer | None,
     *,
     chooser: Chooser,
 ) -> Solution:
     """The exact least solution. Raises NumericalError where it is not unique or not finite."""
-    if _is_parametric(problem):
+    field = _parameters(problem)
+    if field is not None and field.lifting is not None:
+        from symcheck.numerics.linear.methods import solve_linear
+
+        box, direction = field.lifting
+        opposed = problem.mode and problem.direction is not direction
+        policy = _first_policy(problem, chooser) if opposed else None
+        return solve_linear(lifted(problem, policy, box, direction), settings, observer)
+    if field is not None:
         return _solve_functions(problem, observer, chooser)
     form = number_form(problem.n)
     rows, constant = number_rows(problem.rows, form), [form(c) for c in problem.constant]
@@ -67,8 +76,10 @@ def solve(
     return Solution(values, values, "rational", True, True, rounds, note, strategy=policy)
 
 
-def _is_parametric(problem: LinearProblem) -> bool:
-    return any(isinstance(v, RationalFunction) for v in (*problem.rows.data, *problem.constant))
+def _parameters(problem: LinearProblem) -> FunctionField | None:
+    """The field of the functions of a problem; None if it has none."""
+    numbers = (*problem.rows.data, *problem.constant)
+    return next((v.field for v in numbers if isinstance(v, RationalFunction)), None)
 
 
 def _solve_functions(
@@ -138,7 +149,7 @@ def _first_policy(problem: LinearProblem, chooser: Chooser) -> Int64s:
     assert groups is not None
     # Beyond doubles, constants are divided by the largest one: the best policy is the same.
     scale = 1
-    if not _is_parametric(problem):
+    if _parameters(problem) is None:
         largest = np.abs(problem.constant).max(initial=0)
         scale = largest if _LARGE < largest < inf else 1
     rounded = replace(
