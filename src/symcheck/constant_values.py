@@ -187,10 +187,10 @@ def parameter_ranges(
             found: dict[str, tuple[object, object]] = {}
             for item in filter(None, map(str.strip, parameters.split(","))):
                 name, given, text = item.partition("=")
-                low, colon, high = (text if given else "0:1").partition(":")
-                if not (name.strip() and colon):
+                ends = (text if given else "0:1").split(":")
+                if not name.strip() or len(ends) != 2:
                     raise ValueError(f"'{item}' is not NAME or NAME=LOW:HIGH")
-                found[name.strip()] = low.strip(), high.strip()
+                found[name.strip()] = ends[0].strip(), ends[1].strip()
             parameters = found
         ranges = {
             name: (Fraction(str(low)), Fraction(str(high)))

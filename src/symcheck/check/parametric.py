@@ -12,10 +12,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import field, replace
 from fractions import Fraction
 from itertools import count
-from math import prod
+from math import inf, prod
 from random import Random
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from symcheck.check.checker import check
 from symcheck.check.result import Exact, Result
@@ -26,7 +26,7 @@ from symcheck.engines.parametric.build import ParametricModel, random_point
 from symcheck.errors import NumericalError, UnsupportedError, UsageError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rational_functions import FunctionField, Polynomial, RationalFunction
-from symcheck.numerics.bernstein import Box, sign_on
+from symcheck.numerics.bernstein import Box, function_bounds, sign_on
 from symcheck.options import Options
 from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.query import PathProbability, ReachReward, query_of
@@ -34,9 +34,11 @@ from symcheck.syntax.ast import Expression, Measure
 from symcheck.syntax.declarations import Property
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from symcheck.engines.explicit.strategy import Strategy
 
-__all__ = ["Case", "Condition", "Extremum", "Regions", "check_parametric"]
+__all__ = ["Case", "Condition", "Extremum", "Regions", "Search", "check_parametric"]
 
 _MOST_BOXES = 4000
 """Boxes after which an undecided rest is left."""
@@ -83,7 +85,7 @@ class Case:
         strategy: with the option `strategy`, that of an MDP.
     """
 
-    value: object
+    value: Any
     conditions: tuple[Condition, ...] | None = field(repr=False)
     sample: Point = field(repr=False)
     boxes: tuple[Box, ...] = field(default=(), repr=False)
@@ -93,11 +95,9 @@ class Case:
         """Whether it is known to hold at a point."""
         if self.conditions is not None:
             return all(c.holds(point) for c in self.conditions)
-        return any(
-            all(low <= point[n] <= high for n, (low, high) in b.items()) for b in self.boxes
-        )
+        return any(all(low <= point[n] <= high for n, (low, high) in b.items()) for b in self.boxes)
 
-    def __call__(self, **point: Fraction | float | str) -> object:
+    def __call__(self, **point: Fraction | float | str) -> Any:
         """The value at a point, whether or not it is valid there."""
         return self.value(**point) if isinstance(self.value, RationalFunction) else self.value
 
@@ -139,6 +139,12 @@ class Regions:
                     return case
         raise UsageError(f"no case is known at {_shown(exact)}")
 
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """The boxes of one or two parameters, by matplotlib (see `symcheck.view.parameters`)."""
+        from symcheck.view.parameters import plot_regions
+
+        return plot_regions(self, axes)
+
     def __str__(self) -> str:
         lines = []
         first: dict[str, Case] = {}
@@ -155,18 +161,12 @@ class Regions:
         return "\n".join(lines)
 
 
-@dataclass(frozen=True)
-class Extremum:
-    """Bounds of the least or greatest value over a box; `point` has a value within `gap` of it."""
+class Extremum(NamedTuple):
+    """The value at a point, and a proved bound of the values at all points."""
 
-    lower: Fraction
-    upper: Fraction
+    value: Fraction
+    bound: Fraction
     point: Point
-
-    @property
-    def gap(self) -> Fraction:
-        """The distance of the bounds."""
-        return self.upper - self.lower
 
 
 def volume(box: Box) -> Fraction:
@@ -191,7 +191,7 @@ def halves(box: Box, whole: Box) -> tuple[Box, Box]:
     return {**box, name: (low, middle)}, {**box, name: (middle, high)}
 
 
-class _Search:
+class Search:
     """Divides the ranges of a model's parameters by the outcomes of a formula."""
 
     def __init__(
@@ -258,7 +258,8 @@ class _Search:
         Raises UnsupportedError: bounds of this measure do not follow from those of its equations.
         """
         measure = self.formula
-        assert isinstance(measure, Measure)
+        if not isinstance(measure, Measure):
+            raise UnsupportedError("parameter lifting bounds P and R alone")
         query = query_of(measure, self.model.model)
         match query.quantity:
             case PathProbability(UntilPath(negative=False)) | ReachReward():
@@ -269,21 +270,24 @@ class _Search:
                 )
         direction = query.direction and query.direction.value
         asked = replace(measure, bound=None, direction=direction)
-        found = []
-        for self.field.lifting in ((box, Direction.MIN), (box, Direction.MAX)):
-            found.append(check(self.engine, asked, self.options, labels=self.labels))
-        self.field.lifting = None
-        if any(isinstance(r.value, RationalFunction) for r in found):
+        found: list[Any] = []
+        try:
+            for self.field.lifting in ((box, Direction.MIN), (box, Direction.MAX)):
+                self.result = check(self.engine, asked, self.options, labels=self.labels)
+                found.append(self.result.value)
+        finally:
+            self.field.lifting = None
+        if any(isinstance(value, RationalFunction) for value in found):
             raise UnsupportedError("parameter lifting has no bounds on steps")
-        self.result = found[0]
-        return found[0].value, found[1].value
+        return found[0], found[1]
 
     def by_lifting(self, box: Box) -> bool:
         """Whether a box is decided by lifting; then it belongs to a case."""
-        if not isinstance(self.formula, Measure) or self.formula.bound is None:
+        threshold = None
+        if isinstance(self.formula, Measure):
+            threshold = query_of(self.formula, self.model.model).threshold
+        if threshold is None:
             raise UnsupportedError("parameter lifting decides P and R with a threshold")
-        threshold = query_of(self.formula, self.model.model).threshold
-        assert threshold is not None
         point = self.sample(box)
         if point is None or any(not c.proved(box) for c in self.positive):
             return False
@@ -298,15 +302,54 @@ class _Search:
         self.boxes[[*known, value].index(value)].append(box)
         return True
 
-    def regions(self, share: float) -> Regions:
-        """Divide the box until a share of its volume is decided."""
+    def bounds(self, case: Case, box: Box) -> tuple[Fraction, Fraction] | None:
+        """Bounds of the values over a box, where a case holds somewhere; None if not known."""
+        if all(c.proved(box) for c in case.conditions or ()):
+            function = case.value
+            if not isinstance(function, RationalFunction):
+                function = self.field.constant(function)
+            return function_bounds(function, box)
+        try:
+            return self.lifted(box)
+        except (NumericalError, UnsupportedError):
+            return None
+
+    def extremum(self, direction: Direction, gap: Fraction) -> Extremum:
+        """A least or greatest value over the box, by branch and bound.
+
+        Raises NumericalError: the bounds do not come close.
+        """
+        sign = 1 if direction is Direction.MIN else -1
+        number = count()
+        queue: list[tuple[Fraction | float, int, Box]] = [(-inf, next(number), self.box)]
+        best: tuple[Fraction, Point] | None = None
+        for _ in range(_MOST_BOXES):
+            least, _, box = heapq.heappop(queue)
+            if best is not None and best[0] - least <= gap:
+                return Extremum(sign * best[0], sign * Fraction(least), best[1])
+            for half in halves(box, self.box):
+                point = self.sample(half)
+                bound: Fraction | float = -inf
+                if point is not None:
+                    case = self.cases[self.case(point)]
+                    value = sign * case(**point)
+                    if best is None or value < best[0]:
+                        best = value, point
+                    if (bounds := self.bounds(case, half)) is not None:
+                        bound = min(sign * b for b in bounds)
+                heapq.heappush(queue, (bound, next(number), half))
+        raise NumericalError(f"the bounds are not within {float(gap):g} after {_MOST_BOXES} boxes")
+
+    def regions(self, share: float, *, feasible: bool = False) -> Regions:
+        """Divide the box until a share of its volume is decided, or one value is true."""
         whole, number = volume(self.box), count()
         rest = (1 - Fraction(repr(share))) * whole
         queue: list[tuple[Fraction, int, Box, frozenset[Condition]]] = []
         heapq.heappush(queue, (-whole, next(number), self.box, frozenset()))
         left, empty = whole, []
         for _ in range(_MOST_BOXES):
-            if not queue or left <= rest:
+            found = feasible and any(c.value is True for c in self.cases)
+            if found or not queue or left <= rest:
                 break
             negative, _, box, proved = heapq.heappop(queue)
             point = self.sample(box)
@@ -320,7 +363,7 @@ class _Search:
                     empty.append(box)
             else:
                 chosen = self.case(point)
-                conditions = self.cases[chosen].conditions
+                conditions = self.cases[chosen].conditions or ()
                 proved |= {c for c in conditions if c not in proved and c.proved(box)}
                 done = proved.issuperset(conditions)
                 if done:
@@ -365,7 +408,7 @@ def check_parametric(
     if isinstance(formula, Property):
         formula = formula.formula
     options = options or Options()
-    search = _Search(engine, formula, options, labels)
+    search = Search(engine, formula, options, labels)
     regions = search.regions(options.regions)
     assert search.result is not None
     first, *others = regions.cases
@@ -380,7 +423,9 @@ def check_parametric(
         explanation += f"; where {', '.join(where)}"
     return replace(
         search.result,
-        value=first.value if same and not (regions.undecided and isinstance(first.value, bool)) else None,
+        value=first.value
+        if same and not (regions.undecided and isinstance(first.value, bool))
+        else None,
         accuracy=Exact(),
         explanation=explanation,
         values_or_none=None,

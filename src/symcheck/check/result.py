@@ -38,9 +38,7 @@ __all__ = [
 
 T = TypeVar("T")
 Number = int | float | Fraction
-Answer = (
-    bool | Number | RationalFunction | tuple[Number, Number] | list[tuple[Number, ...]] | None
-)
+Answer = bool | Number | RationalFunction | tuple[Number, Number] | list[tuple[Number, ...]] | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,6 +44,7 @@ def run(state: RunState) -> int:
 
         peer = find_peer(a.peer)
     given = parse_constants(a.const)
+    ranges = parameter_ranges(",".join(a.param), "-param") if a.param else {}
     files = [
         "Reading the model from the standard input"
         if source == STANDARD_INPUT
@@ -53,8 +54,8 @@ def run(state: RunState) -> int:
         files.append(f'Reading properties file "{a.properties}"')
     state.output.header(files)
     model = read_model(a)
-    if a.param:
-        model = replace(model, parameters=parameter_ranges(",".join(a.param), "-param"))
+    if ranges:
+        model = replace(model, parameters=ranges)
     properties = read_properties(a.properties, a.pf, "-pf")
     split = split_constants(model.program, properties.file, dict.fromkeys(given, ""))
     for warning in split.warnings:

@@ -111,7 +111,7 @@ class FunctionField:
             self.factors.append(part / leading)
         return scale, tuple(exponents.items())
 
-    def product(self, denominator: Denominator) -> Polynomial:
+    def product(self, denominator: Iterable[tuple[int, int]]) -> Polynomial:
         """The product of factors."""
         out = self.ring.constant(1)
         for i, exponent in denominator:
@@ -330,7 +330,9 @@ class RationalFunction:
         """The function as an expression of sympy, which has to be installed."""
         import sympy
 
-        return sympy.sympify(str(self).replace("^", "**"), {n: sympy.Symbol(n) for n in self.field.names})
+        return sympy.sympify(
+            str(self).replace("^", "**"), {n: sympy.Symbol(n) for n in self.field.names}
+        )
 
     def __str__(self) -> str:
         above, below = (str(p).replace(" ", "") for p in self._whole())
@@ -365,7 +367,9 @@ def divide_out(polynomial: Polynomial, factor: Polynomial) -> tuple[Polynomial, 
         return polynomial, exponent
 
 
-def _reduced(field: FunctionField, top: Polynomial, bottom: Iterable[tuple[int, int]]) -> RationalFunction:
+def _reduced(
+    field: FunctionField, top: Polynomial, bottom: Iterable[tuple[int, int]]
+) -> RationalFunction:
     """A quotient without the factors that both sides have."""
     from flint.utils.flint_exceptions import DomainError
 

@@ -79,7 +79,7 @@ def sign_on(parts: Iterable[Polynomial], field: FunctionField, box: Box) -> int 
         bounds = function_bounds(RationalFunction(field, part, ()), box)
         if bounds is None or bounds[0] < 0 < bounds[1]:
             return None
-        if bounds == (0, 0):
+        if bounds[0] == bounds[1] == 0:
             return 0
         sign *= 1 if bounds[1] > 0 else -1
     return sign

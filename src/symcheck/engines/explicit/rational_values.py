@@ -186,12 +186,15 @@ _ON_FUNCTIONS: dict[Operation, Callable[..., Any]] = {
 }
 
 
-def apply_to_functions(operation: Operator | Function, *values: Any) -> Any:
+def apply_to_functions(operation: Operator | Function, *values: Any) -> Rational:
     """The value of an operator or function of rational functions. Raises UnsupportedError."""
+    found: Rational
     if operation in (Function.MIN, Function.MAX) and len(values) == 1:
-        return values[0]
-    if operation in _ON_FUNCTIONS:
-        return _ON_FUNCTIONS[operation](*values)
-    if operation in (Operator.POWER, Function.POW) and values[1] == int(values[1]):
-        return values[0] ** int(values[1])
-    raise UnsupportedError(f"{operation!s} of a function of parameters is no rational function")
+        found = values[0]
+    elif operation in (Operator.POWER, Function.POW) and values[1] == int(values[1]):
+        found = values[0] ** int(values[1])
+    elif operation in _ON_FUNCTIONS:
+        found = _ON_FUNCTIONS[operation](*values)
+    else:
+        raise UnsupportedError(f"{operation!s} of functions of parameters is no rational function")
+    return found

@@ -18,6 +18,7 @@ from random import Random
 import numpy as np
 
 from symcheck.engines.parametric.functions import function_of
+from symcheck.engines.rational.explore import StateList
 from symcheck.engines.rational.whole_numbers import CompiledModel
 from symcheck.errors import ModelFault, NumericalError
 from symcheck.explicit.build import explore
@@ -142,7 +143,7 @@ class _Functions(FunctionTable):
         return np.array(found, np.int64)[inverse.reshape(-1)]
 
 
-def _columns(model: BoundModel, states: StateTable) -> dict[str, Column]:
+def _columns(model: BoundModel, states: StateList | StateTable) -> dict[str, Column]:
     return {
         v.name: states.column(i).astype(bool) if v.type is Type.BOOL else states.column(i)
         for i, v in enumerate(model.variables)
@@ -164,7 +165,9 @@ class _Branches:
     target: Rows
 
     def taken(self, chosen: Int64s) -> _Branches:
-        return _Branches(*(a[chosen] for a in (self.state, self.choice, self.weight, self.target)))
+        return _Branches(
+            self.state[chosen], self.choice[chosen], self.weight[chosen], self.target[chosen]
+        )
 
 
 class _Rows:
@@ -231,7 +234,7 @@ class _Rows:
 
     def model(self) -> ParametricModel:
         """The explored model. Raises KeyError if a target is not among the states."""
-        found, functions = self.found, self.functions
+        functions = self.functions
         states, kinds, choices, weights, targets = ([np.zeros(0, np.int64)] for _ in range(5))
         for number, event in enumerate(self.bound.events):
             part = self.branches(event)
@@ -265,7 +268,9 @@ class _Rows:
         choice_of = np.repeat(np.arange(len(starts)), np.diff([*starts, len(state)]))
         if self.bound.type.chooses_uniformly:
             count = np.bincount(owner, minlength=self.n)[owner]
-            shares = (self.field.constant(Fraction(1, c or 1)) for c in range(max(count, default=0) + 1))
+            shares = (
+                self.field.constant(Fraction(1, c or 1)) for c in range(max(count, default=0) + 1)
+            )
             share = np.array([*map(functions.number, shares)], np.int64)[count]
             weight = functions.product(share[choice_of], weight)
             earned = [functions.product(share, e) for e in earned]

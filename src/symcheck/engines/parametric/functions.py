@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import operator as op
+from collections.abc import Callable, Mapping
 
 from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
 from symcheck.matrices.rational_functions import FunctionField, RationalFunction
@@ -13,6 +14,13 @@ from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import names
 
 __all__ = ["function_of", "function_of_text"]
+
+_FIELD: dict[Operator, Callable[[RationalFunction, RationalFunction], RationalFunction]] = {
+    Operator.PLUS: op.add,
+    Operator.MINUS: op.sub,
+    Operator.TIMES: op.mul,
+    Operator.DIVIDE: op.truediv,
+}
 
 
 def function_of(
@@ -42,22 +50,15 @@ def function_of(
             if power != int(power):
                 raise UnsupportedError(f"the power {power} of a parameter is no rational function")
             return function_of(base, field, values) ** int(power)
-        case Binary(operator, left, right):
+        case Binary(operator, left, right) if operator in _FIELD:
             f, g = function_of(left, field, values), function_of(right, field, values)
-            match operator:
-                case Operator.PLUS:
-                    return f + g
-                case Operator.MINUS:
-                    return f - g
-                case Operator.TIMES:
-                    return f * g
-                case Operator.DIVIDE:
-                    if not g:
-                        raise ModelFault(Diagnostic("division by 0", expression.span, "number"))
-                    return f / g
-                case _:
-                    pass
-    raise UnsupportedError(f"{expression} is no rational function of parameters")
+            if not g and operator is Operator.DIVIDE:
+                raise ModelFault(Diagnostic("division by 0", expression.span, "number"))
+            return _FIELD[operator](f, g)
+        case _:
+            raise UnsupportedError(
+                "only sums, products, quotients and powers of parameters are rational functions"
+            )
 
 
 def function_of_text(

@@ -9,6 +9,7 @@ Markov models'.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,7 @@ _FEW = 10
 """Equations that are solved as they are."""
 
 
-def least_functions(matrix: SparseMatrix, constant: Sequence[RationalFunction]) -> list[object]:
+def least_functions(matrix: SparseMatrix, constant: Sequence[RationalFunction]) -> list[Any]:
     """The least solution of x = A x + b over the functions, where every row is a state."""
     table = FunctionTable()
     weights = table.numbers(matrix.data)
@@ -33,10 +34,7 @@ def least_functions(matrix: SparseMatrix, constant: Sequence[RationalFunction]) 
     rows = np.unique(block, return_index=True)[1]
     merged, starts = _merged(matrix, weights, block, table)
     quotient: list[Row[RationalFunction]] = [
-        {
-            int(merged[0, i]): table.functions[merged[1, i]]
-            for i in range(starts[r], starts[r + 1])
-        }
+        {int(merged[0, i]): table.functions[merged[1, i]] for i in range(starts[r], starts[r + 1])}
         for r in rows.tolist()
     ]
     x = least_solution(quotient, [constant[r] for r in rows.tolist()])

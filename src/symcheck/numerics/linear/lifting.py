@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from symcheck.direction import Direction
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import rationals
 from symcheck.matrices.rational_functions import RationalFunction
-from symcheck.matrices.rows import Int64s, SparseMatrix, starts_of
+from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics.linear.problem import LinearProblem
 
 __all__ = ["lifted"]
@@ -44,10 +44,13 @@ def lifted(
     """
     matrix = problem.rows
     groups = np.arange(matrix.rows + 1) if matrix.groups is None else matrix.groups
-    rows_of = [range(a, b) for a, b in zip(groups[:-1], groups[1:], strict=True)]
+    rows_of = [range(a, b) for a, b in pairwise(groups.tolist())]
     if policy is not None:
         rows_of = [range(r, r + 1) for r in policy.tolist()]
-    columns, data, lengths, constant, counts = [], [], [], [], []
+    columns: list[Int32s] = []
+    data: list[Fraction] = []
+    constant: list[Fraction] = []
+    lengths, counts = list[int](), list[int]()
     for rows in rows_of:
         before = len(constant)
         for r in rows:
@@ -56,13 +59,18 @@ def lifted(
             functions = [f for f in entries if isinstance(f, RationalFunction)]
             used = _parameters(functions)
             for corner in product(*(box[n] for n in used)):
-                point = {**{n: low for n, (low, _) in box.items()}, **dict(zip(used, corner, strict=True))}
+                point = {
+                    **{n: low for n, (low, _) in box.items()},
+                    **dict(zip(used, corner, strict=True)),
+                }
                 *values, last = (
                     f(**point) if isinstance(f, RationalFunction) else f for f in entries
                 )
-                columns.append(matrix.indices[part])
-                data += values
-                lengths.append(len(values))
+                # A corner on a border of the ranges has no transitions of probability 0.
+                kept = [i for i, value in enumerate(values) if value]
+                columns.append(matrix.indices[part][kept])
+                data += [values[i] for i in kept]
+                lengths.append(len(kept))
                 constant.append(last)
         counts.append(len(constant) - before)
     corners = SparseMatrix(
@@ -86,7 +94,7 @@ def _parameters(functions: Sequence[RationalFunction]) -> list[str]:
     for f in functions:
         for i, n in f.bottom:
             common[i] = max(n, common.get(i, 0))
-    below = RationalFunction(field, field.product(tuple(common.items())), ())
+    below = RationalFunction(field, field.product(common.items()), ())
     degrees = np.max([below.top.degrees(), *((f * below).top.degrees() for f in functions)], axis=0)
     if degrees.max() > 1:
         raise UnsupportedError(

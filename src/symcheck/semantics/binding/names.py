@@ -178,8 +178,10 @@ class SymbolTable:
         """
         if self.is_open(name):
             definition = self.constants[name].value
-            return Name(name, span=span) if definition is None else simplify(
-                self._without_variables(definition)
+            return (
+                Name(name, span=span)
+                if definition is None
+                else simplify(self._without_variables(definition))
             )
         value = self.value(name)
         known = self._expressions.get(name)

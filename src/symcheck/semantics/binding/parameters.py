@@ -43,9 +43,7 @@ def check_ranges(
             why = "is defined in the text" if constant else "is not declared in the model"
             hint = suggest(name, known) or f"declare it there: const double {name};"
             span = constant.span if constant else NO_SPAN
-            report.absorb(
-                NameFault(Diagnostic(f"parameter {name} {why}", span, "parameter", hint))
-            )
+            report.absorb(NameFault(Diagnostic(f"parameter {name} {why}", span, "parameter", hint)))
         elif constant.type is not Type.DOUBLE:
             message = f"{name} is of type {constant.type.value}: a parameter is a real number"
             hint = f"-const {name}=VALUE gives it a value"

@@ -25,6 +25,7 @@ from symcheck.numerics.linear.functions import least_functions
 from symcheck.numerics.linear.lifting import lifted
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.linear.rational import (
+    Number,
     Row,
     fractions,
     least_solution,
@@ -86,13 +87,17 @@ def _solve_functions(
     problem: LinearProblem, observer: Observer | None, chooser: Chooser
 ) -> Solution:
     """The solution over functions of parameters; comparisons are those at the sample point."""
+    constant: list[Number] = problem.constant.tolist()
+    policy: Int64s | None = None
     if problem.mode == 0:
-        x, policy, rounds = least_functions(problem.rows, problem.constant), None, 1
+        rounds = 1
+        values = rationals(least_functions(problem.rows, constant))
     else:
-        rows = number_rows(problem.rows, lambda function: function)
+        rows: list[Row[Number]] = number_rows(problem.rows, lambda function: function)
         policy = _first_policy(problem, chooser)
-        x, rounds = _policy_iteration(problem, rows, problem.constant, policy, observer)
-    values, note = rationals(x), f"{counted(problem.n, 'state')}: elimination over functions"
+        x, rounds = _policy_iteration(problem, rows, constant, policy, observer)
+        values = rationals(x)
+    note = f"{counted(problem.n, 'state')}: elimination over functions"
     return Solution(values, values, "rational", True, True, rounds, note, strategy=policy)
 
 
