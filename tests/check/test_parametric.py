@@ -9,7 +9,7 @@ import parameters
 import pytest
 
 import symcheck
-from symcheck.check.parametric import volume
+from symcheck.check.regions import volume
 from symcheck.errors import InputError, NumericalError, UnsupportedError, UsageError
 from symcheck.matrices.rational_functions import RationalFunction
 
@@ -249,7 +249,7 @@ def test_derivatives_and_monotonicity() -> None:
 def test_plots() -> None:
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")
-    from symcheck.view.parameters import plot_function
+    from symcheck.view import plot_function, plot_regions
 
     result = (
         symcheck.loads(CHOICE)
@@ -257,7 +257,7 @@ def test_plots() -> None:
         .with_options(regions=0.8)
         .check("Pmax>=0.5 [ F s=1 ]")
     )
-    assert len(result.regions.plot().patches) == sum(len(c.boxes) for c in result.regions.cases)
+    assert len(plot_regions(result.regions).patches) == sum(len(c.boxes) for c in result.regions.cases)
     error = function(ZEROCONF, "p,q", "P=? [ F s=N+1 ]")
     box = {"p": (Fraction(0), Fraction(1)), "q": (Fraction(0), Fraction(1))}
     assert plot_function(error, box).get_ylabel() == "q"

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from networkx import DiGraph
     from scipy.sparse import csr_array
 
-    from symcheck.check.parametric import Extremum, Search
+    from symcheck.check.parametric import Search
+    from symcheck.check.regions import Extremum
     from symcheck.check.state_distributions import Distribution
     from symcheck.engines.transition_table import TransitionTable
     from symcheck.parallel.dask import Cluster

@@ -18,8 +18,8 @@ from symcheck.tables import Table
 if TYPE_CHECKING:
     from symcheck.check.certificate import Certificate
     from symcheck.check.counterexample import Counterexample
-    from symcheck.check.parametric import Regions
     from symcheck.check.pareto_front import ParetoFront
+    from symcheck.check.regions import Regions
     from symcheck.engines.explicit.strategy import Strategy
 
 __all__ = [

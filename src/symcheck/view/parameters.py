@@ -13,7 +13,7 @@ from symcheck.view.plots import axes_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from symcheck.check.parametric import Regions
+    from symcheck.check.regions import Regions
     from symcheck.matrices.rational_functions import RationalFunction
     from symcheck.numerics.bernstein import Box
 
