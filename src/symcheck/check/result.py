@@ -424,6 +424,8 @@ class Result:
         return bool(kinds) and all(k == "steps" for k in kinds)
 
     def __str__(self) -> str:
+        if self.regions is not None and self.value is None:
+            return "by regions"
         shown = show_value(self.value)
         return (
             shown
