@@ -292,10 +292,8 @@ def check_parametric(
         accuracy=Exact(),
         explanation=explanation,
         values_or_none=None,
-        satisfying_or_none=None,
+        satisfying_or_none=None if first.conditions or others else search.result.satisfying_or_none,
         strategies=(first.strategy,) if same and first.strategy is not None else (),
         regions=regions,
         seconds=perf_counter() - started,
-        explain=None,
-        certify=None,
     )

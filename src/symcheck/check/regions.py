@@ -116,7 +116,8 @@ class Regions:
         lines = []
         first: dict[str, Case] = {}
         for case in self.cases:
-            first.setdefault(str(case.value).lower(), case)
+            text = "[{},{}]".format(*case.value) if isinstance(case.value, tuple) else case.value
+            first.setdefault(str(text).lower() if isinstance(text, bool) else str(text), case)
         for text, case in first.items():
             share = sum(map(volume, self.where(case.value)), Fraction(0)) / volume(self.box)
             lines.append(f"  {float(share):7.2%}  {text}, first found at {_shown(case.sample)}")

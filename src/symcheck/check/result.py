@@ -344,6 +344,8 @@ class Result:
                 raise self._wrong_type("a number")
             case tuple():
                 low, high = self.value
+                if isinstance(low, RationalFunction) or isinstance(high, RationalFunction):
+                    raise self._wrong_type("a number")
             case int() | float() | Fraction():
                 low = high = self.value
             case _:

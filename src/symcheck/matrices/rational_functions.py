@@ -17,6 +17,7 @@ from fractions import Fraction
 from typing import Any
 
 from symcheck.direction import Direction
+from symcheck.errors import UnsupportedError
 
 __all__ = ["FunctionField", "Polynomial", "RationalFunction"]
 
@@ -275,7 +276,10 @@ class RationalFunction:
         return -self if self < 0 else self
 
     def __float__(self) -> float:
-        return float(self.value)
+        raise UnsupportedError(
+            f"{self!s:.60} is a function of parameters, and no number",
+            hint=f"f({', '.join(f'{name}=0.5' for name in self.field.names)}) evaluates it",
+        )
 
     # ------------------------------------------------------------------------------------- analysis
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from symcheck.matrices.function_table import FunctionTable
-from symcheck.matrices.numbers import doubles
+from symcheck.matrices.numbers import at_sample, doubles
 from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.matrices.rows import Int64s, SparseMatrix, starts_of
 from symcheck.numerics.bisimulation import lump
@@ -49,7 +49,9 @@ def _blocks(
     if matrix.rows <= _FEW:
         return alone
     block = lump(
-        SparseMatrix(matrix.indptr, matrix.indices, doubles(matrix.data), matrix.columns),
+        SparseMatrix(
+            matrix.indptr, matrix.indices, doubles(at_sample(matrix.data)), matrix.columns
+        ),
         [constants],
     ).block.astype(np.int64)
     (columns, numbers), starts = _merged(matrix, weights, block, table)

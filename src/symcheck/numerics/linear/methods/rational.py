@@ -16,7 +16,7 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
-from symcheck.matrices.numbers import doubles, rationals
+from symcheck.matrices.numbers import at_sample, doubles, rationals
 from symcheck.matrices.rational_functions import FunctionField, RationalFunction
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.matrices.weights import O
@@ -60,7 +60,7 @@ def solve(
 
         box, direction = field.lifting
         opposed = problem.mode and problem.direction is not direction
-        policy = _first_policy(problem, chooser) if opposed else None
+        policy = _first_policy(_sampled(problem), chooser) if opposed else None
         return solve_linear(lifted(problem, policy, box, direction), settings, observer)
     if field is not None:
         return _solve_functions(problem, observer, chooser)
@@ -83,6 +83,12 @@ def _parameters(problem: LinearProblem) -> FunctionField | None:
     return next((v.field for v in numbers if isinstance(v, RationalFunction)), None)
 
 
+def _sampled(problem: LinearProblem) -> LinearProblem:
+    """The problem at the sample point."""
+    matrix = replace(problem.rows, data=at_sample(problem.rows.data))
+    return replace(problem, matrix=matrix, constant=at_sample(problem.constant), exit=None)
+
+
 def _solve_functions(
     problem: LinearProblem, observer: Observer | None, chooser: Chooser
 ) -> Solution:
@@ -94,7 +100,7 @@ def _solve_functions(
         values = rationals(least_functions(problem.rows, constant))
     else:
         rows: list[Row[Number]] = number_rows(problem.rows, lambda function: function)
-        policy = _first_policy(problem, chooser)
+        policy = _first_policy(_sampled(problem), chooser)
         x, rounds = _policy_iteration(problem, rows, constant, policy, observer)
         values = rationals(x)
     note = f"{counted(problem.n, 'state')}: elimination over functions"
@@ -153,10 +159,8 @@ def _first_policy(problem: LinearProblem, chooser: Chooser) -> Int64s:
     groups = problem.choices
     assert groups is not None
     # Beyond doubles, constants are divided by the largest one: the best policy is the same.
-    scale = 1
-    if _parameters(problem) is None:
-        largest = np.abs(problem.constant).max(initial=0)
-        scale = largest if _LARGE < largest < inf else 1
+    largest = np.abs(problem.constant).max(initial=0)
+    scale = largest if _LARGE < largest < inf else 1
     rounded = replace(
         problem,
         matrix=problem.rows.doubles(),
