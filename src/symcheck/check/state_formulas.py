@@ -13,7 +13,7 @@ from symcheck.check.expression_values import expression_values, in_doubles
 from symcheck.check.filters import AppliedFilter
 from symcheck.check.omega_regular import ctl
 from symcheck.check.queries.path_probabilities import qualitative
-from symcheck.check.queries.values import values
+from symcheck.check.queries.values import against_nature, values
 from symcheck.check.thresholds import decide
 from symcheck.engines.base import StateSet, Values
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, UnsupportedError
@@ -272,8 +272,15 @@ def _bounded(context: Context, formula: AnyMeasure, relevant: StateSet) -> State
     threshold = query.threshold
     assert threshold is not None
     context = context.relevant_at(relevant)
-    if isinstance(query.quantity, PathProbability):
-        by_graph = qualitative(context, query.quantity.path, threshold, query.direction)
+    if context.engine.model.type.partially_observed:
+        from symcheck.check.beliefs.values import decided_by_beliefs
+
+        return decided_by_beliefs(context, query, relevant)
+    quantity = query.quantity
+    if isinstance(quantity, PathProbability):
+        inner, towards = against_nature(context, query)
+        playing, direction = inner.playing(towards)
+        by_graph = qualitative(playing, quantity.path, threshold, direction)
         if by_graph is not None:
             return by_graph
     return decide(

@@ -38,6 +38,7 @@ class Feature(Enum):
     CUMULATIVE_REWARDS = "rewards up to a bound"
     INSTANTANEOUS_REWARDS = "rewards at a time"
     DISCOUNTED_REWARDS = "discounted rewards"
+    ENDED_REWARDS = "the rewards Fc and F0"
     MULTI_OBJECTIVE = "multi-objective queries"
     SOME_OR_ALL_PATHS = "the operators A and E"
     DISTRIBUTIONS = "distributions over states"
@@ -65,14 +66,47 @@ _ALL = frozenset(Feature)
 _NONE: frozenset[Feature] = frozenset()
 
 _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
-    ModelType.DTMC: _ALL,
-    ModelType.CTMC: _ALL,
-    ModelType.MDP: _ALL,
+    ModelType.DTMC: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.CTMC: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.MDP: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.PTA: frozenset(
+        {
+            Feature.ROWS,
+            Feature.DIAGRAMS,
+            Feature.RATIONALS,
+            Feature.REACHABILITY,
+            Feature.BOUNDED_REACHABILITY,
+            Feature.REACH_REWARDS,
+        }
+    ),
+    ModelType.SMG: frozenset(
+        {
+            *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
+            *(Feature.REACH_REWARDS, Feature.TOTAL_REWARDS, Feature.CUMULATIVE_REWARDS),
+            *(Feature.INSTANTANEOUS_REWARDS, Feature.ENDED_REWARDS, Feature.STRATEGIES),
+        }
+    ),
+    ModelType.POMDP: frozenset(
+        {
+            *(Feature.ROWS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
+            *(Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES),
+        }
+    ),
 }
 """Per type what it offers; nothing where it has no row."""
 
 _OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {
     Weights.NUMBERS: _ALL,
+    Weights.INTERVALS: frozenset(
+        {
+            *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
+            *(Feature.REACH_REWARDS, Feature.CUMULATIVE_REWARDS, Feature.INSTANTANEOUS_REWARDS),
+            *(Feature.LONG_RUN, Feature.SOME_OR_ALL_PATHS),
+        }
+    ),
     Weights.PARAMETERS: frozenset(
         {
             Feature.ROWS,
@@ -134,6 +168,8 @@ def offers(model: BoundModel, feature: Feature) -> bool:
         >>> offers(symcheck.load("models/die/die.pm").bound, Feature.LTL)
         True
     """
+    if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
+        return False  # the rows of the two tables were opened, and tested, apart
     of_type = _OF_TYPE.get(model.type, _NONE)
     if feature in _EXCEPT.get((model.type, model.weights), _NONE):
         return False

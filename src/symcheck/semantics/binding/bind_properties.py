@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
 from symcheck.lazy_dataclass import dataclass
-from symcheck.semantics.binding.bound_conditions import check_conditions
+from symcheck.semantics.binding.bound_conditions import check_conditions, for_one_player
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, undefined
 from symcheck.semantics.binding.parameters import with_open_thresholds
 from symcheck.semantics.binding.property_references import PropertyReferences
@@ -124,7 +124,11 @@ def needed_constants(program: Program, file: PropertiesFile) -> tuple[tuple[str,
     table = SymbolTable(report, exact=False)
     table.add(program.constants, program.formulas)
     table.add(file.constants, file.formulas)
-    texts = PropertyReferences(table, file, {x.name: x.expression for x in program.labels})
+    texts = PropertyReferences(
+        table,
+        file,
+        {x.name: x.expression for x in (*program.labels, *program.observables) if x.name},
+    )
     return tuple(texts.undefined(p.formula, program.constants) for p in file.properties)
 
 
@@ -433,7 +437,8 @@ class _Properties:
                 raise NameFault(*(undefined(self.table.constants[n]) for n in missing))
             for label in self.texts.used_labels(whole):
                 self.scope.expand(self.texts.label(label))
-            formula = with_open_thresholds(self.scope.expand(whole), self.model.parameters)
+            formula = for_one_player(self.scope.expand(whole), self.model)
+            formula = with_open_thresholds(formula, self.model.parameters)
             check_conditions(formula, self.model)
         except InputError as error:
             fault = error
