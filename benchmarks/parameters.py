@@ -82,8 +82,10 @@ def random_property(rng: Random, kind: str, size: int = 4) -> str:
 
 def difference(rng: Random, text: str, formula: str) -> tuple[str | None, str]:
     """What differs at some point (None: nothing), and whether anything was compared."""
+    lifting = "=?" not in formula and rng.random() < 0.5
+    model = symcheck.loads(text).parametric("p=0.01:0.99,q=0.01:0.99")
     try:
-        result = symcheck.loads(text).parametric("p=0.01:0.99,q=0.01:0.99").check(formula)
+        result = model.with_options(lifting=lifting, regions=0.9).check(formula)
     except UnsupportedError as error:
         return None, f"refused: {str(error)[:60]}"
     except SymcheckError as error:
@@ -105,6 +107,8 @@ def difference(rng: Random, text: str, formula: str) -> tuple[str | None, str]:
         value = case(**point)
         if value != exact:
             return f"{value} at {constants}, exactly {exact}: {case.value}", "compared"
+    if lifting:
+        return None, "lifted"
     return None, "compared" if isinstance(result.value, RationalFunction) else "cases"
 
 

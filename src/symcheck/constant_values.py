@@ -184,25 +184,20 @@ def parameter_ranges(
     """
     try:
         if isinstance(parameters, str):
-            found: dict[str, tuple[object, object]] = {}
-            for item in filter(None, map(str.strip, parameters.split(","))):
-                name, given, text = item.partition("=")
-                ends = (text if given else "0:1").split(":")
-                if not name.strip() or len(ends) != 2:
-                    raise ValueError(f"'{item}' is not NAME or NAME=LOW:HIGH")
-                found[name.strip()] = ends[0].strip(), ends[1].strip()
-            parameters = found
-        ranges = {
-            name: (Fraction(str(low)), Fraction(str(high)))
-            for name, (low, high) in parameters.items()
-        }
-    except (ValueError, TypeError, ZeroDivisionError) as error:
-        raise UsageError(f"{source}: {error}", hint="such as p=0.1:0.9,q") from None
-    for name, (low, high) in ranges.items():
-        if not low < high:
-            raise UsageError(f"{source}: the range {low}:{high} of {name} is empty")
-    if not ranges:
-        raise UsageError(f"{source}: no parameter is named", hint="such as p=0.1:0.9,q")
+            items = (item.partition("=") for item in parameters.split(",") if item.strip())
+            given = {
+                name.strip(): text.split(":") if sign else (0, 1) for name, sign, text in items
+            }
+        else:
+            given = {name: list(ends) for name, ends in parameters.items()}
+        ranges = {n: (Fraction(str(low)), Fraction(str(high))) for n, (low, high) in given.items()}
+    except (ValueError, TypeError, ZeroDivisionError):
+        raise UsageError(
+            f"{source}: {parameters!r} is not NAME=LOW:HIGH,…", hint="such as p=0.1:0.9,q"
+        ) from None
+    empty = [name for name, (low, high) in ranges.items() if not low < high]
+    if empty or not ranges:
+        raise UsageError(f"{source}: the range of {empty or 'parameters'} is empty")
     return ranges
 
 

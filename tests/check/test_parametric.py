@@ -177,10 +177,12 @@ def test_an_mdp_has_a_function_and_a_strategy_for_each_region() -> None:
     ("text", "formula"),
     [
         (ZEROCONF, "P<=0.1 [ F s=N+1 ]"),
+        (ZEROCONF, "P>=0.9 [ G s!=N+1 ]"),
         (ZEROCONF, 'R{"probes"}<2 [ F s>N ]'),
         (CHOICE, "Pmax>=0.5 [ F s=1 ]"),
         (CHOICE, "P<0.5 [ F s=1 ]"),
         (CHOICE, "Pmin>0.4 [ F s=1 ]"),
+        (CHOICE, "Pmin<0.5 [ G s!=1 ]"),
         (CHOICE, "Rmax<1.2 [ F s=1|s=3 ]"),
         (QUEUE, "R<=2 [ F n=2 ]"),
     ],
@@ -207,7 +209,7 @@ def test_lifting_refuses_what_is_not_multilinear() -> None:
     with pytest.raises(UnsupportedError, match="linear in each parameter"):
         model.check("P<=0.1 [ F s=N+1 ]")
     with pytest.raises(UnsupportedError, match="lifting bounds"):
-        model.check("P<=0.1 [ G s!=N+1 ]")
+        model.check("P<=0.1 [ G F s=N+1 ]")
 
 
 def test_thresholds_may_be_parameters_and_formulas_nested() -> None:

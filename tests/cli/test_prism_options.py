@@ -63,7 +63,7 @@ def test_switches_without_effect_are_taken_and_named(words, queue, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["-param", "p=0.5"], "-param: 'p=0.5' is not NAME or NAME=LOW:HIGH"),
+        (["-param", "p=0.5"], "-param: 'p=0.5' is not NAME=LOW:HIGH"),
         (["-paramelimorder", "fw"], "-paramelimorder: functions of parameters are exact"),
         (["-settings", "prism.settings"], "-settings: files of settings are not read"),
         (["-importpepa"], "PEPA is not supported"),

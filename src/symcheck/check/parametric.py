@@ -125,11 +125,11 @@ class Search:
             raise UnsupportedError("parameter lifting bounds P and R alone")
         query = query_of(measure, self.model.model)
         match query.quantity:
-            case PathProbability(UntilPath(negative=False)) | ReachReward():
+            case PathProbability(UntilPath()) | ReachReward():
                 pass
             case _:
                 raise UnsupportedError(
-                    "parameter lifting bounds P [ F … ], P [ … U … ] and R [ F … ]"
+                    "parameter lifting bounds P [ F … ], P [ G … ], P [ … U … ] and R [ F … ]"
                 )
         direction = query.direction and query.direction.value
         asked = replace(measure, bound=None, direction=direction)
@@ -142,7 +142,7 @@ class Search:
             self.field.lifting = None
         if any(isinstance(value, RationalFunction) for value in found):
             raise UnsupportedError("parameter lifting has no bounds on steps")
-        return found[0], found[1]
+        return min(found), max(found)  # a complement exchanges them
 
     def by_lifting(self, box: Box) -> bool:
         """Whether a box is decided by lifting; then it belongs to a case."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import operator as op
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import field
 from fractions import Fraction
 from functools import partial, reduce
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.engines.parametric.functions import FIELD
 from symcheck.errors import UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Rationals, rationals
@@ -176,25 +176,15 @@ def _rational(value: Value) -> Rational:
     return Fraction(value) if isinstance(value, int) else value
 
 
-_ON_FUNCTIONS: dict[Operation, Callable[..., Any]] = {
-    Operator.PLUS: op.add,
-    Operator.MINUS: op.sub,
-    Operator.TIMES: op.mul,
-    Operator.DIVIDE: op.truediv,
-    Function.MIN: min,
-    Function.MAX: max,
-}
-
-
 def apply_to_functions(operation: Operator | Function, *values: Any) -> Rational:
     """The value of an operator or function of rational functions. Raises UnsupportedError."""
     found: Rational
-    if operation in (Function.MIN, Function.MAX) and len(values) == 1:
-        found = values[0]
+    if operation in (Function.MIN, Function.MAX):
+        found = (min if operation is Function.MIN else max)(values)
     elif operation in (Operator.POWER, Function.POW) and values[1] == int(values[1]):
         found = values[0] ** int(values[1])
-    elif operation in _ON_FUNCTIONS:
-        found = _ON_FUNCTIONS[operation](*values)
+    elif operation in FIELD:
+        found = FIELD[operation](*values)
     else:
         raise UnsupportedError(f"{operation!s} of functions of parameters is no rational function")
     return found

@@ -13,14 +13,15 @@ from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Name, Una
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import names
 
-__all__ = ["function_of", "function_of_text"]
+__all__ = ["FIELD", "function_of", "function_of_text"]
 
-_FIELD: dict[Operator, Callable[[RationalFunction, RationalFunction], RationalFunction]] = {
+FIELD: Mapping[object, Callable[[RationalFunction, RationalFunction], RationalFunction]] = {
     Operator.PLUS: op.add,
     Operator.MINUS: op.sub,
     Operator.TIMES: op.mul,
     Operator.DIVIDE: op.truediv,
 }
+"""The operators whose values are rational functions."""
 
 
 def function_of(
@@ -50,11 +51,11 @@ def function_of(
             if power != int(power):
                 raise UnsupportedError(f"the power {power} of a parameter is no rational function")
             return function_of(base, field, values) ** int(power)
-        case Binary(operator, left, right) if operator in _FIELD:
+        case Binary(operator, left, right) if operator in FIELD:
             f, g = function_of(left, field, values), function_of(right, field, values)
             if not g and operator is Operator.DIVIDE:
                 raise ModelFault(Diagnostic("division by 0", expression.span, "number"))
-            return _FIELD[operator](f, g)
+            return FIELD[operator](f, g)
         case _:
             raise UnsupportedError(
                 "only sums, products, quotients and powers of parameters are rational functions"

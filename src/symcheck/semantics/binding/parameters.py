@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 
@@ -57,14 +57,23 @@ def check_places(model: BoundModel) -> None:
         UnsupportedError: a parameter stands in a guard, an assignment, a condition or a label, or
             in an operation that gives no rational function.
     """
-    for what, expression in _without_parameters(model):
-        _refuse(model.parameters, expression, f"in {what}")
-    for command in {c for e in model.events for part in e.participants for c in part}:
+
+    def refuse(where: str, expression: Expression) -> None:
+        _refuse(model.parameters, expression, f"in {where}")
+
+    for command in (c for m in model.modules for c in m.commands):
+        refuse("a guard", command.guard)
         for update in command.updates:
             _check_function(model.parameters, update.probability)
-    for structure in model.rewards:
-        for item in structure.items:
-            _check_function(model.parameters, item.value)
+            for _, value in update.assignments:
+                refuse("an assignment", value)
+    for item in (i for r in model.rewards for i in r.items):
+        refuse("the guard of a reward", item.guard)
+        _check_function(model.parameters, item.value)
+    for label in model.labels.values():
+        refuse("a label", label)
+    if model.initial is not None:
+        refuse("the condition on initial states", model.initial)
 
 
 def with_open_thresholds(formula: Expression, parameters: Ranges) -> Expression:
@@ -85,17 +94,6 @@ def with_open_thresholds(formula: Expression, parameters: Ranges) -> Expression:
         return Binary(bound.operator, query, bound.threshold, span=node.span)
 
     return transform(formula, compared) if parameters else formula
-
-
-def _without_parameters(model: BoundModel) -> Iterator[tuple[str, Expression]]:
-    for command in {c for e in model.events for part in e.participants for c in part}:
-        yield "a guard", command.guard
-        for update in command.updates:
-            yield from (("an assignment", value) for _, value in update.assignments)
-    yield from (("the guard of a reward", i.guard) for r in model.rewards for i in r.items)
-    yield from (("a label", expression) for expression in model.labels.values())
-    if model.initial is not None:
-        yield "the condition on initial states", model.initial
 
 
 def _refuse(parameters: Ranges, expression: Expression, where: str) -> None:
