@@ -183,6 +183,7 @@ def parameter_ranges(
     Raises UsageError.
     """
     try:
+        given: dict[str, Sequence[object]]
         if isinstance(parameters, str):
             items = (item.partition("=") for item in parameters.split(",") if item.strip())
             given = {

@@ -19,10 +19,8 @@ class FunctionTable:
     def __init__(self, functions: Iterable[RationalFunction] = ()) -> None:
         self.functions: list[RationalFunction] = []
         self._numbers: dict[RationalFunction, int] = {}
-        self._of_objects: dict[int, int] = {}
         self._sums: dict[tuple[int, ...], int] = {}
-        for function in functions:
-            self.number(function)
+        self.numbers(functions)
 
     def number(self, function: RationalFunction) -> int:
         """The number of a function, which may be new."""
@@ -32,12 +30,8 @@ class FunctionTable:
         return known
 
     def numbers(self, functions: Iterable[RationalFunction]) -> Int64s:
-        """The numbers of functions that live as long as the table: int64[n]."""
-        of = self._of_objects
-        found = [
-            of[id(f)] if id(f) in of else of.setdefault(id(f), self.number(f)) for f in functions
-        ]
-        return np.array(found, np.int64)
+        """The numbers of functions: int64[n]."""
+        return np.array([*map(self.number, functions)], np.int64)
 
     def of(self, numbers: Int64s) -> Rationals:
         """The functions with these numbers."""

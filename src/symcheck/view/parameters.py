@@ -48,7 +48,7 @@ def plot_regions(regions: Regions, axes: Axes | None = None) -> Axes:
         other = _OTHERS[len(colours) % len(_OTHERS)]
         colour = colours.setdefault(text, _COLOURS.get(text, other))
         for box in case.boxes:
-            (x, right), (y, top) = (*box.values(), (0, 1))[:2]
+            (x, right), (y, top) = [*box.values(), (Fraction(0), Fraction(1))][:2]
             size = float(right - x), float(top - y)
             axes.add_patch(Rectangle((float(x), float(y)), *size, color=colour))
     axes.legend(handles=[Patch(color=c, label=shorten(t, 30)) for t, c in colours.items()])

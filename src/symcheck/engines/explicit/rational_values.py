@@ -161,7 +161,8 @@ def _exactly(operation: Operator | Function, *values: Rational) -> Rational:
     is the operand or NaN: not every state is relevant.
     """
     if any(isinstance(v, RationalFunction) for v in values):
-        return apply_to_functions(operation, *values)
+        found: Rational = apply_to_functions(operation, *values)
+        return found
     operands: Sequence[Value] = values
     if operation.signature is Signature.ROUNDING and not isfinite(values[0]):
         return values[0]
@@ -176,15 +177,12 @@ def _rational(value: Value) -> Rational:
     return Fraction(value) if isinstance(value, int) else value
 
 
-def apply_to_functions(operation: Operator | Function, *values: Any) -> Rational:
+def apply_to_functions(operation: Operator | Function, *values: Any) -> Any:
     """The value of an operator or function of rational functions. Raises UnsupportedError."""
-    found: Rational
     if operation in (Function.MIN, Function.MAX):
-        found = (min if operation is Function.MIN else max)(values)
-    elif operation in (Operator.POWER, Function.POW) and values[1] == int(values[1]):
-        found = values[0] ** int(values[1])
-    elif operation in FIELD:
-        found = FIELD[operation](*values)
-    else:
-        raise UnsupportedError(f"{operation!s} of functions of parameters is no rational function")
-    return found
+        return (min if operation is Function.MIN else max)(values)
+    if operation in (Operator.POWER, Function.POW) and values[1] == int(values[1]):
+        return values[0] ** int(values[1])
+    if operation in FIELD:
+        return FIELD[operation](*values)
+    raise UnsupportedError(f"{operation!s} of functions of parameters is no rational function")

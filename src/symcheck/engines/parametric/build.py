@@ -234,26 +234,26 @@ class _Rows:
 
     def model(self) -> ParametricModel:
         """The explored model. Raises KeyError if a target is not among the states."""
-        functions = self.functions
-        states, kinds, choices, weights, targets = ([np.zeros(0, np.int64)] for _ in range(5))
-        for number, event in enumerate(self.bound.events):
+        functions, n, events = self.functions, self.n, self.bound.events
+        parts = []
+        for number, event in enumerate(events):
             part = self.branches(event)
             keys = _keys(part.target)
-            target = np.minimum(np.searchsorted(self.keys, keys), self.n - 1)
+            target = np.minimum(np.searchsorted(self.keys, keys), n - 1)
             if not (self.keys[target] == keys).all():
                 raise KeyError("a state that was not found")
-            states.append(part.state)
-            kinds.append(np.full(len(target), number))
-            choices.append(part.choice)
-            weights.append(part.weight)
-            targets.append(target)
-        state, kind, choice, weight, target = map(
-            np.concatenate, (states, kinds, choices, weights, targets)
-        )
-        order = np.lexsort((target, choice, kind, state))
-        state, kind, choice, weight, target = (
-            a[order] for a in (state, kind, choice, weight, target)
-        )
+            parts.append(
+                (part.state, np.full(len(target), number), part.choice, part.weight, target)
+            )
+        alive = np.zeros(n, bool)
+        for states, *_ in parts:
+            alive[states] = True
+        dead = np.flatnonzero(~alive)  # with loops
+        one = np.ones_like(dead)
+        parts.append((dead, one * len(events), one, one * _ONE, dead))
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        order = np.lexsort(columns[2::-1])
+        state, kind, choice, weight, target = (column[order] for column in columns)
         # Choices: their sums, and the rewards of their actions.
         starts = _changes(state, kind, choice)
         owner, of_kind = state[starts], kind[starts]
@@ -264,86 +264,43 @@ class _Rows:
             self._earned([i for i in r.items if not i.on_states], owner, of_kind, sums)
             for r in self.bound.rewards
         ]
-        has_choices = self.bound.type.has_choices
         choice_of = np.repeat(np.arange(len(starts)), np.diff([*starts, len(state)]))
+        counts = np.bincount(owner, minlength=n)
         if self.bound.type.chooses_uniformly:
-            count = np.bincount(owner, minlength=self.n)[owner]
-            shares = (
-                self.field.constant(Fraction(1, c or 1)) for c in range(max(count, default=0) + 1)
-            )
-            share = np.array([*map(functions.number, shares)], np.int64)[count]
+            shares = (self.field.constant(Fraction(1, max(c, 1))) for c in range(counts.max() + 1))
+            share = np.array([*map(functions.number, shares)], np.int64)[counts[owner]]
             weight = functions.product(share[choice_of], weight)
             earned = [functions.product(share, e) for e in earned]
-        row = choice_of if has_choices else state
+        if self.bound.type.has_choices:
+            row, groups = choice_of, starts_of(counts)
+            number_of = {name: i for i, name in enumerate(self.bound.actions)}
+            numbers = [number_of.get(e.action or "", -1) for e in events]
+            actions = np.array([*numbers, -1], np.int32)[of_kind]
+        else:
+            row, groups, actions = state, None, np.full(n, -1, np.int32)
+            earned = [functions.sums(e, _changes(owner)) for e in earned]
+        # Rows: branches that lead to the same state are added.
         order = np.lexsort((target, row))
         row, target, weight = row[order], target[order], weight[order]
         first = _changes(row, target)
         merged = functions.sums(weight, first)
-        row, target = row[first], target[first]
-        return self._assembled(row, target, merged, owner, of_kind, earned)
-
-    def _assembled(
-        self,
-        row: Int64s,
-        target: Int64s,
-        weight: Int64s,
-        owner: Int64s,
-        kind: Int64s,
-        earned: Sequence[Int64s],
-    ) -> ParametricModel:
-        """The model from merged branches, with loops at deadlocks."""
-        found, functions, n = self.found, self.functions, self.n
-        has_choices = self.bound.type.has_choices
-        number = {name: i for i, name in enumerate(self.bound.actions)}
-        of_kind = np.array([number.get(e.action or "", -1) for e in self.bound.events], np.int64)
-        rows_of = np.bincount(owner, minlength=n) if has_choices else np.ones(n, np.int64)
-        dead = np.bincount(owner, minlength=n) == 0
-        groups = starts_of(np.where(dead, 1, rows_of))
-        if has_choices:  # rows in the order of states; that of a deadlock is new
-            place = groups[owner] + np.arange(len(owner)) - starts_of(rows_of)[owner]
-        else:
-            place = owner
-        if has_choices:
-            row = place[row]
-        loops = np.flatnonzero(dead)
-        row = np.concatenate([row, groups[loops]])
-        target = np.concatenate([target, loops])
-        weight = np.concatenate([weight, np.full(len(loops), _ONE)])
-        order = np.argsort(row, kind="stable")
-        count = int(groups[-1])
-        indptr = starts_of(np.bincount(row, minlength=count))
-        numbers = weight[order]
-        actions = np.full(count, -1, np.int32)
-        if has_choices:
-            actions[place] = of_kind[kind]
-        per_row = []
-        first = _changes(place)  # choices are sorted by their states
-        for values in earned:
-            sums = np.zeros(count, np.int64)
-            sums[place[first]] = functions.sums(values, first)
-            per_row.append(functions.of(sums))
+        indptr = starts_of(np.bincount(row[first]))
+        columns_of = target[first].astype(np.int32)
         state_rewards = [
             functions.of(self._items([i for i in r.items if i.on_states], np.arange(n)))
             for r in self.bound.rewards
         ]
-        matrix = SparseMatrix(
-            indptr,
-            target[order].astype(np.int32),
-            functions.of(numbers),
-            n,
-            groups if has_choices else None,
-        )
         return ParametricModel(
             self.bound,
-            found.states,
-            matrix,
+            self.found.states,
+            SparseMatrix(indptr, columns_of, functions.of(merged), n, groups),
             actions,
-            found.initial,
-            loops,
+            self.found.initial,
+            dead,
             state_rewards,
-            per_row,
+            [functions.of(e) for e in earned],
             self.field,
-            tuple(functions.functions[i] for i in np.unique(numbers).tolist()),
+            tuple(functions.functions[i] for i in np.unique(merged).tolist()),
         )
 
     def _check(self, owner: Int64s, kind: Int64s, sums: Int64s) -> None:
