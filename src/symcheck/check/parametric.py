@@ -8,7 +8,7 @@ are proved for a box, or the box is split. One outcome usually serves many boxes
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from itertools import count
@@ -25,7 +25,7 @@ from symcheck.engines.base import Engine
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.parametric.build import ParametricModel, random_point
 from symcheck.errors import NumericalError, UnsupportedError
-from symcheck.matrices.rational_functions import Polynomial, RationalFunction
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.numerics.bernstein import Box, function_bounds
 from symcheck.options import Options
 from symcheck.semantics.path_formulas import UntilPath
@@ -74,15 +74,13 @@ class Search:
         self.random = Random(0)
         self.field.sample(random_point(self.model.model, self.random))
         for weight in self.model.weights:
-            self.field.note([weight.top, *self._odd(weight)], 1)
+            odd = (self.field.factors[i] for i, n in weight.bottom if n % 2)
+            self.field.note([weight.top, *odd], 1)
         self.positive = self._conditions(set())
         self.cases: list[Case] = []
         self.boxes: list[list[Box]] = []
         self.result: Result | None = None
         self.lifting = options.lifting
-
-    def _odd(self, function: RationalFunction) -> Iterator[Polynomial]:
-        return (self.field.factors[i] for i, n in function.bottom if n % 2)
 
     def _conditions(self, known: set[str]) -> tuple[Condition, ...]:
         """The conditions that were noted, without those that are known."""
@@ -118,7 +116,9 @@ class Search:
     def lifted(self, box: Box) -> tuple[Fraction, Fraction]:
         """Bounds of the value of the measure over a box, by parameter lifting.
 
-        Raises UnsupportedError: bounds of this measure do not follow from those of its equations.
+        Raises:
+            UnsupportedError: bounds of this measure do not follow from those of its equations.
+            NumericalError: there are none over this box.
         """
         measure = self.formula
         if not isinstance(measure, Measure):
@@ -134,28 +134,32 @@ class Search:
         direction = query.direction and query.direction.value
         asked = replace(measure, bound=None, direction=direction)
         found: list[Any] = []
+        if not all(c.proved(box) for c in self.positive):
+            raise NumericalError("probabilities are not known to be positive")
         try:
             for self.field.lifting in ((box, Direction.MIN), (box, Direction.MAX)):
                 self.result = check(self.engine, asked, self.options, labels=self.labels)
                 found.append(self.result.value)
+        except ZeroDivisionError:
+            raise NumericalError("a denominator is 0 on the border of the box") from None
         finally:
             self.field.lifting = None
         if any(isinstance(value, RationalFunction) for value in found):
             raise UnsupportedError("parameter lifting has no bounds on steps")
         return min(found), max(found)  # a complement exchanges them
 
-    def by_lifting(self, box: Box) -> bool:
-        """Whether a box is decided by lifting; then it belongs to a case."""
+    def by_lifting(self, box: Box, point: Point) -> bool:
+        """Whether a box with a point is decided by lifting; then it belongs to a case."""
         threshold = None
         if isinstance(self.formula, Measure):
             threshold = query_of(self.formula, self.model.model).threshold
         if threshold is None:
             raise UnsupportedError("parameter lifting decides P and R with a threshold")
-        point = self.sample(box)
-        if point is None or any(not c.proved(box) for c in self.positive):
-            return False
         self.field.sample(point)
-        values = {threshold.operator.compare(v, threshold.value) for v in self.lifted(box)}
+        try:
+            values = {threshold.operator.compare(v, threshold.value) for v in self.lifted(box)}
+        except NumericalError:
+            return False
         if len(values) == 2:
             return False
         (value,) = values
@@ -217,7 +221,7 @@ class Search:
             negative, _, box, proved = heapq.heappop(queue)
             point = self.sample(box)
             if self.lifting and point is not None:
-                done = self.by_lifting(box)
+                done = self.by_lifting(box, point)
             elif point is None:
                 done = any(
                     Condition(c.parts, -c.sign, self.field).proved(box) for c in self.positive
@@ -286,9 +290,7 @@ def check_parametric(
         explanation += f"; where {', '.join(where)}"
     return replace(
         search.result,
-        value=first.value
-        if same and not (regions.undecided and isinstance(first.value, bool))
-        else None,
+        value=first.value if same and not regions.undecided else None,
         accuracy=Exact(),
         explanation=explanation,
         values_or_none=None,
