@@ -145,10 +145,23 @@ _OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {
             Feature.CUMULATIVE_REWARDS,
             Feature.INSTANTANEOUS_REWARDS,
             Feature.CONDITIONAL,
+            Feature.STRATEGIES,
         }
     ),
 }
 """Per kind of probabilities what can be computed with it; nothing where it has no row."""
+
+_EXCEPT: dict[tuple[ModelType, Weights], frozenset[Feature]] = {
+    (ModelType.CTMC, Weights.PARAMETERS): frozenset(  # exponential functions are not rational
+        {
+            Feature.BOUNDED_REACHABILITY,
+            Feature.CUMULATIVE_REWARDS,
+            Feature.INSTANTANEOUS_REWARDS,
+        }
+    ),
+    (ModelType.MDP, Weights.PARAMETERS): frozenset({Feature.LONG_RUN}),
+}
+"""What both the type and the weights offer, but not together."""
 
 _WITH_WEIGHTS = {
     Weights.NUMBERS: "",
@@ -183,6 +196,8 @@ def offers(model: BoundModel, feature: Feature) -> bool:
     if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
         return False  # the rows of the two tables were opened, and tested, apart
     of_type = _OF_TYPE.get(model.type, _NONE)
+    if feature in _EXCEPT.get((model.type, model.weights), _NONE):
+        return False
     return feature in of_type and feature in _OF_WEIGHTS.get(model.weights, _NONE)
 
 
