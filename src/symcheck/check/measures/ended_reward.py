@@ -47,7 +47,7 @@ def kept_reward(
     pays, every = np.asarray(earned > 0, np.bool_), np.ones(system.n, np.bool_)
     leaves = np.asarray(system.one_step_probability(target) > 0, np.bool_)
     some, _ = arena.attract(pays, every)
-    endless = arena.repeatedly(pays, leaves)
+    endless, _ = arena.repeatedly(pays, leaves)
     infinite, unknown = _inside(context, system.states, endless), some & ~endless
     finite = engine.system(_inside(context, system.states, unknown), direction)
     equations = finite.equations(
@@ -99,7 +99,8 @@ def lost_reward(
         ):
             break
         levels *= 2
-        if levels * system.n > tuning.MOST_PAIRS:
+        most = tuning.MOST_EXACT_PAIRS if engine.is_rational else tuning.MOST_PAIRS
+        if levels * system.n > max(most, 2 * tuning.FIRST_LEVELS * system.n):
             if engine.is_rational:
                 raise UnsupportedError(
                     "the exact reward F0 of this game is not found",

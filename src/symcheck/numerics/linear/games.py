@@ -274,7 +274,7 @@ def _process_values(problem: LinearProblem, settings: Settings, inner: Inner) ->
         arena = Arena(graph, every ^ maximise)
         unknown, _ = arena.attract(pays, every)
         if not problem.probability:
-            infinite = arena.repeatedly(pays, leaves)
+            infinite, _ = arena.repeatedly(pays, leaves)
     else:
         unknown, _ = Arena(graph, every & maximise).almost_surely(leaves, never, every)
         infinite = ~unknown
