@@ -1,6 +1,6 @@
 """Check random turn-based games on every engine, against tests/oracles in plain fractions.
 
-python benchmarks/games.py [--runs N] [--first SEED] [--extreme] [--engines NAME ...]
+python benchmarks/games.py [--runs N] [--seconds S] [--first SEED] [--extreme] [--engines NAME ...]
 
 Each run draws a game of 2 to 6 states and 3 players, and asks a question of each kind about it, for
 a random coalition, and most of them with the value as a threshold. An exact value has to be the
@@ -55,6 +55,7 @@ def main() -> None:
     """Run the campaign."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=1000)
+    parser.add_argument("--seconds", type=float, default=inf)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--extreme", action="store_true")
     parser.add_argument("--engines", nargs="+", default=["explicit", "sparse", "exact"])
@@ -62,6 +63,9 @@ def main() -> None:
     counted: Counter[str] = Counter()
     start = time.time()
     for seed in range(arguments.first, arguments.first + arguments.runs):
+        if time.time() - start > arguments.seconds:
+            break
+        counted["games"] += 1
         drawn = draw(str(seed), extreme=arguments.extreme)
         for engine in arguments.engines:
             options = {"exact": True} if engine == "exact" else {"engine": engine}

@@ -39,7 +39,7 @@ LISTED_ROWS = 100_000_000
 or a counterexample. Exploring them takes half a minute; the engine explicit has no such limit."""
 
 # Rewards that are lost where a target is missed (measures/ended_reward.py).
-FIRST_LEVELS, MOST_PAIRS, MOST_EXACT_PAIRS = 16, 2_000_000, 500
+FIRST_LEVELS, MOST_PAIRS, MOST_EXACT_PAIRS = 16, 200_000, 500
 """Rewards that a strategy remembers at first, in steps of the rewards; and the most pairs of a
 state and such a reward, in doubles and in rationals."""
 
