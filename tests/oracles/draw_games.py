@@ -216,10 +216,30 @@ def _both(rng: Random, game: Game, maximiser: set[int]) -> Answer:
     strategies = 1
     for c in rows:
         strategies *= len(c)
-    if strategies > 3000:
+    if strategies > 400:
         return _next(rng, game, maximiser)
     values = games.until(rows, mine, range(4 * n), goal)
     return f"P [ (F {one}) & (F {other}) ]", values[::4], None
+
+
+def _for_ever(rng: Random, game: Game, maximiser: set[int]) -> Answer:
+    """A formula about what holds infinitely often and from some time on."""
+    (one, a), (other, b) = _set(rng, game), _set(rng, game)
+    text, accepts = rng.choice(
+        [
+            (f"G F {one}", lambda c: bool(c & a)),
+            (f"F G {one}", lambda c: c <= a),
+            (f"(G F {one}) & (F G {other})", lambda c: bool(c & a) and c <= b),
+            (f"(G F {one}) | (F G {other})", lambda c: bool(c & a) or c <= b),
+        ]
+    )
+    nothing = [[Fraction(0)] * len(c) for c in game.rows]
+
+    def measure(chain: chains.Chain, _: chains.Column) -> Sequence[Value]:
+        good = [c for c in chains.components(chain) if accepts(c)]
+        return chains.until(chain, range(len(chain)), set().union(*good))
+
+    return f"P [ {text} ]", games.value(game.rows, maximiser, nothing, measure), None
 
 
 def _reach_reward(rng: Random, game: Game, maximiser: set[int]) -> Answer:
@@ -272,6 +292,6 @@ def _instantaneous(rng: Random, game: Game, maximiser: set[int]) -> Answer:
 
 
 _KINDS: tuple[Kind, ...] = (
-    *(_reach, _until, _globally, _bounded, _always_within, _next, _after_next, _both),
+    *(_reach, _until, _globally, _bounded, _always_within, _next, _after_next, _both, _for_ever),
     *(_reach_reward, _kept_reward, _total, _lost_reward, _cumulated, _instantaneous),
 )

@@ -44,6 +44,9 @@ FIRST_LEVELS, MOST_PAIRS, MOST_EXACT_PAIRS = 16, 200_000, 500
 state and such a reward, in doubles and in rationals."""
 
 # LTL formulas (omega_regular/).
+PARITY_EXPONENTS = (2, 4, 6, 20)
+"""Powers of ten: a run of a parity game ends with such a probability where it should not be, in the
+game whose strategies are tried."""
 ATOMS_AS_LETTERS = 8
 """With at most this many atoms, letters are valuations of the atoms; with more, the valuations that
 occur in the model are numbered."""

@@ -182,6 +182,10 @@ def _in_game(context: Context, path: LtlPathFormula[StateSet], direction: Direct
     towards = direction
     if not is_co_safe(context, path):
         path, towards = replace(path, negative=not path.negative), direction.dual
+    if not is_co_safe(context, path):
+        raise UnsupportedError(
+            "strategies of games are supported for formulas that finite prefixes of runs decide"
+        )
     product, accepting = co_safe_product(context, path)
     assert isinstance(product, ExplicitProduct)
     inner = replace(context, engine=product.engine, relevant_states=None)
