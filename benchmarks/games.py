@@ -14,41 +14,14 @@ import sys
 import time
 import warnings
 from collections import Counter
-from fractions import Fraction
 from math import inf
 from pathlib import Path
 
 import symcheck
-from symcheck.check.result import Certified, Exact, Result
 from symcheck.errors import SymcheckError
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
-from oracles.draw_games import UNKNOWN, Question, draw
-
-ROUNDING = Fraction(1, 10**12)
-
-
-def difference(question: Question, result: Result) -> str:
-    """How a result contradicts the truth; empty if it does not."""
-    truth = question.value
-    if isinstance(truth, bool):
-        return "" if result.value is truth else "verdict"
-    value, accuracy = result.value, result.accuracy
-    if isinstance(accuracy, Certified):
-        low, high = accuracy.lower, accuracy.upper
-    elif isinstance(accuracy, Exact):
-        low = high = value
-    else:
-        return f"accuracy {accuracy}"
-    if low == inf and question.upper == UNKNOWN:
-        return ""  # it grows without end
-    if inf in (low, truth):
-        return "" if low == high == truth else "infinity"
-    slack = ROUNDING * abs(truth) if getattr(accuracy, "rounding", False) else 0
-    low, high = Fraction(low) - slack, inf if high == inf else Fraction(high) + slack
-    if question.upper is not None:
-        return "" if high >= truth and low <= question.upper else "limit"
-    return "" if low <= truth <= high else "value"
+from oracles.draw_games import contradiction, draw
 
 
 def main() -> None:
@@ -75,7 +48,7 @@ def main() -> None:
                 try:
                     with warnings.catch_warnings(record=True) as wide:
                         warnings.simplefilter("always")
-                        found = difference(question, model.check(ask))
+                        found = contradiction(question, model.check(ask))
                     counted["wide"] += bool(wide)
                     if wide:
                         print(seed, engine, "wide", ask, wide[0].message, flush=True)

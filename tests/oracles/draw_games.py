@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
+from math import inf
 from random import Random
+from typing import Any, TypeVar
 
 from oracles import chains, games
 from oracles.chains import Row, Value
+
+T = TypeVar("T")
 
 PLAYERS = "abc"
 UNKNOWN = Fraction(10**9)
@@ -295,3 +299,52 @@ _KINDS: tuple[Kind, ...] = (
     *(_reach, _until, _globally, _bounded, _always_within, _next, _after_next, _both, _for_ever),
     *(_reach_reward, _kept_reward, _total, _lost_reward, _cumulated, _instantaneous),
 )
+
+
+def reachable_game(seed: str) -> Game:
+    """A game whose states are all reached from the first one."""
+    whole = _game(Random(seed), extreme=False)
+    edges = [{t: Fraction(1) for row in choices for t in row} for choices in whole.rows]
+    reached = sorted(chains.reachable(edges, 0))
+    number = {s: i for i, s in enumerate(reached)}
+    return Game(
+        [whole.owners[s] for s in reached],
+        [[{number[t]: p for t, p in row.items()} for row in whole.rows[s]] for s in reached],
+        [whole.rewards[s] for s in reached],
+        [whole.state_rewards[s] for s in reached],
+    )
+
+
+def with_choices(game: Game, chosen: Mapping[int, int]) -> Game:
+    """The game in which some states have one choice only."""
+
+    def kept(per_choice: list[T], state: int) -> list[T]:
+        return [per_choice[chosen[state]]] if state in chosen else per_choice
+
+    return Game(
+        game.owners,
+        [kept(choices, s) for s, choices in enumerate(game.rows)],
+        [kept(rewards, s) for s, rewards in enumerate(game.rewards)],
+        game.state_rewards,
+    )
+
+
+def contradiction(question: Question, result: Any) -> str:
+    """How a result of a check contradicts the truth; empty if it does not.
+
+    An exact value has to be the truth, a rounded one is within 1e-12 of it, bounds contain it, and a
+    verdict is right.
+    """
+    truth, accuracy = question.value, result.accuracy
+    if isinstance(truth, bool):
+        return "" if result.value is truth else "verdict"
+    low, high = getattr(accuracy, "lower", result.value), getattr(accuracy, "upper", result.value)
+    if low == inf and question.upper == UNKNOWN:
+        return ""  # it grows without end
+    if inf in (low, truth):
+        return "" if low == high == truth else "infinity"
+    slack = Fraction(1, 10**12) * abs(truth) if getattr(accuracy, "rounding", False) else 0
+    low, high = Fraction(low) - slack, inf if high == inf else Fraction(high) + slack
+    if question.upper is not None:
+        return "" if high >= truth and low <= question.upper else "limit"
+    return "" if low <= truth <= high else "value"
