@@ -36,12 +36,13 @@ label "won" = s=1;
 PASSING = """
 smg
 player up [give], [leave] endplayer
-player down [back], [end] endplayer
+player down [back], [stop], [end] endplayer
 module m
   s : [0..3];
   [give] s=0 -> (s'=1);
   [leave] s=0 -> 0.4:(s'=2) + 0.6:(s'=3);
   [back] s=1 -> (s'=0);
+  [stop] s=1 -> 0.9:(s'=2) + 0.1:(s'=3);
   [end] s>1 -> true;
 endmodule
 """
@@ -267,7 +268,7 @@ def test_rewards_of_the_three_kinds():
     model = symcheck.loads(text, exact=True)
     assert model.check('<<up>> R{"r"}max=? [ F s=3 ]').value == 4  # s=2 would be infinite
     assert model.check('<<up>> R{"r"}max=? [ Fc s=3 ]').value == 2
-    assert model.check('<<up>> R{"r"}max=? [ F0 s=3 ]').value == 0
+    assert model.check('<<up>> R{"r"}max=? [ F0 s=3 ]').value == 0.5
     assert model.check('<<down>> R{"r"}max=? [ F0 s=3 ]').value == 0
     assert model.check('<<up,down>> R{"r"}max=? [ Fc s=3 ]').value == 4
 
