@@ -86,3 +86,21 @@ COMMAND_SET_CHECKS = 2000
 
 INTEGER_BITS = 300_000
 """Bits of the common denominator after all steps up to which exact steps are made in integers."""
+
+# Beliefs of partially observed models (beliefs/).
+BELIEFS = (1_000, 8_000, 64_000)
+"""Beliefs that are kept exactly in each round, until the bounds are close enough."""
+GRID_RESOLUTIONS = (4, 8, 16)
+"""The resolution of the grid beyond them, in each round."""
+GRID_BELIEFS = 4
+"""Points of the grid for each belief that is kept exactly, beyond a first thousand."""
+SUPPORTS = 20_000
+"""The most sets of possible states that are explored; beyond, strategies remember observations."""
+SUPPORT_PAIRS = 400_000
+"""The most states in all of these sets."""
+BOUNDED_BELIEFS = 400_000
+"""The most beliefs within a bound on steps."""
+POLICY_ROUNDS = 12
+"""The most improvements of a strategy with little memory."""
+POLICY_STEPS, POLICY_DISCOUNT = 64, 0.95
+"""How far expectations over the runs of a strategy look ahead."""

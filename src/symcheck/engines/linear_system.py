@@ -45,6 +45,7 @@ __all__ = [
     "Query",
     "Reachability",
     "chosen_rows",
+    "lifted",
     "refuse_infinite_minimum",
     "require_normal_numbers",
     "require_normal_rewards",
@@ -452,7 +453,7 @@ class LinearEquations(BaseEquations[S, V]):
             return solved_values(self.system, problem, known, settings, observer)
         inner = replace(quotient.problem, direction=problem.direction)
         solution = quotient.expand(solve_linear(inner, settings, observer))
-        return _lifted(self.system, solution, known, settings)
+        return lifted(self.system, solution, known, settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -574,10 +575,10 @@ def solved_values(
     """The solution of a problem over the unknowns of a system, on all states."""
     from symcheck.numerics.linear.methods import solve_linear
 
-    return _lifted(system, solve_linear(problem, settings, observer), known, settings)
+    return lifted(system, solve_linear(problem, settings, observer), known, settings)
 
 
-def _lifted(
+def lifted(
     system: Lifts[S, V], solution: Solution, known: Sequence[tuple[S, float]], settings: Settings
 ) -> SolvedValues[V]:
     """A solution over the unknowns, on all states."""

@@ -69,6 +69,16 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
     ModelType.DTMC: _ALL - {Feature.ENDED_REWARDS},
     ModelType.CTMC: _ALL - {Feature.ENDED_REWARDS},
     ModelType.MDP: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.PTA: frozenset(
+        {
+            Feature.ROWS,
+            Feature.DIAGRAMS,
+            Feature.RATIONALS,
+            Feature.REACHABILITY,
+            Feature.BOUNDED_REACHABILITY,
+            Feature.REACH_REWARDS,
+        }
+    ),
     ModelType.SMG: frozenset(
         {
             *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
@@ -77,10 +87,42 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
             *(Feature.INSTANTANEOUS_REWARDS, Feature.ENDED_REWARDS, Feature.STRATEGIES),
         }
     ),
+    ModelType.POMDP: frozenset(
+        {
+            *(Feature.ROWS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
+            *(Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES),
+        }
+    ),
 }
 """Per type what it offers; nothing where it has no row."""
 
-_OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {Weights.NUMBERS: _ALL}
+_OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {
+    Weights.NUMBERS: _ALL,
+    Weights.INTERVALS: frozenset(
+        {
+            *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
+            *(Feature.REACH_REWARDS, Feature.CUMULATIVE_REWARDS, Feature.INSTANTANEOUS_REWARDS),
+            *(Feature.LONG_RUN, Feature.SOME_OR_ALL_PATHS),
+        }
+    ),
+    Weights.PARAMETERS: frozenset(
+        {
+            Feature.ROWS,
+            Feature.RATIONALS,
+            Feature.REACHABILITY,
+            Feature.BOUNDED_REACHABILITY,
+            Feature.LTL,
+            Feature.LONG_RUN,
+            Feature.REACH_REWARDS,
+            Feature.TOTAL_REWARDS,
+            Feature.CUMULATIVE_REWARDS,
+            Feature.INSTANTANEOUS_REWARDS,
+            Feature.CONDITIONAL,
+        }
+    ),
+}
 """Per kind of probabilities what can be computed with it; nothing where it has no row."""
 
 _WITH_WEIGHTS = {
@@ -113,6 +155,8 @@ def offers(model: BoundModel, feature: Feature) -> bool:
         >>> offers(symcheck.load("models/die/die.pm").bound, Feature.LTL)
         True
     """
+    if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
+        return False  # the rows of the two tables were opened, and tested, apart
     of_type = _OF_TYPE.get(model.type, _NONE)
     return feature in of_type and feature in _OF_WEIGHTS.get(model.weights, _NONE)
 

@@ -33,7 +33,7 @@ from symcheck.semantics.path_formulas import (
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.semantics.time_bounds import RewardWindow, Window, bound_value, counts, window
 from symcheck.syntax import ast
-from symcheck.syntax.ast import Expression, ModelType
+from symcheck.syntax.ast import Expression, ModelType, Weights
 from symcheck.syntax.operators import Operator
 
 __all__ = [
@@ -283,6 +283,8 @@ class Query(Generic[L]):
         quantity: what is asked for.
         direction: minimise or maximise it over strategies; None in a model without choices.
         threshold: None: its value is asked for.
+        nature: with intervals of probabilities, minimise or maximise it over what nature chooses
+            from them when it knows the strategy; None where probabilities are numbers.
         coalition: the players of a game who choose in that direction, numbered from 0, where the
             others choose against it; None: all choose in it.
     """
@@ -290,6 +292,7 @@ class Query(Generic[L]):
     quantity: Quantity[L]
     direction: Direction | None
     threshold: Threshold | None
+    nature: Direction | None = None
     coalition: frozenset[int] | None = None
 
     def over(self, leaf: Callable[[L], M]) -> Query[M]:
@@ -321,7 +324,7 @@ class Query(Generic[L]):
                 quantity = self.quantity
             case _:
                 assert_never(self.quantity)
-        return Query(quantity, self.direction, self.threshold, self.coalition)
+        return Query(quantity, self.direction, self.threshold, self.nature, self.coalition)
 
 
 # --------------------------------------------------------------------------------------- resolution
@@ -335,11 +338,42 @@ def query_of(formula: ast.AnyMeasure, model: BoundModel) -> Query[Expression]:
         UnsupportedError: the model has no such direction, or there is no such reward.
     """
     threshold = None if formula.bound is None else _threshold(formula.bound)
-    direction = direction_of(formula, model.type)
+    nature = None
+    if model.weights is Weights.INTERVALS:
+        direction, nature = _directions_with_nature(formula, model.type)
+    else:
+        direction = direction_of(formula, model.type)
     quantity = _quantity(formula, model)
+    if model.clocks is not None and model.clocks.asked is None:
+        raise UnsupportedError(
+            "this is not available for timed automata: their properties are checked one by one"
+        )
     require(model, quantity.feature)
     together = None if formula.coalition is None else members(formula.coalition, model)
-    return Query(quantity, direction, threshold, together)
+    return Query(quantity, direction, threshold, nature, together)
+
+
+def _directions_with_nature(
+    formula: ast.Measure, kind: ModelType
+) -> tuple[Direction | None, Direction]:
+    """The directions of a strategy (None without choices) and of nature.
+
+    A bound without a direction must hold for all strategies and all that nature may choose.
+
+    Raises InputError: a direction is missing, or there is one too many.
+    """
+    given, letter = formula.direction, formula.letter
+    expected = ("minmin", "minmax", "maxmin", "maxmax") if kind.has_choices else ("min", "max")
+    if given is None and formula.bound is not None:
+        worst = Direction.MIN if formula.bound.operator.is_lower_bound else Direction.MAX
+        return (worst if kind.has_choices else None), worst
+    if given not in expected:
+        about = f"{letter}{given or '=?'} is no value of an interval {kind.value}"
+        who = "a direction of strategies and one of nature" if kind.has_choices else "a direction"
+        hint = f"{who}: " + ", ".join(f"{letter}{d}=?" for d in expected)
+        raise InputError(Diagnostic(about, formula.span, "direction", hint))
+    first, second = given[:3], given[-3:]
+    return (Direction(first) if kind.has_choices else None), Direction(second)
 
 
 def _threshold(bound: ast.Bound) -> Threshold:

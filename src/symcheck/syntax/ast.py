@@ -163,6 +163,16 @@ class ModelType(Enum):
         return self.players > 0
 
     @property
+    def immediate_choices(self) -> bool:
+        """Whether choices take no time, and time passes at rates where there is none to make."""
+        return self.continuous_time and self.has_choices
+
+    @property
+    def has_probabilities(self) -> bool:
+        """Whether the updates of some commands have probabilities, and not rates."""
+        return self.has_choices or not self.continuous_time
+
+    @property
     def chooses_uniformly(self) -> bool:
         """Whether chance chooses among enabled commands with equal probabilities."""
         return not (self.continuous_time or self.has_choices)
@@ -172,8 +182,8 @@ class ModelType(Enum):
         """Whether its models have declarations or commands that others have not, so that the text
         of another type cannot be read as one of it.
         """
-        timed_choices = self.continuous_time and self.has_choices
-        return timed_choices or self.players > 1 or self.partially_observed or self.has_clocks
+        special = self.immediate_choices or self.partially_observed or self.has_clocks
+        return special or self.players > 1
 
     @staticmethod
     def with_properties(

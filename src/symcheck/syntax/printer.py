@@ -288,6 +288,7 @@ def _program(program: decl.Program) -> str:
         *([_module(m)] for m in program.modules),
         map(_player, program.players),
         map(_label, program.labels),
+        map(_observable, program.observables),
         *([_rewards(r)] for r in program.rewards),
         [] if initial is None else [f"init\n  {_tree(initial)}\nendinit"],
         [] if system is None else [f"system\n  {_tree(system, _PARALLEL)}\nendsystem"],
@@ -314,6 +315,13 @@ def _formula(formula: decl.Formula) -> str:
     return f"formula {formula.name} = {_tree(formula.expression)};"
 
 
+def _observable(observable: decl.Observable) -> str:
+    text = _tree(observable.expression)
+    if observable.name is None:
+        return f"observables {text} endobservables"
+    return f'observable "{observable.name}" = {text};'
+
+
 def _label(label: decl.Label) -> str:
     return f'label "{label.name}" = {_tree(label.expression)};'
 
@@ -322,16 +330,18 @@ def _variable(variable: decl.VariableDeclaration) -> str:
     if variable.low is not None and variable.high is not None:
         kind = f"[{_tree(variable.low)}..{_tree(variable.high)}]"
     else:
-        kind = variable.type.value
+        kind = "clock" if variable.clock else variable.type.value
     initial = "" if variable.initial is None else f" init {_tree(variable.initial)}"
     return f"{variable.name} : {kind}{initial};"
 
 
 def _module(module: decl.Module | decl.RenamedModule) -> str:
     match module:
-        case decl.Module(name, variables, commands):
+        case decl.Module(name, variables, commands, invariant):
             body = _joined(
-                [f"  {_variable(v)}" for v in variables], [f"  {_command(c)}" for c in commands]
+                [f"  {_variable(v)}" for v in variables],
+                [] if invariant is None else [f"  invariant {_tree(invariant)} endinvariant"],
+                [f"  {_command(c)}" for c in commands],
             )
             return f"module {name}\n{body}\nendmodule"
         case decl.RenamedModule(name, base, renaming):
@@ -348,12 +358,15 @@ def _player(player: decl.Player) -> str:
 
 def _command(command: decl.Command) -> str:
     updates = " + ".join(map(_update, command.updates))
-    return f"[{command.action or ''}] {_tree(command.guard)} -> {updates};"
+    opening, closing = "<>" if command.is_markovian else "[]"
+    return f"{opening}{command.action or ''}{closing} {_tree(command.guard)} -> {updates};"
 
 
 def _update(update: decl.Update) -> str:
     assignments = [f"({a.variable}'={_tree(a.expression)})" for a in update.assignments]
     probability = "" if update.probability is None else f"{_tree(update.probability)} : "
+    if update.probability is not None and update.upper is not None:
+        probability = f"[{_tree(update.probability)},{_tree(update.upper)}] : "
     return probability + (" & ".join(assignments) or "true")
 
 

@@ -92,6 +92,10 @@ class Structure(NamedTuple):
     end_pos: int
 
 
+class _Invariant(NamedTuple):
+    condition: Expression
+
+
 def _text(word: Value) -> Value:
     """The text of a word, of a name in quotes without them; any other value as it is."""
     if word is None or isinstance(word, ast.Node | tuple):
@@ -398,6 +402,10 @@ class ModelBuilder(Builder):
             self._single([v[1:] for v in tagged if v[0] == "init"], "init … endinit"),
             self._single([v[1:] for v in tagged if v[0] == "system"], "system … endsystem"),
             _of_kind(decl.Player, values),
+            (
+                *(o for v in tagged if v[0] == "observables" for o in v[1]),
+                *_of_kind(decl.Observable, values),
+            ),
             span=Span(self.source, 0, len(self.source.text)),
         )
 
@@ -407,6 +415,17 @@ class ModelBuilder(Builder):
                 continue  # the same one, in a part of a broken text that was read twice
             self._wrong(f"a second {what}", span, "repeated", f"a model has one {what} at most")
         return items[0][0] if items else None
+
+    def observables(self, values: Values) -> tuple[str, tuple[decl.Observable, ...], Span]:
+        names = [v for v in values[1:-1:2] if v is not None]
+        spans = [self._span([name]) for name in names]
+        nodes = (
+            decl.Observable(None, ast.Name(name.value, span=span), span=span)
+            for name, span in zip(names, spans, strict=True)
+        )
+        return "observables", tuple(nodes), self._words(values)
+
+    observable = _node(decl.Observable, 1, 3)
 
     def initial(self, values: Values) -> tuple[str, Expression, Span]:
         return "init", self.measure(values[1]), self._words(values)
@@ -419,12 +438,13 @@ class ModelBuilder(Builder):
     def variable(self, values: Values) -> decl.VariableDeclaration:
         name, _, *domain, _, initial, _ = values
         kind, low, high = ast.Type.INT, None, None
+        clock = len(domain) == 1 and domain[0].value == "clock"
         if len(domain) == 1:
-            kind = ast.Type(domain[0].value)
+            kind = kind if clock else ast.Type(domain[0].value)
         else:
             low, high = self.measure(domain[1]), self.measure(domain[3])
         initial, span = self.measure(initial), self._words(values)
-        return decl.VariableDeclaration(name.value, kind, low, high, initial, span=span)
+        return decl.VariableDeclaration(name.value, kind, low, high, initial, clock, span=span)
 
     def global_variable(self, values: Values) -> decl.VariableDeclaration:
         return cast(decl.VariableDeclaration, values[1])
@@ -432,7 +452,13 @@ class ModelBuilder(Builder):
     def module(self, values: Values) -> decl.Module:
         variables = _of_kind(decl.VariableDeclaration, values)
         commands = _of_kind(decl.Command, values)
-        return decl.Module(values[1].value, variables, commands, span=self._words(values))
+        (invariant,) = _of_kind(_Invariant, values) or (None,)
+        condition = invariant and invariant.condition
+        name, span = values[1].value, self._words(values)
+        return decl.Module(name, variables, commands, condition, span=span)
+
+    def invariant(self, values: Values) -> _Invariant:
+        return _Invariant(self.measure(values[1]))
 
     def owned_module(self, values: Values) -> tuple[str, str]:
         return "module", values[0].value
@@ -448,10 +474,10 @@ class ModelBuilder(Builder):
         return decl.Player(values[1].value, modules, actions, span=self._words(values))
 
     def command(self, values: Values) -> decl.Command:
-        _, action, _, guard, _, updates, _ = values
+        opening, action, _, guard, _, updates, _ = values
         self._outer.clear()
-        name = action and action.value
-        return decl.Command(name, self.measure(guard), updates, span=self._words(values))
+        name, has_rates = action and action.value, opening.value == "<"
+        return decl.Command(name, self.measure(guard), updates, has_rates, span=self._words(values))
 
     updates = _listed
 
@@ -461,8 +487,18 @@ class ModelBuilder(Builder):
 
     def update(self, values: Values) -> decl.Update:
         probability, _, (assignments, span) = values
-        span = Span(self.source, self._extent(probability)[0], span.end)
-        return decl.Update(self.measure(probability), assignments, span=span)
+        upper = None
+        if isinstance(probability, tuple):
+            bracket, probability, upper = probability
+            start = bracket.start_pos
+        else:
+            start = self._extent(probability)[0]
+        span = Span(self.source, start, span.end)
+        return decl.Update(self.measure(probability), assignments, self.measure(upper), span=span)
+
+    def interval(self, values: Values) -> tuple[Value, Value, Value]:
+        bracket, lower, _, upper, _ = values
+        return bracket, lower, upper
 
     def assignments(self, values: Values) -> tuple[tuple[decl.Assignment, ...], Span]:
         return _of_kind(decl.Assignment, values), self._span(values)
@@ -751,7 +787,7 @@ _MODEL_TYPES = {"probabilistic": "dtmc", "stochastic": "ctmc", "nondeterministic
 }
 _UNARY_PATHS = {kind.symbol: kind for kind in (ast.Next, ast.Eventually, ast.Globally)}
 _BINARY_PATHS = {kind.symbol: kind for kind in (ast.Until, ast.WeakUntil, ast.Release)}
-_DECLARATIONS = frozenset({decl.Formula, decl.Label, decl.RewardItem})
+_DECLARATIONS = frozenset({decl.Formula, decl.Label, decl.Observable, decl.RewardItem})
 """The nodes whose expressions are complete, so that their depth is measured."""
 
 

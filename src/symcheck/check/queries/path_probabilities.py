@@ -28,6 +28,7 @@ from symcheck.semantics.path_formulas import (
 )
 from symcheck.semantics.query import Threshold
 from symcheck.semantics.time_bounds import Window
+from symcheck.syntax.ast import Weights
 from symcheck.syntax.operators import Operator
 
 __all__ = ["complement_of", "defined_bounds", "probability", "qualitative"]
@@ -113,8 +114,10 @@ def probability(
         return satisfied.choose(known, context.engine.constant(0, 1))
     # A difference of rationals is exact; one of doubles loses the digits of a small probability.
     # In a game, the difference is taken: a side may ensure the complement by going on for ever.
-    exact, game = context.engine.is_rational, context.engine.has_opponents
-    if isinstance(path, UntilPath) and path.negative and not (exact or game):
+    engine = context.engine
+    intervals = engine.model.weights is Weights.INTERVALS
+    by_difference = engine.is_rational or intervals or engine.has_opponents
+    if isinstance(path, UntilPath) and path.negative and not by_difference:
         from symcheck.check.queries.complement_until import complement_until
 
         certain = _probability_zero(context, path.left, path.right, direction and direction.dual)

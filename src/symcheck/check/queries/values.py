@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import assert_never
 
 import numpy as np
@@ -15,6 +16,7 @@ from symcheck.check.measures.total_reward import total_reward
 from symcheck.check.queries.path_probabilities import probability
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
+from symcheck.engines.capabilities import HasUncertainty
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
 from symcheck.semantics.query import (
@@ -34,7 +36,7 @@ from symcheck.semantics.query import (
     TotalReward,
 )
 
-__all__ = ["values"]
+__all__ = ["against_nature", "values"]
 
 
 def values(
@@ -53,6 +55,11 @@ def values(
     Raises:
         UnsupportedError: the quantity does not apply to the model, or a value is beyond doubles.
     """
+    if context.engine.model.type.partially_observed:
+        from symcheck.check.beliefs.values import belief_values
+
+        return belief_values(context, query)
+    context, query = against_nature(context, query)
     quantity = query.quantity
     context, direction = context.playing(query)
     match quantity:
@@ -74,6 +81,15 @@ def values(
             if isinstance(quantity, CumulativeReward | DiscountedReward | InstantaneousReward):
                 _require_finite(context, found, quantity)
             return found
+
+
+def against_nature(context: Context, query: Query[StateSet]) -> tuple[Context, Query[StateSet]]:
+    """The context and the query in which nature's direction follows from that of strategies."""
+    uncertain = context.engine.capability(HasUncertainty)
+    if uncertain is None or query.nature is None:
+        return context, query
+    engine, direction = uncertain.against(query.direction, query.nature)
+    return replace(context, engine=engine), replace(query, direction=direction)
 
 
 def _expected(

@@ -41,6 +41,7 @@ from symcheck.engines.reward_sums import RewardSums
 from symcheck.explicit.explored import ExploredModel
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, Rationals, full, is_infinite, numbers
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
@@ -442,7 +443,8 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
         low = self._spread(lower, rest)
         if self.engine.is_rational:
             assert upper is None or upper is lower, "rational values have no bounds"
-            assert all(isinstance(v, Fraction) or not isfinite(v) for v in low), "a float crept in"
+            exact = Fraction | RationalFunction
+            assert all(isinstance(v, exact) or not isfinite(v) for v in low), "a float crept in"
             return RationalValues(low)
         high = low if upper is None or upper is lower else self._spread(upper, rest)
         return ArrayValues(low, high, self.states.members if up_to_rounding else None)
