@@ -28,7 +28,7 @@ from symcheck.numerics.beliefs.triangulation import reduced, totals, triangulate
 __all__ = ["Beliefs", "Exploration", "Rows"]
 
 _PRIME = 2**62 - 57
-_BATCH = 1 << 20
+_BATCH = 1 << 18
 """Entries of successors that are found at once."""
 
 

@@ -121,11 +121,9 @@ class _Builder:
         )
         labels = {x.name: root.expand(x.expression) for x in self.program.labels}
         observables = tuple(root.expand(x.expression) for x in self.program.observables)
-        labels |= {
-            x.name: seen
-            for x, seen in zip(self.program.observables, observables, strict=True)
-            if x.name is not None and root.typer().state(seen) is Type.BOOL
-        }
+        for x, seen in zip(self.program.observables, observables, strict=True):
+            if x.name is not None and root.typer().state(seen) is Type.BOOL:
+                labels.setdefault(x.name, seen)
         rewards = tuple(self._rewards(r) for r in self.program.rewards)
         initial = None if self.program.initial is None else root.expand(self.program.initial)
         if initial is not None:
