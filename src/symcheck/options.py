@@ -46,6 +46,7 @@ MethodName = Literal[
     "power",
     "rational",
 ]
+TimedMethodName = Literal["auto", "digital", "games", "backwards"]
 AutomatonSyntax = Literal["lbt", "spin", "spot", "rabinizer"]
 ENGINES: tuple[str, ...] = get_args(EngineName)
 METHODS: tuple[str, ...] = get_args(MethodName)
@@ -255,6 +256,15 @@ class Options:
         "Compute with rational numbers throughout; decimals in the model are exact fractions.",
         _switch("exact", "rational arithmetic", True),
     )
+    timed_method: TimedMethodName = _option(
+        "auto",
+        _choice("method", get_args(TimedMethodName)),
+        "method",
+        "How time in a timed automaton is treated: by digital clocks, or by zones ('backwards'), "
+        "which also take strict constraints and compare clocks; 'auto' uses zones where digital "
+        "clocks cannot be used. Stochastic games ('games') are not there: backwards is used.",
+        _switch("ptamethod", "digital clocks or zones (default: zones where they are needed)"),
+    )
     epsilon: float = _option(
         1e-6,
         _FRACTION,
@@ -450,6 +460,7 @@ class OptionValues(TypedDict, total=False):
 
     engine: EngineName
     method: MethodName
+    timed_method: TimedMethodName
     exact: bool
     epsilon: float
     relative: bool

@@ -63,16 +63,27 @@ class Feature(Enum):
 
 _ALL = frozenset(Feature)
 _NONE: frozenset[Feature] = frozenset()
+_OBSERVED = frozenset(
+    {
+        *(Feature.ROWS, Feature.RATIONALS),
+        *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
+    }
+)
 
 _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
     ModelType.DTMC: _ALL,
     ModelType.CTMC: _ALL,
     ModelType.MDP: _ALL,
-    ModelType.POMDP: frozenset(
+    ModelType.POMDP: _OBSERVED | {Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES},
+    ModelType.POPTA: _OBSERVED,
+    ModelType.PTA: frozenset(
         {
-            *(Feature.ROWS, Feature.RATIONALS),
-            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
-            *(Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES),
+            Feature.ROWS,
+            Feature.DIAGRAMS,
+            Feature.RATIONALS,
+            Feature.REACHABILITY,
+            Feature.BOUNDED_REACHABILITY,
+            Feature.REACH_REWARDS,
         }
     ),
 }

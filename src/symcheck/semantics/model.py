@@ -9,10 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from symcheck.lazy_dataclass import dataclass
 from symcheck.syntax.ast import Expression, Literal, ModelType, Node, Type, Weights
 from symcheck.syntax.declarations import Composition, Program
+
+if TYPE_CHECKING:
+    from symcheck.semantics.timed.digital import DigitalClocks
 
 __all__ = [
     "BoundCommand",
@@ -39,6 +43,7 @@ class Variable(Node):
         low, high: bounds of an int, None if it is unbounded; 0 and 1 for a bool.
         initial: the initial value; None if the model has `init … endinit`.
         module: the module that declares the variable; None: global.
+        clock: its value grows as time passes. Its type is int, because it is compared with ints.
     """
 
     name: str
@@ -47,6 +52,7 @@ class Variable(Node):
     high: int | None
     initial: bool | int | None
     module: str | None
+    clock: bool = False
 
     @property
     def domain(self) -> Sequence[bool | int] | None:
@@ -83,11 +89,15 @@ class BoundCommand(Node):
 
 @dataclass(frozen=True, slots=True)
 class BoundModule:
-    """A module after renaming; `variables` are the indices of its local variables."""
+    """A module after renaming; `variables` are the indices of its local variables.
+
+    invariant: time passes only while it holds; None: true.
+    """
 
     name: str
     variables: tuple[int, ...]
     commands: tuple[BoundCommand, ...]
+    invariant: Expression | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +167,7 @@ class BoundModel:
             states tells which command they have (`AlmostOne`).
         weights: the kind of its probabilities.
         observables: what strategies see of a state, if that is not all.
+        clocks: of a model that counts the time of a timed automaton, how that is read on it.
     """
 
     program: Program
@@ -182,6 +193,7 @@ class BoundModel:
     unchecked_sums: bool = False
     weights: Weights = Weights.NUMBERS
     observables: tuple[Expression, ...] = ()
+    clocks: DigitalClocks | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
         """A summary on one line."""

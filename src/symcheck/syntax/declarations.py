@@ -70,13 +70,17 @@ class Observable(Node):
 
 @dataclass(frozen=True, slots=True)
 class VariableDeclaration(Node):
-    """`name : [low..high] init value;`; low and high None: unbounded int, or bool by `type`."""
+    """`name : [low..high] init value;`; low and high None: unbounded int, or bool by `type`.
+
+    clock: `name : clock;`. Its type is int, because it is compared with ints.
+    """
 
     name: str
     type: Type
     low: Expression | None
     high: Expression | None
     initial: Expression | None
+    clock: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,11 +110,12 @@ class Command(Node):
 
 @dataclass(frozen=True, slots=True)
 class Module(Node):
-    """`module name … endmodule`."""
+    """`module name … endmodule`; time passes only while its invariant (None: true) holds."""
 
     name: str
     variables: tuple[VariableDeclaration, ...]
     commands: tuple[Command, ...]
+    invariant: Expression | None = None
 
 
 @dataclass(frozen=True, slots=True)

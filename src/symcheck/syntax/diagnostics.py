@@ -126,8 +126,6 @@ _OTHER_WORDS = {
     "formation": "formations belong to stochastic games",
     "endplayer": "players belong to stochastic games",
     "endobservables": "observables belong to partially observable models",
-    "clock": "clocks belong to timed automata",
-    "invariant": "invariants belong to timed automata",
     "observables": "observables belong to partially observable models",
     "observable": "observables belong to partially observable models",
     "player": "players belong to stochastic games",

@@ -324,16 +324,18 @@ def _variable(variable: decl.VariableDeclaration) -> str:
     if variable.low is not None and variable.high is not None:
         kind = f"[{_tree(variable.low)}..{_tree(variable.high)}]"
     else:
-        kind = variable.type.value
+        kind = "clock" if variable.clock else variable.type.value
     initial = "" if variable.initial is None else f" init {_tree(variable.initial)}"
     return f"{variable.name} : {kind}{initial};"
 
 
 def _module(module: decl.Module | decl.RenamedModule) -> str:
     match module:
-        case decl.Module(name, variables, commands):
+        case decl.Module(name, variables, commands, invariant):
             body = _joined(
-                [f"  {_variable(v)}" for v in variables], [f"  {_command(c)}" for c in commands]
+                [f"  {_variable(v)}" for v in variables],
+                [] if invariant is None else [f"  invariant {_tree(invariant)} endinvariant"],
+                [f"  {_command(c)}" for c in commands],
             )
             return f"module {name}\n{body}\nendmodule"
         case decl.RenamedModule(name, base, renaming):

@@ -92,6 +92,10 @@ class Structure(NamedTuple):
     end_pos: int
 
 
+class _Invariant(NamedTuple):
+    condition: Expression
+
+
 def _text(word: Value) -> Value:
     """The text of a word, of a name in quotes without them; any other value as it is."""
     if word is None or isinstance(word, ast.Node | tuple):
@@ -433,12 +437,13 @@ class ModelBuilder(Builder):
     def variable(self, values: Values) -> decl.VariableDeclaration:
         name, _, *domain, _, initial, _ = values
         kind, low, high = ast.Type.INT, None, None
+        clock = len(domain) == 1 and domain[0].value == "clock"
         if len(domain) == 1:
-            kind = ast.Type(domain[0].value)
+            kind = kind if clock else ast.Type(domain[0].value)
         else:
             low, high = self.measure(domain[1]), self.measure(domain[3])
         initial, span = self.measure(initial), self._words(values)
-        return decl.VariableDeclaration(name.value, kind, low, high, initial, span=span)
+        return decl.VariableDeclaration(name.value, kind, low, high, initial, clock, span=span)
 
     def global_variable(self, values: Values) -> decl.VariableDeclaration:
         return cast(decl.VariableDeclaration, values[1])
@@ -446,7 +451,13 @@ class ModelBuilder(Builder):
     def module(self, values: Values) -> decl.Module:
         variables = _of_kind(decl.VariableDeclaration, values)
         commands = _of_kind(decl.Command, values)
-        return decl.Module(values[1].value, variables, commands, span=self._words(values))
+        (invariant,) = _of_kind(_Invariant, values) or (None,)
+        condition = invariant and invariant.condition
+        name, span = values[1].value, self._words(values)
+        return decl.Module(name, variables, commands, condition, span=span)
+
+    def invariant(self, values: Values) -> _Invariant:
+        return _Invariant(self.measure(values[1]))
 
     def command(self, values: Values) -> decl.Command:
         _, action, _, guard, _, updates, _ = values

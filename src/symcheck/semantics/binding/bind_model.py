@@ -129,6 +129,7 @@ class _Builder:
         if initial is not None:
             self._check_enumerable(variables)
         self.report.raise_all()
+        self._check_clocks(kind, variables, modules)
         warnings: tuple[str, ...] = ()
         unchecked = False
         if normalise and not kind.continuous_time:
@@ -152,6 +153,21 @@ class _Builder:
             observables=observables,
             definitions={name: self.table.expression(name) for name in constants},
         )
+
+    def _check_clocks(
+        self, kind: ModelType, variables: tuple[Variable, ...], modules: tuple[BoundModule, ...]
+    ) -> None:
+        """Report clocks and invariants of a model that is no timed automaton."""
+        if kind.has_clocks:
+            return
+        hint = f"begin the text with pta, not {kind.value}"
+        for clock in (v for v in variables if v.clock):
+            message = f"{clock.name} is a clock, and only timed automata have clocks"
+            self.report.input("clock", message, clock.span, hint)
+        for condition in (m.invariant for m in modules if m.invariant is not None):
+            message = "only timed automata have invariants"
+            self.report.input("clock", message, condition.span, hint)
+        self.report.raise_all()
 
     # --------------------------------------------------------------------------------------- values
 
@@ -181,7 +197,8 @@ class _Builder:
                 "empty-range", f"variable {name} has no values: [{low}..{high}]", d.span
             )
         initial = self._initial(name, variable, low, high)
-        return Variable(name, d.type, low, high, initial, variable.module, span=d.span)
+        module = variable.module
+        return Variable(name, d.type, low, high, initial, module, d.clock, span=d.span)
 
     def _int(self, scope: Scope, expression: Expression) -> int | None:
         value = self._constant(scope, expression, Type.INT)
@@ -222,7 +239,9 @@ class _Builder:
         declared = self.checked.declared
         local = (i for name, i in self.index.items() if declared[name].module == instance.name)
         commands = (self._command(number, scope, c) for c in instance.base_module.commands)
-        return BoundModule(instance.name, tuple(local), tuple(commands))
+        given = instance.base_module.invariant
+        invariant = None if given is None else scope.expand(given)
+        return BoundModule(instance.name, tuple(local), tuple(commands), invariant)
 
     def _command(self, module: int, scope: Scope, command: Command) -> BoundCommand:
         action = None if command.action is None else scope.renamed(command.action)

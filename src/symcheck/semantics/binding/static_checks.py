@@ -119,6 +119,8 @@ def _check(checked: CheckedProgram) -> None:
     for variable in checked.declared.values():
         _check_variable(checked, variable)
     for instance, scope in checked.modules:
+        if instance.base_module.invariant is not None:
+            scope.typer().boolean(instance.base_module.invariant, "an invariant")
         for command in instance.base_module.commands:
             _check_command(checked, instance, scope, command)
     taken: set[str] = set()
