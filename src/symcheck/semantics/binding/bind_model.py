@@ -274,7 +274,7 @@ def exactly_bound(model: BoundModel) -> BoundModel:
     exact = bind(
         model.program,
         model.given,
-        model_type=model.type,
+        model_type=model.type if model.clocks is None else model.clocks.automaton.type,
         exact=True,
         normalise=model.sums_divided,
     )
