@@ -14,14 +14,15 @@ from copy import copy
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
+from math import lcm
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.errors import NumericalError
-from symcheck.matrices.numbers import Numbers, doubles, sum_segments
-from symcheck.matrices.rows import Int64s, spans, starts_of
+from symcheck.matrices.numbers import Numbers, Rationals, rationals
+from symcheck.matrices.rows import Floats, Int64s, spans, starts_of
 from symcheck.numerics.beliefs.observed import GOAL, LARGEST, SINK, Observed, Whole
 from symcheck.numerics.beliefs.triangulation import reduced, totals, triangulate
 
@@ -67,24 +68,14 @@ class Beliefs:
     def __len__(self) -> int:
         return len(self.starts) - 1
 
-    def first(self, count: int) -> Beliefs:
-        """The first beliefs."""
-        end = self.starts[count]
-        return Beliefs(self.starts[: count + 1], self.states[:end], self.values[:end])
-
-    def mean(self, of_states: Numbers) -> Numbers:
+    def mean(self, of_states: Floats) -> Floats:
         """The expectation of a number per state under each belief; 0 of the empty ones."""
-        rational = of_states.dtype == object
+        out = np.zeros(len(self))
         filled = np.diff(self.starts) > 0
-        starts = self.starts[:-1][filled]
-        if rational:
-            terms = self.values.astype(object) * of_states[self.states]
-            out = sum_segments(terms, self.starts)
-            out[filled] = out[filled] / np.add.reduceat(self.values.astype(object), starts)
-            return out
-        means = np.zeros(len(self))
-        means[filled] = np.add.reduceat(self.shares * of_states[self.states], starts)
-        return means
+        out[filled] = np.add.reduceat(
+            self.shares * of_states[self.states], self.starts[:-1][filled]
+        )
+        return out
 
     @cached_property
     def shares(self) -> NDArray[np.float64]:
@@ -127,21 +118,22 @@ class Exploration:
     def __init__(
         self,
         model: Observed,
-        earned: Numbers | None = None,
+        earned: Rationals | None = None,
         *,
         rational: bool = False,
         supports: bool = False,
     ) -> None:
-        self.model, self._earned, self._rational = model, earned, rational
+        self.model, self._rational = model, rational
+        # Rewards as whole numbers.
+        self._unit = lcm(*(r.denominator for r in earned)) if earned is not None else 1
+        self._earned = None if earned is None else np.asarray(earned * self._unit, object)
         self.keeps_supports = self._supports = supports
         self._starts = _Growing(np.zeros(3, np.int64))
         self._states = _Growing(np.zeros(0, np.int64))
         self._values = _Growing(np.zeros(0, np.int64))
         self._known: dict[int, int] = {}
         self._first = _Growing(np.full(2, -1, np.int64))
-        self._belief_of_row: list[Int64s] = []
-        self._earned_by_row: list[Numbers] = []
-        self._entries: list[tuple[Int64s, Int64s, Int64s, Numbers]] = []
+        self._parts: list[tuple[NDArray[Any], ...]] = []
         self._row_count = 0
         self._fixed = np.full(len(model.choices) + 2, -1, np.int64)
         self._fixed[GOAL], self._fixed[SINK] = GOAL, SINK
@@ -195,8 +187,7 @@ class Exploration:
         other._known = dict(self._known)
         for name in ("_starts", "_states", "_values", "_first"):
             setattr(other, name, _Growing(getattr(self, name).array.copy()))
-        for name in ("_belief_of_row", "_earned_by_row", "_entries"):
-            setattr(other, name, list(getattr(self, name)))
+        other._parts = list(self._parts)
         return other
 
     def run(self, limit: int, resolution: int | None = None, levels: int | None = None) -> None:
@@ -224,24 +215,15 @@ class Exploration:
                 begin = end
             levels = None if levels is None else levels - 1
 
-    def rows(self, beliefs: int | None = None, rows: int | None = None) -> Rows:
-        """The rows found so far; only the first ones of the first beliefs if that is asked for."""
-        rows = self._row_count if rows is None else rows
-        first = self._first.array[:beliefs].copy()
-        first[first >= rows] = -1
-        empty = np.zeros(0, np.int64)
-        number = np.zeros(0, object if self._rational else np.float64)
-        parts = zip(*self._entries, strict=True) if self._entries else ([empty],) * 4
-        row, target, observed, weight = (np.concatenate(p) for p in parts)
-        kept = slice(None, int(np.searchsorted(row, rows)))
-        owners = np.concatenate((empty, *self._belief_of_row))[:rows]
-        earned = np.concatenate((number, *self._earned_by_row))[:rows]
-        return Rows(first, owners, earned, row[kept], target[kept], observed[kept], weight[kept])
-
-    @property
-    def row_count(self) -> int:
-        """The number of rows found so far."""
-        return self._row_count
+    def rows(self) -> Rows:
+        """The rows found so far."""
+        if not self._parts:
+            none = np.zeros(0, np.int64)
+            number = none.astype(object if self._rational else np.float64)
+            return Rows(self._first.array, none, number, none, none, none, number)
+        return Rows(
+            self._first.array.copy(), *(np.concatenate(p) for p in zip(*self._parts, strict=True))
+        )
 
     # ------------------------------------------------------------------------------------ internals
 
@@ -332,34 +314,25 @@ class Exploration:
             order = np.argsort(of_pair[keep], kind="stable")
             keep, target, share = keep[order], target[order], share[order]
             mass, of_pair, observed = mass[keep], of_pair[keep], observed[keep]
-        if self._rational:
-            weight: Numbers = np.array(
-                [Fraction(int(a), int(b)) for a, b in zip(mass, below[of_pair], strict=True)],
-                object,
-            )
-        else:
-            weight = np.asarray(mass / below[of_pair], np.float64)
+        weight = self._ratio(mass, below[of_pair])
         if share is not None:
             weight = weight * share
         number = self._row_count + np.arange(len(of_node))
         self._first.array[nodes] = self._row_count + starts_of(choices)[:-1]
-        self._belief_of_row.append(nodes[of_node])
-        self._earned_by_row.append(self._reward(pair, row, beliefs.values[entries]))
-        self._entries.append((number[of_pair], target, observed, weight))
         self._row_count += len(of_node)
+        earned = np.zeros(len(of_node), np.int64)
+        if self._earned is not None:
+            each = beliefs.values[entries] * self._earned[row]
+            earned = np.add.reduceat(each, np.flatnonzero(np.diff(pair, prepend=-1)))
+        earned = self._ratio(earned, sums[of_node].astype(object) * self._unit)
+        self._parts.append((nodes[of_node], earned, number[of_pair], target, observed, weight))
 
-    def _reward(self, pair: Int64s, row: Int64s, values: Whole) -> Numbers:
-        """The expected reward of each row; `row`: those of the states of each belief."""
-        starts = np.flatnonzero(np.diff(pair, prepend=-1))
-        if self._earned is None:
-            zero = Fraction(0) if self._rational else 0.0
-            return np.full(len(starts), zero, object if self._rational else np.float64)
-        sums = np.add.reduceat(values, starts)
-        if self._rational:
-            whole = np.add.reduceat(values.astype(object) * self._earned[row], starts)
-            return np.asarray(whole / sums.astype(object), object)
-        share = np.asarray(values / np.repeat(sums, np.diff(np.append(starts, len(pair)))), float)
-        return np.add.reduceat(share * doubles(self._earned)[row], starts)
+    def _ratio(self, above: Whole, below: Whole) -> Numbers:
+        """Quotients of whole numbers: rationals, or the nearest doubles."""
+        if not self._rational:
+            return np.asarray(above / below, np.float64)
+        pairs = zip(above.tolist(), below.tolist(), strict=True)
+        return rationals(Fraction(*pair) for pair in pairs)
 
 
 def _mixed(x: NDArray[np.uint64]) -> NDArray[np.uint64]:
