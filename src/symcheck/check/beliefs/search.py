@@ -243,7 +243,7 @@ class _Search:
     def _outer(self, resolution: int, most: int) -> int:
         """What beliefs are worth at best. Returns the number of points of the grid."""
         wider = self.exact.clone()
-        wider.run(len(self.exact) + most, resolution)
+        wider.run(len(self.exact) + most, resolution, upper=self.maximum)
         cut = wider.beliefs.mean(self.seen)
         low, high, _ = self._values(wider, cut)
         self._narrow(*((None, high) if self.maximum else (low, None)))

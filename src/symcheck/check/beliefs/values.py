@@ -211,11 +211,11 @@ def _within_steps(context: Context, query: Query[StateSet], asked: StateSet) -> 
     found = Exploration(settled, rational=context.engine.is_rational)
     points = found.points(np.flatnonzero(context.engine.to_bools(asked)))
     for _ in range(levels):
+        found.run(2 * tuning.BOUNDED_BELIEFS, levels=1)
         if len(found) > tuning.BOUNDED_BELIEFS:
             raise UnsupportedError(
                 f"more than {tuning.BOUNDED_BELIEFS:,} beliefs are possible within {levels} steps"
             )
-        found.run(2 * tuning.BOUNDED_BELIEFS, levels=1)
         if not len(found.pending):
             break
     matrix, _ = rows_matrix(found.rows(), None, reward=False)

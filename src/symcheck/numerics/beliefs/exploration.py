@@ -29,6 +29,10 @@ from symcheck.numerics.beliefs.triangulation import reduced, totals, triangulate
 __all__ = ["Beliefs", "Exploration", "Rows"]
 
 _PRIME = 2**62 - 57
+_LONGEST = 2**1000
+"""Probabilities of observations are normal doubles if the numbers of beliefs are below it."""
+_LEAST = 1e-250
+"""The least weight of a point of a grid."""
 _BATCH = 1 << 18
 """Entries of successors that are found at once."""
 
@@ -190,20 +194,33 @@ class Exploration:
         other._parts = list(self._parts)
         return other
 
-    def run(self, limit: int, resolution: int | None = None, levels: int | None = None) -> None:
+    def run(
+        self,
+        limit: int,
+        resolution: int | None = None,
+        *,
+        levels: int | None = None,
+        upper: bool = True,
+    ) -> None:
         """Expand beliefs in the order in which they were found.
 
         Args:
-            limit: stop when there are more beliefs.
+            limit: stop when there are more beliefs, or when numbers become long.
             resolution: replace successors by points of a grid; None: keep them.
-            levels: expand so many generations at most; None: all.
+            levels: expand so many generations, whatever their numbers; None: all.
+            upper: whether tiny weights in a grid are made larger; otherwise, they are dropped.
         """
+        self._upper = upper
         size_of_state = np.add.reduceat(self.model.matrix.lengths, self.model.groups[:-1])
         while levels is None or levels > 0:
             pending = self.pending
             if not len(pending):
                 return
             beliefs = self.beliefs
+            if resolution is None and levels is None and not self._rational:
+                newest = beliefs.values[beliefs.starts[pending[0]] :]
+                if max(newest) > _LONGEST:
+                    return
             sizes = np.add.reduceat(size_of_state[beliefs.states], beliefs.starts[:-1][pending])
             batch = np.cumsum(sizes) // _BATCH
             ends = np.flatnonzero(np.diff(batch, append=-1)) + 1
@@ -316,7 +333,10 @@ class Exploration:
             mass, of_pair, observed = mass[keep], of_pair[keep], observed[keep]
         weight = self._ratio(mass, below[of_pair])
         if share is not None:
-            weight = weight * share
+            weight = np.maximum(weight * share, _LEAST if self._upper else 0.0)
+            kept = weight >= _LEAST
+            of_pair, target, observed = of_pair[kept], target[kept], observed[kept]
+            weight = weight[kept]
         number = self._row_count + np.arange(len(of_node))
         self._first.array[nodes] = self._row_count + starts_of(choices)[:-1]
         self._row_count += len(of_node)
