@@ -217,9 +217,9 @@ class Exploration:
             if not len(pending):
                 return
             beliefs = self.beliefs
-            if resolution is None and levels is None and not self._rational:
+            if resolution is None and levels is None:
                 newest = beliefs.values[beliefs.starts[pending[0]] :]
-                if max(newest) > _LONGEST:
+                if max(newest) > (_LONGEST**4 if self._rational else _LONGEST):
                     return
             sizes = np.add.reduceat(size_of_state[beliefs.states], beliefs.starts[:-1][pending])
             batch = np.cumsum(sizes) // _BATCH
