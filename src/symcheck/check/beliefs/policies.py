@@ -150,10 +150,7 @@ class Policies:
         memory = self.memory_of(beliefs, numbers)
         begin, end = beliefs.starts[numbers], beliefs.starts[numbers + 1]
         entries = spans(begin, end)
-        model = self.memory.model
-        stored = self.memory.of_pair * model.states + model.rank[self.memory.beliefs.states]
-        sought = np.repeat(memory, end - begin) * model.states + model.rank[beliefs.states[entries]]
-        pair = np.searchsorted(stored, sought)
+        pair = self.memory.pair(np.repeat(memory, end - begin), beliefs.states[entries])
         share = beliefs.shares[entries]
         starts = np.cumsum(end - begin) - (end - begin)
         each = np.array([np.add.reduceat(share * p.values[pair], starts) for p in self.found])

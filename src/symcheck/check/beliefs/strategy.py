@@ -82,7 +82,7 @@ def _parts(context: Context, problem: Problem, plan: Plan) -> list[_Part]:
             used, of = np.unique(pick, return_inverse=True)
             first = len(beliefs) + of * len(plan.policies.memory.beliefs)
             after[ends] = first + plan.policies.memory_of(beliefs, ends)
-        shares = _choices(context, problem, plan, rows, cut)
+        shares = _choices(context, problem, rows, cut)
         parts.append(_Part(beliefs, replace(rows, target=after[rows.target]), shares))
     if plan.policies is not None:
         inner = plan.policies.memory
@@ -94,9 +94,7 @@ def _parts(context: Context, problem: Problem, plan: Plan) -> list[_Part]:
     return parts
 
 
-def _choices(
-    context: Context, problem: Problem, plan: Plan, rows: Rows, cut: Numbers | None
-) -> Numbers:
+def _choices(context: Context, problem: Problem, rows: Rows, cut: Numbers | None) -> Numbers:
     """1 for the best row of each belief."""
     reward = problem.reward is not None
     matrix, earned = rows_matrix(rows, cut, reward=reward)

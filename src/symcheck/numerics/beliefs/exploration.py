@@ -37,26 +37,6 @@ _BATCH = 1 << 18
 """Entries of successors that are found at once."""
 
 
-class _Growing:
-    """An array that grows at its end."""
-
-    def __init__(self, first: NDArray[Any]) -> None:
-        self._data, self._n = first, len(first)
-
-    def extend(self, part: NDArray[Any]) -> None:
-        if part.dtype == object and self._data.dtype != object:
-            self._data = self._data.astype(object)
-        size = self._n + len(part)
-        if size > len(self._data):
-            self._data = np.resize(self._data, 2 * size)
-        self._data[self._n : size] = part
-        self._n = size
-
-    @property
-    def array(self) -> NDArray[Any]:
-        return self._data[: self._n]
-
-
 @dataclass(frozen=True, eq=False)
 class Beliefs:
     """Beliefs by number: `states[starts[i]:starts[i+1]]` with `values` in proportion.
@@ -117,6 +97,9 @@ class Exploration:
         earned: the reward of each of its rows; None: none.
         rational: whether weights are rationals.
         supports: keep which states are possible, and forget how likely they are.
+
+    Attributes:
+        beliefs: those that were found so far.
     """
 
     def __init__(
@@ -132,28 +115,22 @@ class Exploration:
         self._unit = lcm(*(r.denominator for r in earned)) if earned is not None else 1
         self._earned = None if earned is None else np.asarray(earned * self._unit, object)
         self.keeps_supports = self._supports = supports
-        self._starts = _Growing(np.zeros(3, np.int64))
-        self._states = _Growing(np.zeros(0, np.int64))
-        self._values = _Growing(np.zeros(0, np.int64))
+        none = np.zeros(0, np.int64)
+        self.beliefs = Beliefs(np.zeros(3, np.int64), none, none)
         self._known: dict[int, int] = {}
-        self._first = _Growing(np.full(2, -1, np.int64))
+        self._first = np.full(2, -1, np.int64)
         self._parts: list[tuple[NDArray[Any], ...]] = []
         self._row_count = 0
         self._fixed = np.full(len(model.choices) + 2, -1, np.int64)
         self._fixed[GOAL], self._fixed[SINK] = GOAL, SINK
 
     def __len__(self) -> int:
-        return len(self._starts.array) - 1
-
-    @property
-    def beliefs(self) -> Beliefs:
-        """The beliefs found so far."""
-        return Beliefs(self._starts.array, self._states.array, self._values.array)
+        return len(self.beliefs)
 
     @property
     def pending(self) -> Int64s:
         """The beliefs that were not expanded."""
-        return np.flatnonzero(self._first.array[2:] < 0) + 2
+        return np.flatnonzero(self._first[2:] < 0) + 2
 
     def points(self, states: Int64s) -> Int64s:
         """The numbers of the beliefs that are certain of a state."""
@@ -188,10 +165,7 @@ class Exploration:
     def clone(self) -> Exploration:
         """The same beliefs and rows, to be explored further in another way."""
         other = copy(self)
-        other._known = dict(self._known)
-        for name in ("_starts", "_states", "_values", "_first"):
-            setattr(other, name, _Growing(getattr(self, name).array.copy()))
-        other._parts = list(self._parts)
+        other._known, other._parts = dict(self._known), list(self._parts)
         return other
 
     def run(
@@ -237,10 +211,8 @@ class Exploration:
         if not self._parts:
             none = np.zeros(0, np.int64)
             number = none.astype(object if self._rational else np.float64)
-            return Rows(self._first.array, none, number, none, none, none, number)
-        return Rows(
-            self._first.array.copy(), *(np.concatenate(p) for p in zip(*self._parts, strict=True))
-        )
+            return Rows(self._first, none, number, none, none, none, number)
+        return Rows(self._first, *(np.concatenate(p) for p in zip(*self._parts, strict=True)))
 
     # ------------------------------------------------------------------------------------ internals
 
@@ -260,11 +232,13 @@ class Exploration:
             self._known.update(zip(listed, numbers.tolist(), strict=True))
             begin, end = starts[:-1][where[fresh]], starts[1:][where[fresh]]
             entries = spans(begin, end)
-            last = self._starts.array[-1]
-            self._states.extend(states[entries])
-            self._values.extend(values[entries])
-            self._starts.extend(last + np.cumsum(end - begin))
-            self._first.extend(np.full(len(fresh), -1, np.int64))
+            old = self.beliefs
+            self.beliefs = Beliefs(
+                np.append(old.starts, old.starts[-1] + np.cumsum(end - begin)),
+                np.append(old.states, states[entries]),
+                np.append(old.values, values[entries]),
+            )
+            self._first = np.append(self._first, np.full(len(fresh), -1))
         numbers = numbers[of]
         stored = self.beliefs
         begin, end = stored.starts[numbers], stored.starts[numbers + 1]
@@ -338,7 +312,8 @@ class Exploration:
             of_pair, target, observed = of_pair[kept], target[kept], observed[kept]
             weight = weight[kept]
         number = self._row_count + np.arange(len(of_node))
-        self._first.array[nodes] = self._row_count + starts_of(choices)[:-1]
+        self._first = self._first.copy()
+        self._first[nodes] = self._row_count + starts_of(choices)[:-1]
         self._row_count += len(of_node)
         earned = np.zeros(len(of_node), np.int64)
         if self._earned is not None:
