@@ -38,6 +38,11 @@ LISTED_ROWS = 100_000_000
 """The most states, choices and transitions that a model on diagrams is listed with for a strategy
 or a counterexample. Exploring them takes half a minute; the engine explicit has no such limit."""
 
+# Rewards that are lost where a target is missed (measures/ended_reward.py).
+FIRST_LEVELS, MOST_PAIRS = 16, 2_000_000
+"""Rewards that a strategy remembers at first, in steps of the rewards; and the most pairs of a state
+and such a reward."""
+
 # LTL formulas (omega_regular/).
 ATOMS_AS_LETTERS = 8
 """With at most this many atoms, letters are valuations of the atoms; with more, the valuations that

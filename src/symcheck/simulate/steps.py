@@ -23,7 +23,7 @@ from symcheck.semantics.interpreter import State, choices, state_rewards, valuat
 from symcheck.semantics.model import BoundCommand, BoundModel, Value
 from symcheck.simulate.path import PathStep
 
-__all__ = ["Branch", "Choice", "Steps", "TableSteps", "transition_rewards"]
+__all__ = ["Branch", "Choice", "CommandSuccessors", "TableSuccessors", "transition_rewards"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class Choice:
         return " || ".join(texts) or f"[{self.action or ''}]"
 
 
-class Steps:
+class CommandSuccessors:
     """The steps of a model in the PRISM language, computed by the interpreter.
 
     The interpreter knows the commands of each transition; the compiled sampler does not.
@@ -144,7 +144,7 @@ class Steps:
         return 1 if self.model.type.continuous_time else len(enabled)
 
 
-class TableSteps(Steps):
+class TableSuccessors(CommandSuccessors):
     """The steps of a model from explicit files or from Python, read from its rows."""
 
     def __init__(self, engine: Engine) -> None:

@@ -176,7 +176,7 @@ def check_constants(scope: Scope, constants: Iterable[Constant]) -> None:
 def check_values_given(table: SymbolTable, constants: Iterable[Constant]) -> None:
     """Report the constants that have no value."""
     for constant in constants:
-        if constant.value is None and constant.name not in table.given:
+        if constant.value is None and constant.name not in table.given.keys() | table.parameters:
             table.report.absorb(NameFault(undefined(constant)))
 
 
@@ -242,6 +242,8 @@ def _check_command(
     for update in command.updates:
         if update.probability is not None:
             typer.numeric(update.probability, "a probability or rate")
+        if update.upper is not None:
+            typer.numeric(update.upper, "a probability")
         written: set[str] = set()
         for assignment in update.assignments:
             _check_assignment(checked, instance, scope, command, assignment)
