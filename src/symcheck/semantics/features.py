@@ -159,8 +159,6 @@ def offers(model: BoundModel, feature: Feature) -> bool:
     if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
         return False  # the rows of the two tables were opened, and tested, apart
     of_type = _OF_TYPE.get(model.type, _NONE)
-    if model.type.partially_observed and model.weights is not Weights.NUMBERS:
-        return False  # beliefs are made of numbers
     return feature in of_type and feature in _OF_WEIGHTS.get(model.weights, _NONE)
 
 
