@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.kernels.arrays import Bools, Floats, Int64s
+from symcheck.matrices.rational_functions import RationalFunction
 
 __all__ = [
     "N",
     "Numbers",
     "Rationals",
+    "at_sample",
     "doubles",
     "full",
     "is_infinite",
@@ -61,7 +63,7 @@ def numbers(values: Numbers, *, rational: bool) -> Numbers:
 
 
 def _rational(value: float | int | Fraction) -> Fraction | float:
-    if isinstance(value, Fraction):
+    if isinstance(value, Fraction | RationalFunction):
         return value
     return value if isinstance(value, float) and not isfinite(value) else Fraction(value)
 
@@ -83,9 +85,15 @@ def full(n: int, value: float | Fraction, *, rational: bool) -> Numbers:
 
 def is_infinite(values: Numbers) -> Bools:
     """Which of the numbers are infinite (either sign)."""
-    if is_rational(values):  # infinity is a float among rationals
-        return np.fromiter((type(v) is float and isinf(v) for v in values), np.bool_, len(values))
+    if is_rational(values):
+        infinite = (isinstance(v, float) and isinf(v) for v in values)
+        return np.fromiter(infinite, np.bool_, len(values))
     return np.asarray(np.abs(values) == np.inf, dtype=np.bool_)
+
+
+def at_sample(values: Rationals) -> Rationals:
+    """Rationals and functions of parameters as rationals, at the sample point."""
+    return rationals(v.value if isinstance(v, RationalFunction) else v for v in values)
 
 
 def sum_segments(values: Rationals, starts: Int64s) -> Rationals:
@@ -98,8 +106,11 @@ def sum_segments(values: Rationals, starts: Int64s) -> Rationals:
 
 
 def doubles(values: Numbers) -> Floats:
-    """The nearest doubles; infinite beyond their range."""
-    if not is_rational(values):
+    """The nearest doubles; infinite beyond their range.
+
+    Raises UnsupportedError: a number is a function of parameters.
+    """
+    try:
         return np.asarray(values, dtype=np.float64)
     objects = values.tolist()
     found = {id(v): _nearest(v) for v in {id(v): v for v in objects}.values()}  # many are shared

@@ -25,10 +25,12 @@ from symcheck.errors import (
     UnsupportedError,
 )
 from symcheck.exchange.api_io import ImportedModel
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.peers.programs import Answer as PeerAnswer
 from symcheck.peers.programs import Peer, PeerError, Question, find_peer
 from symcheck.semantics.binding.bind import split_constants
 from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.features import Feature, require
 from symcheck.syntax.ast import Expression, LabelReference
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.printer import pretty
@@ -245,6 +247,7 @@ def compared(
     if isinstance(model, ImportedModel):
         raise UnsupportedError("a peer reads the commands of a model, and this model has none")
     with suppress(MemoryLimitError):
+        require(model.bound, Feature.COMPARISON)
         _ = model.engine  # a faulty model is an error of the run, and not of each property
     with TemporaryDirectory() as folder:
         for instance in instances:
@@ -372,7 +375,7 @@ def _close(ours: float, theirs: float, tolerance: float) -> bool:
 def _ends(value: Answer) -> tuple[float, float] | None:
     """The lowest and highest value over the initial states; None for what is no number."""
     match value:
-        case None | bool() | list():
+        case None | bool() | list() | RationalFunction():
             return None
         case tuple((low, high)):
             return to_float(low), to_float(high)
