@@ -110,7 +110,7 @@ def doubles(values: Numbers) -> Floats:
 
     Raises UnsupportedError: a number is a function of parameters.
     """
-    try:
+    if not is_rational(values):
         return np.asarray(values, dtype=np.float64)
     objects = values.tolist()
     found = {id(v): _nearest(v) for v in {id(v): v for v in objects}.values()}  # many are shared
