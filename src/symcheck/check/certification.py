@@ -32,7 +32,15 @@ from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.product import ProductModel
 from symcheck.engines.transition_actions import state_order
 from symcheck.errors import NumericalError, UnsupportedError
-from symcheck.matrices.numbers import Numbers, Rationals, doubles, full, is_rational, rationals
+from symcheck.matrices.numbers import (
+    Numbers,
+    Rationals,
+    distinct,
+    doubles,
+    full,
+    is_rational,
+    rationals,
+)
 from symcheck.matrices.rows import (
     Bools,
     Int32s,
@@ -675,7 +683,7 @@ class _Writer:
         return str(time)
 
     def _refuse_negative(self, reward: Reward) -> None:
-        if (self._system.step_rewards(reward) < 0).any():
+        if any(v < 0 for v in distinct(self._system.step_rewards(reward))):
             raise UnsupportedError(
                 "certificates of rewards in time are not supported with negative rewards"
             )
@@ -688,7 +696,8 @@ class _Writer:
         if not np.isfinite(doubles(guess[certain])).all():
             raise _unsupported()
         earned = self._system.step_rewards(reward)
-        if (earned[per_row(self.model.matrix.groups, certain & ~target)] < 0).any():
+        counted = earned[per_row(self.model.matrix.groups, certain & ~target)]
+        if any(v < 0 for v in distinct(counted)):
             raise UnsupportedError(
                 "certificates of rewards until states are reached are not supported with negative "
                 "rewards"

@@ -24,7 +24,7 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.machine import require_memory_for_scipy
-from symcheck.matrices.numbers import Rationals, doubles
+from symcheck.matrices.numbers import Rationals, distinct, doubles
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, first_best, spans, starts_of
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.problem import LinearProblem
@@ -451,7 +451,7 @@ class _Integers:
 def _parts(values: Rationals) -> tuple[Rationals, Rationals]:
     """The numerators and the denominators."""
     objects = values.tolist()
-    ratios = {id(v): v.as_integer_ratio() for v in {id(v): v for v in objects}.values()}
+    ratios = {id(v): v.as_integer_ratio() for v in distinct(values)}
     each = [ratios[id(v)] for v in objects]
     return _whole(top for top, _ in each), _whole(bottom for _, bottom in each)
 
