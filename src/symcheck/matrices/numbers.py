@@ -93,7 +93,7 @@ def is_infinite(values: Numbers) -> Bools:
     return np.asarray(np.abs(values) == np.inf, dtype=np.bool_)
 
 
-def distinct(values: Rationals) -> list[Any]:
+def distinct(values: Numbers) -> list[Any]:
     """The objects of an array, each once: rationals of a model are mostly shared."""
     return list({id(v): v for v in values.tolist()}.values())
 
