@@ -155,7 +155,9 @@ def page(folder: Path) -> None:
         )
 
 
-FIGURES = {f.__name__: f for f in (die_states, die_diagrams, search, bounds, blocks, orders, parameters)}
+FIGURES = {
+    f.__name__: f for f in (die_states, die_diagrams, search, bounds, blocks, orders, parameters)
+}
 
 
 def main(folder: Path) -> None:

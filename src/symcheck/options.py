@@ -353,7 +353,7 @@ class Options:
         None,
         _POSITIVE,
         "method",
-        "Partially observed models: the most beliefs that are kept exactly. None: 64,000.",
+        "Partially observed models: the most beliefs that are kept exactly. None: 32,000.",
         _switch("beliefs", "the most beliefs of a POMDP that are kept exactly"),
     )
     ltl2da: str | None = _option(

@@ -259,7 +259,9 @@ def test_plots() -> None:
         .with_options(regions=0.8)
         .check("Pmax>=0.5 [ F s=1 ]")
     )
-    assert len(plot_regions(result.regions).patches) == sum(len(c.boxes) for c in result.regions.cases)
+    assert len(plot_regions(result.regions).patches) == sum(
+        len(c.boxes) for c in result.regions.cases
+    )
     error = function(ZEROCONF, "p,q", "P=? [ F s=N+1 ]")
     box = {"p": (Fraction(0), Fraction(1)), "q": (Fraction(0), Fraction(1))}
     assert plot_function(error, box).get_ylabel() == "q"

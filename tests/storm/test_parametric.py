@@ -40,7 +40,10 @@ def opened(family: str) -> tuple[str, list[str]]:
     names = {"crowds": ["PF", "badC"], "nand": ["perr", "prob1"], "herman": ["p"]}[family]
     for parameter in names:
         text = re.sub(
-            rf"^const double +{parameter} *=.*;", f"const double {parameter};", text, flags=re.MULTILINE
+            rf"^const double +{parameter} *=.*;",
+            f"const double {parameter};",
+            text,
+            flags=re.MULTILINE,
         )
     return re.sub(r"init\s+true\s+endinit", "", text), names
 

@@ -64,11 +64,31 @@ class Feature(Enum):
 
 _ALL = frozenset(Feature)
 _NONE: frozenset[Feature] = frozenset()
+_OBSERVED = frozenset(
+    {
+        *(Feature.ROWS, Feature.RATIONALS),
+        *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
+    }
+)
+
+_MARKOV_AUTOMATON = frozenset(
+    {
+        *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
+        *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL, Feature.CONDITIONAL),
+        *(Feature.REACH_REWARDS, Feature.TOTAL_REWARDS, Feature.CUMULATIVE_REWARDS),
+        *(Feature.INSTANTANEOUS_REWARDS, Feature.REWARD_BOUNDS, Feature.LONG_RUN),
+        *(Feature.MULTI_OBJECTIVE, Feature.SOME_OR_ALL_PATHS, Feature.SYMMETRY),
+        *(Feature.EXPLICIT_FILES, Feature.STRATEGIES, Feature.STEPPING),
+    }
+)
 
 _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
     ModelType.DTMC: _ALL - {Feature.ENDED_REWARDS},
     ModelType.CTMC: _ALL - {Feature.ENDED_REWARDS},
     ModelType.MDP: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.MA: _MARKOV_AUTOMATON,
+    ModelType.POMDP: _OBSERVED | {Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES},
+    ModelType.POPTA: _OBSERVED,
     ModelType.PTA: frozenset(
         {
             Feature.ROWS,
@@ -85,13 +105,6 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
             *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
             *(Feature.REACH_REWARDS, Feature.TOTAL_REWARDS, Feature.CUMULATIVE_REWARDS),
             *(Feature.INSTANTANEOUS_REWARDS, Feature.ENDED_REWARDS, Feature.STRATEGIES),
-        }
-    ),
-    ModelType.POMDP: frozenset(
-        {
-            *(Feature.ROWS, Feature.RATIONALS),
-            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
-            *(Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES),
         }
     ),
 }

@@ -34,7 +34,7 @@ _GROUPS: tuple[tuple[str, int, str], ...] = (
         1,
         _METHODS,
     ),
-    ("multimaxpoints paretoepsilon gridresolution", 1, _METHODS),
+    ("multimaxpoints paretoepsilon", 1, _METHODS),
     ("javamaxmem javastack javaparams", 1, _MEMORY),
     ("nopre noprob0 noprob1 noprerel zerorewardcheck nossdetect ssdetect", 0, _ANALYSIS),
     ("sccmethod", 1, _ANALYSIS),
@@ -65,8 +65,10 @@ _REFUSED: Mapping[str, str] = {
     "exportprodvector": "values in a product with an automaton are not exported; -exportprodtrans "
     "and -exportprodstates write the product, -exportvector the values in the model",
     "exporttarget": "targets are not exported; -exportlabels exports labels",
-    "exportobs": "partially observable models are not supported",
-    "importobs": "partially observable models are not supported",
+    **dict.fromkeys(
+        ("exportobs", "importobs"),
+        "files of observations are not supported; -exportmodel and -importmodel FILE.drn have them",
+    ),
 }
 
 

@@ -124,11 +124,9 @@ def needed_constants(program: Program, file: PropertiesFile) -> tuple[tuple[str,
     table = SymbolTable(report, exact=False)
     table.add(program.constants, program.formulas)
     table.add(file.constants, file.formulas)
-    texts = PropertyReferences(
-        table,
-        file,
-        {x.name: x.expression for x in (*program.labels, *program.observables) if x.name},
-    )
+    labels = {x.name: x.expression for x in program.observables if x.name is not None}
+    labels |= {x.name: x.expression for x in program.labels}
+    texts = PropertyReferences(table, file, labels)
     return tuple(texts.undefined(p.formula, program.constants) for p in file.properties)
 
 
