@@ -357,7 +357,7 @@ class Result:
                 raise self._wrong_type("a number")
             case tuple():
                 low, high = self.value
-                if isinstance(low, RationalFunction) or isinstance(high, RationalFunction):
+                if not all(isinstance(end, Number) for end in self.value):
                     raise self._wrong_type("a number")
             case int() | float() | Fraction():
                 low = high = self.value
