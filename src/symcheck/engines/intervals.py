@@ -19,20 +19,22 @@ from symcheck.explicit.explored import ExploredModel
 from symcheck.matrices.numbers import Numbers
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import exactly_bound
+from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate
 from symcheck.semantics.state_faults import describe_state
 from symcheck.syntax.ast import Binary, Expression, Literal, Type, Weights
 from symcheck.syntax.operators import Operator
+from symcheck.syntax.traversal import names
 
 __all__ = ["build_intervals"]
 
-BuildEngine = Callable[[BoundModel, Options], Engine]
-"""Builds a model without intervals on the engine that the options name."""
+BuildRows = Callable[[BoundModel, Options], ExplicitEngine]
+"""Builds the rows of a model without intervals, by the engine that the options name."""
 
 _ZERO, _ONE = (Literal(Fraction(v), Type.DOUBLE) for v in (0, 1))
 
 
-def build_intervals(model: BoundModel, options: Options, build: BuildEngine) -> Engine:
+def build_intervals(model: BoundModel, options: Options, build: BuildRows) -> Engine:
     """Build a model with intervals: explicit rows, which diagrams write if the engine has them.
 
     Args:
@@ -48,7 +50,7 @@ def build_intervals(model: BoundModel, options: Options, build: BuildEngine) -> 
     inner = replace(options, check_sums=False, order=None, bisim=False)
 
     def rows(of: Callable[[BoundCommand], BoundCommand]) -> ExplicitEngine:
-        return _on_rows(build(_mapped(model, of), inner), inner)
+        return build(_mapped(model, of), inner)
 
     high = rows(_upper)
     _check(high, model)
@@ -69,12 +71,6 @@ def build_intervals(model: BoundModel, options: Options, build: BuildEngine) -> 
             twin=lambda: build_intervals(exactly_bound(model), exact, build),
         )
     )
-
-
-def _on_rows(engine: Engine, options: Options) -> ExplicitEngine:
-    from symcheck.engines.registry import on_rows
-
-    return on_rows(engine, options)
 
 
 def _mapped(model: BoundModel, of: Callable[[BoundCommand], BoundCommand]) -> BoundModel:
@@ -178,8 +174,9 @@ def _check_update(engine: ExplicitEngine, command: BoundCommand, update: BoundUp
 
 def _example(engine: ExplicitEngine, command: BoundCommand, condition: Expression) -> str | None:
     """The text of a reachable state in which a command has a fault; None if there is none."""
-    guard = command.guard
-    states = engine.where(Binary(Operator.AND, guard, condition))
+    if not names(condition) and not evaluate(condition, {}, exact=True):
+        return None
+    states = engine.where(Binary(Operator.AND, command.guard, condition))
     if not states:
         return None
     values = next(iter(engine.valuations(engine.first(states))))

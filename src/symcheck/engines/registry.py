@@ -140,7 +140,7 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
 
         engine: EngineName = "explicit" if name == "auto" else name
         inner = replace(options, engine=engine)
-        return build_intervals(model, inner, lambda end, o: build(end, o, observer))
+        return build_intervals(model, inner, lambda m, o: on_rows(build(m, o, observer), o))
     try:
         return BUILDERS[name](model, options, observer)
     except AlmostOne as fault:

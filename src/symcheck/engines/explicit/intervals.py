@@ -120,6 +120,10 @@ class IntervalEngine(ExplicitEngine, HasUncertainty, HasBestExpectations, HasRat
 
     def rational(self) -> Engine:
         """The same model in rational arithmetic."""
+        return self._rational
+
+    @cached_property
+    def _rational(self) -> Engine:
         if self.twin is None:
             raise UnsupportedError("the model cannot be read in rational arithmetic")
         return self.twin()
@@ -235,7 +239,7 @@ class IntervalSystem(ExplicitSystem):
         """None: constants do not say what nature chooses."""
         self.engine.refuse()
 
-    def reachability(self, target: ArraySet) -> Any:
+    def reachability(self, target: ArraySet) -> Any:  # noqa: ARG002
         """The equations of the probability of reaching `target`; it is known where that is 1."""
         rows = self.engine.weights.rows_of(self.states.members)
         constant = full(int(np.count_nonzero(rows)), 0, rational=self.engine.is_rational)

@@ -21,7 +21,7 @@ from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.interval_rows import IntervalRows
 from symcheck.matrices.numbers import Numbers, doubles, full, numbers
 from symcheck.matrices.rows import SparseMatrix
-from symcheck.numerics import graph
+from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.mec_quotient import MecQuotient, collapse
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.settings import Settings
@@ -34,6 +34,8 @@ _WORK = 1 << 20
 _FINER = 64.0
 """Each component aims at a width that is smaller by this factor, as widths add up."""
 _ROUNDS = 4
+_ROUNDING = 16 * tuning.UNIT_ROUNDOFF
+"""The relative error of a reward, or more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,18 +135,20 @@ def _bounds(
     for bounds in values:
         bounds[n:] = problem.known
     rows, maximise = problem.rows.compiled, problem.direction is Direction.MAX
+    constants = [problem.constant * (1.0 + side * _ROUNDING) for side in (-1, 1)]
     epsilon, sweeps = settings.epsilon / _FINER, 0
     for _ in range(_ROUNDS):
         relative = epsilon if settings.relative else epsilon / max(1.0, float(values[0].max()))
         iteration = Iteration(
-            *(rows, lower.groups, problem.constant, problem.constant, parts.order, parts.start),
-            *(*values, maximise, limit, max(relative, 1e-15), settings.max_iterations),
+            *(rows, lower.groups, *constants, parts.order, parts.start, *values, maximise),
+            *(limit, max(relative, 1e-15), settings.max_iterations),
         )
         while not iteration.run(_WORK):
             if observer is not None:
                 observer(Progress("optimistic", sweeps + iteration.total, np.inf, n, values[0][:n]))
         sweeps += iteration.total
-        note = f"{counted(n, 'state')}: optimistic, {counted(parts.count, 'component')}, {sweeps} sweeps"
+        size = f"{counted(n, 'state')}, {counted(parts.count, 'component')}"
+        note = f"{size}: optimistic, {sweeps} sweeps"
         solution = Solution(
             *(values[0][:n], np.maximum(values[0][:n], values[1][:n])),
             *("optimistic", False, True, sweeps, note, iteration.policy()),
