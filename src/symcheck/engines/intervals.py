@@ -13,9 +13,12 @@ import numpy as np
 
 from symcheck.engines.base import Engine, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
-from symcheck.engines.explicit.intervals import IntervalEngine, IntervalModel
+from symcheck.engines.explicit.intervals import IntervalEngine
+from symcheck.engines.rational.explore import RationalModel
 from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
 from symcheck.explicit.explored import ExploredModel
+from symcheck.explicit.model import ExplicitModel
+from symcheck.explicit.states import StateTable
 from symcheck.matrices.numbers import Numbers
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import exactly_bound
@@ -54,22 +57,35 @@ def build_intervals(model: BoundModel, options: Options, build: BuildRows) -> En
 
     high = rows(_upper)
     _check(high, model)
-    low = rows(_lower)
-    source, lower = high.explored, low.weights
-    if not np.array_equal(lower.indptr, high.weights.indptr) or not np.array_equal(
-        lower.indices, high.weights.indices
+    low = rows(_lower).weights
+    if not np.array_equal(low.indptr, high.weights.indptr) or not np.array_equal(
+        low.indices, high.weights.indices
     ):
         raise UnsupportedError("products of intervals underflow", hint="use -exact")
-    explored = IntervalModel(
-        source, lower.data, model, _rewards(model, source, rows), high.weights.groups
-    )
+    rewards = _rewards(model, high.explored, rows)
     exact = replace(options, exact=True)
     return erased(
         IntervalEngine(
-            explored,
+            _listed(high.explored, model, rewards),
             high.name,
+            lower=low.data,
+            source=high,
             twin=lambda: build_intervals(exactly_bound(model), exact, build),
         )
+    )
+
+
+def _listed(
+    found: ExploredModel, model: BoundModel, rewards: Sequence[Numbers]
+) -> ExplicitModel | RationalModel:
+    """What was found, as arrays, with the model and the rewards of rows."""
+    if isinstance(found, RationalModel):
+        return replace(found, model=model, choice_rewards=rewards)
+    states = found.states
+    assert isinstance(states, StateTable)
+    return ExplicitModel(
+        *(model, states, found.matrix, found.choice_actions, found.initial, found.deadlocks),
+        *(list(found.state_rewards), list(rewards)),
     )
 
 
