@@ -12,10 +12,16 @@ from functools import cached_property
 from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symcheck.direction import Direction
 from symcheck.engines.base import CapabilityT, Engine, EquationsOf, SolvedValues, erased
-from symcheck.engines.capabilities import HasBestExpectations, HasRationalTwin, HasUncertainty
+from symcheck.engines.capabilities import (
+    HasActions,
+    HasBestExpectations,
+    HasRationalTwin,
+    HasUncertainty,
+)
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.base import Numeric
 from symcheck.engines.explicit.engine import ExplicitEngine, ExplicitSystem
@@ -24,7 +30,7 @@ from symcheck.engines.linear_system import lifted
 from symcheck.errors import UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.interval_rows import IntervalRows
-from symcheck.matrices.numbers import Numbers, full, numbers
+from symcheck.matrices.numbers import Numbers, doubles, full, numbers
 from symcheck.matrices.rows import Bools, Int64s, spans, starts_of
 from symcheck.numerics.linear.intervals import IntervalProblem, solve_intervals
 from symcheck.numerics.linear.problem import LinearProblem, Observer
@@ -57,9 +63,9 @@ class IntervalEngine(ExplicitEngine, HasUncertainty, HasBestExpectations, HasRat
 
     def capability(self, kind: type[CapabilityT]) -> CapabilityT | None:
         """Only that of nature, and of rational numbers: others would read ends as numbers."""
-        offered: tuple[object, ...] = (ExplicitEngine, IntervalEngine, HasBestExpectations)
-        if self.opposed is None:
-            offered = (ExplicitEngine, IntervalEngine, HasUncertainty, HasRationalTwin)
+        offered: tuple[object, ...] = (ExplicitEngine, IntervalEngine, HasActions)
+        natures = (HasUncertainty, HasRationalTwin)
+        offered += natures if self.opposed is None else (HasBestExpectations,)
         return super().capability(kind) if kind in offered else None
 
     def where(self, expression: Expression) -> ArraySet:
@@ -98,6 +104,11 @@ class IntervalEngine(ExplicitEngine, HasUncertainty, HasBestExpectations, HasRat
             matrix = replace(explored.matrix, groups=np.arange(self.states + 1))
             explored = replace(explored, model=model, matrix=matrix)
         return erased(replace(self, explored=explored, opposed=bool(opposed)))
+
+    @property
+    def ends(self) -> NDArray[np.complex128]:
+        """Each interval as a complex number: its lower end, and its upper end times i."""
+        return doubles(self.lower) + 1j * doubles(self.weights.data)
 
     def rows(self, direction: Direction | None) -> IntervalRows:
         """The rows, in which nature does what the direction of strategies implies."""
