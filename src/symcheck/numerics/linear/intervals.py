@@ -20,7 +20,7 @@ from symcheck.kernels.solve.intervals import Iteration
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.interval_rows import IntervalRows
 from symcheck.matrices.numbers import Numbers, doubles, full, numbers
-from symcheck.matrices.rows import SparseMatrix
+from symcheck.matrices.rows import Int64s, SparseMatrix, first_best
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.mec_quotient import MecQuotient, collapse
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
@@ -33,7 +33,14 @@ _WORK = 1 << 20
 """Updates of states between two reports to the observer."""
 _FINER = 64.0
 """Each component aims at a width that is smaller by this factor, as widths add up."""
-_ROUNDS = 4
+_ROUNDS = 5
+_QUICK = 500
+"""Sweeps of a component before its values count as slow."""
+_POLICIES = 50
+_SOLVED_STATES = 50_000
+"""The most states whose policies are evaluated by a direct method, which takes much memory."""
+_GAIN = 1e-14
+"""The relative gain of a policy that is more than rounding."""
 _ROUNDING = 16 * tuning.UNIT_ROUNDOFF
 """The relative error of a reward, or more."""
 
@@ -136,12 +143,13 @@ def _bounds(
         bounds[n:] = problem.known
     rows, maximise = problem.rows.compiled, problem.direction is Direction.MAX
     constants = [problem.constant * (1.0 + side * _ROUNDING) for side in (-1, 1)]
-    epsilon, sweeps = settings.epsilon / _FINER, 0
+    epsilon, sweeps, most = settings.epsilon / _FINER, 0, min(_QUICK, settings.max_iterations)
+    candidate, width = np.empty(0), np.inf
     for _ in range(_ROUNDS):
         relative = epsilon if settings.relative else epsilon / max(1.0, float(values[0].max()))
         iteration = Iteration(
-            *(rows, lower.groups, *constants, parts.order, parts.start, *values, maximise),
-            *(limit, max(relative, 1e-15), settings.max_iterations),
+            *(rows, lower.groups, *constants, parts.order, parts.start, *values, candidate),
+            *(maximise, limit, max(relative, 1e-15), most),
         )
         while not iteration.run(_WORK):
             if observer is not None:
@@ -150,13 +158,55 @@ def _bounds(
         size = f"{counted(n, 'state')}, {counted(parts.count, 'component')}"
         note = f"{size}: optimistic, {sweeps} sweeps"
         solution = Solution(
-            *(values[0][:n], np.maximum(values[0][:n], values[1][:n])),
+            *(values[0][:n].copy(), np.maximum(values[0][:n], values[1][:n])),
             *("optimistic", False, True, sweeps, note, iteration.policy()),
         )
-        if iteration.failed or solution.width(settings.relative) <= settings.epsilon:
+        if iteration.failed and most < settings.max_iterations:  # the values converge slowly
+            candidate, most = (
+                _candidate(problem, values[0], iteration.policy()),
+                settings.max_iterations,
+            )
+            continue
+        before, width = width, solution.width(settings.relative)
+        if iteration.failed or width <= settings.epsilon or width > 0.5 * before:
             break
         epsilon /= _FINER
     return solution
+
+
+def _candidate(problem: IntervalProblem, values: Numbers, policy: Int64s) -> Numbers:
+    """Approximate values of all columns: player and nature improve from a policy and values.
+
+    Empty where that does not end: the two may go round in circles (Condon 1990).
+    """
+    from scipy.sparse import csc_array, identity
+    from scipy.sparse.linalg import splu
+
+    rows, compiled, n = problem.rows, problem.rows.compiled, problem.n
+    groups, owner = rows.lower.groups, rows.lower.state_of_row
+    assert groups is not None
+    sign = 1 if problem.direction is Direction.MAX else -1
+    for _ in range(_POLICIES if n <= _SOLVED_STATES else 0):
+        chosen = replace(rows.lower, data=compiled.chosen(values))
+        taken = problem.against(chosen)
+        chain, constant = taken.rows.choose(policy), taken.constant[policy]
+        matrix = csc_array((chain.data, chain.indices, chain.indptr), shape=(n, n)).T
+        try:
+            solved = splu(csc_array(identity(n) - matrix), diag_pivot_thresh=0.0).solve(constant)
+        except RuntimeError:  # some states are never left
+            break
+        values = np.concatenate([solved, problem.known])
+        if not np.isfinite(values).all() or values.min() < 0.0:
+            break
+        gains = sign * (compiled.multiply(values, False) + problem.constant - values[owner])
+        best = first_best(gains, groups)
+        better = gains[best] > gains[policy] + _GAIN * values[:n]
+        before = chosen.multiply(values)
+        natural = np.abs(compiled.multiply(values, False) - before) > _GAIN * before
+        if not (better.any() or natural[policy].any()):
+            return values
+        policy = np.where(better, best, policy)
+    return np.empty(0)
 
 
 def _strategy_iteration(
