@@ -117,6 +117,11 @@ def _questions(
             yield f"R{d}=? [ F s={goal} ]", intervals.reach_reward(games, own, *both, {goal})[0]
             bounded = intervals.steps(games, none, *both, is_goal, k, kept={goal})[0]
             yield f"P{d}=? [ F<={k} s={goal} ]", bounded
+            later = intervals.steps(games, none, *both, is_goal, k, kept={goal})
+            yield (
+                f"P{d}=? [ F[1,{k + 1}] s={goal} ]",
+                intervals.steps(games, none, *both, later, 1)[0],
+            )
             yield (
                 f"P{d}=? [ X s=1 ]",
                 intervals.steps(games, none, *both, [Fraction(s == 1) for s in everywhere], 1)[0],

@@ -151,6 +151,7 @@ class _Steps:
             )
         system = engine.system(engine.all)
         move = None if within is None else engine.to_bools(within)
+        fixed = None if elsewhere is None else list(engine.constant(elsewhere).at(engine.all))
         taken = 0
         while taken < steps:
             before, taken = sides, taken + 1
@@ -159,7 +160,7 @@ class _Steps:
                 rows = rows[0] + add, rows[1] + add
             sides = [best_of_rows(r, system.groups, self.direction) for r in rows]
             if move is not None:
-                kept = before if elsewhere is None else [elsewhere, elsewhere]
+                kept = before if fixed is None else fixed
                 sides = [np.where(move, s, k) for s, k in zip(sides, kept, strict=True)]
             if context.observer is not None:
                 context.observer(Progress("step by step", taken, 0.0, engine.states))

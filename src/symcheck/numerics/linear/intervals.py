@@ -115,13 +115,14 @@ def solve_intervals(
 
 def _on_quotient(problem: IntervalProblem, quotient: MecQuotient) -> IntervalProblem:
     """The problem in which each end component is one state."""
-    n = quotient.problem.n
+    n, groups = quotient.problem.n, quotient.problem.rows.groups
+    assert groups is not None
     column_of = np.concatenate([quotient.index, n + np.arange(len(problem.known))])
     return replace(
         problem,
         rows=problem.rows.choose(
             quotient.kept,
-            quotient.problem.rows.groups,
+            groups,
             column_of.astype(np.int32),
             n + len(problem.known),
         ),
@@ -136,20 +137,32 @@ def _bounds(
     observer: Observer | None,
 ) -> Solution:
     """Bounds by optimistic value iteration, component by component."""
-    n, lower = problem.n, problem.rows.lower
+    n = problem.n
     limit = 1.0 if problem.probability else np.inf
     values = np.zeros(n + len(problem.known)), np.full(n + len(problem.known), limit)
     for bounds in values:
         bounds[n:] = problem.known
-    rows, maximise = problem.rows.compiled, problem.direction is Direction.MAX
+    rows, groups = problem.rows.compiled, problem.rows.lower.groups
+    assert groups is not None
     constants = [problem.constant * (1.0 + side * _ROUNDING) for side in (-1, 1)]
     epsilon, sweeps, most = settings.epsilon / _FINER, 0, min(_QUICK, settings.max_iterations)
     candidate, width = np.empty(0), np.inf
     for _ in range(_ROUNDS):
         relative = epsilon if settings.relative else epsilon / max(1.0, float(values[0].max()))
         iteration = Iteration(
-            *(rows, lower.groups, *constants, parts.order, parts.start, *values, candidate),
-            *(maximise, limit, max(relative, 1e-15), most),
+            rows,
+            groups,
+            constants[0],
+            constants[1],
+            parts.order,
+            parts.start,
+            values[0],
+            values[1],
+            candidate,
+            problem.direction is Direction.MAX,
+            limit,
+            max(relative, 1e-15),
+            most,
         )
         while not iteration.run(_WORK):
             if observer is not None:
@@ -157,13 +170,14 @@ def _bounds(
         sweeps += iteration.total
         size = f"{counted(n, 'state')}, {counted(parts.count, 'component')}"
         note = f"{size}: optimistic, {sweeps} sweeps"
-        solution = Solution(
-            *(values[0][:n].copy(), np.maximum(values[0][:n], values[1][:n])),
-            *("optimistic", False, True, sweeps, note, iteration.policy()),
-        )
+        policy = iteration.policy()
+        lower = values[0][:n].copy()
+        upper = np.maximum(lower, values[1][:n])
+        solution = Solution(lower, upper, "optimistic", iterations=sweeps, explanation=note)
+        solution = replace(solution, strategy=policy)
         if iteration.failed and most < settings.max_iterations:  # the values converge slowly
             candidate, most = (
-                _candidate(problem, values[0], iteration.policy()),
+                _candidate(problem, values[0], policy),
                 settings.max_iterations,
             )
             continue
