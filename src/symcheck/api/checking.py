@@ -65,7 +65,7 @@ class CheckedModel(Stages):
         exchanges = options.symmetry and only_values and bool(instances)
         if not (options.reduce or stops or exchanges):
             return self
-        if options.fairness or self.bound.builder is not None:
+        if options.fairness or self.parameters or self.bound.builder is not None:
             return self
         key = tuple((p.file, p.index, *p.constants.items(), all_states) for p in instances)
         if key not in self._reduced_models:
@@ -90,6 +90,18 @@ class CheckedModel(Stages):
     ) -> PreparedModel[Self]:
         """The model for properties that are checked together. Arguments: those of `reduced_for`."""
         return PreparedModel(self.reduced_for(instances, all_states=all_states), instances)
+
+    def deciding(self, instance: PropertyInstance) -> Self | None:
+        """The model that decides a property of a timed automaton; None for other models."""
+        clocks = self.bound.clocks
+        if clocks is None and not self.bound.type.has_clocks:
+            return None
+        if clocks is not None and clocks.asked is not None:
+            return self
+        from symcheck.api.timed import deciding_model
+
+        automaton = self.bound if clocks is None else clocks.automaton
+        return replace(self, smaller=Smaller(deciding_model(automaton, instance, self.options)))
 
     @cached_property
     def _reduced_models(self) -> dict[tuple[object, ...], Self]:
@@ -281,7 +293,18 @@ class CheckedModel(Stages):
         Raises:
             SymcheckError: see `check`.
         """
+        timed = self.deciding(instance)
+        if timed is not None:
+            from symcheck.api.timed import check_timed
+
+            return check_timed(timed.engine, instance, options or self.options, observer)
         bound, labels = instance.bind(self.bound)
+        if self.parameters:
+            from symcheck.check.parametric import check_parametric
+
+            return check_parametric(
+                self.engine, bound.formula, options or self.options, labels=labels
+            )
         return check(
             self.engine,
             bound.formula,

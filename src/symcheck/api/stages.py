@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property, wraps
 from typing import TYPE_CHECKING, Concatenate, NamedTuple, ParamSpec, Self, TypeVar, Unpack
 
@@ -14,6 +14,7 @@ from symcheck.engines.base import Engine
 from symcheck.lazy_dataclass import dataclass
 from symcheck.options import Options, OptionValues, make_options
 from symcheck.semantics.binding.bind import bind, check_constant_names, undefined_constants
+from symcheck.semantics.binding.parameters import Ranges
 from symcheck.semantics.expressions.literals import as_expression
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import WITHOUT_KEYWORD, ModelType
@@ -70,6 +71,7 @@ class Stages:
     given_type: ModelType | None = None
     observer: Observer | None = None
     smaller: Smaller | None = None
+    parameters: Ranges = field(default_factory=dict)
 
     def __repr__(self) -> str:
         given = "".join(f", {n}={v}" for n, v in self.given_constants.items())
@@ -80,6 +82,11 @@ class Stages:
     def type(self) -> ModelType:
         """The model type: the given one, or that of the text, in which no keyword means MDP."""
         return self.given_type or self.program.type or WITHOUT_KEYWORD
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether clocks measure time: then each property is checked on a model made for it."""
+        return self.type.has_clocks
 
     def _repr_html_(self) -> str:
         from symcheck.tables import Table
@@ -99,13 +106,19 @@ class Stages:
         """Constants evaluated, names resolved, types checked. Raises InputError."""
         if self.smaller is not None:
             return self.smaller.bound
-        return bind(
+        bound = bind(
             self.program,
             self.given_constants,
             model_type=self.given_type,
             exact=self.options.exact,
             normalise=self.options.check_sums and not self.options.exact,
+            parameters=self.parameters,
         )
+        if not bound.type.has_clocks:
+            return bound
+        from symcheck.api.timed import displayed_model
+
+        return displayed_model(bound)
 
     def within_limits(self, compute: Callable[[], T]) -> T:
         """What a function returns within `time_limit`, with `threads`, and with its large arrays
@@ -159,7 +172,7 @@ class Stages:
     def checked(self) -> Self:
         """The model; a faulty text or constant is an error now, unless values are missing."""
         missing = {c.name for c in undefined_constants(self.program)}
-        if missing <= self.given_constants.keys():
+        if missing <= self.given_constants.keys() | self.parameters:
             _ = self.bound
         else:
             check_constant_names(self.program, self.given_constants)

@@ -90,7 +90,8 @@ class Output:
     def model(self, model: BoundModel, constants: Mapping[str, str]) -> None:
         """Type, modules, variables and given constants of a model."""
         self.line()
-        self.line(f"Type:        {model.type.name}")
+        kind = model.type if model.clocks is None else model.clocks.automaton.type
+        self.line(f"Type:        {kind.name}")
         self.line(f"Modules:     {' '.join(m.name for m in model.modules)}")
         self.line(f"Variables:   {' '.join(v.name for v in model.variables)}")
         if constants:
@@ -203,6 +204,9 @@ class Output:
         if result.front_or_none is not None:
             self.line()
             self.line(str(result.front))
+        if result.regions is not None and result.value is None:
+            self.line()
+            self.line(str(result.regions))
         self.line()
         self.line(f"Time for model checking: {result.seconds:.3f} seconds.")
         self.line()

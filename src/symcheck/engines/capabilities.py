@@ -38,6 +38,11 @@ __all__ = [
 class Capable:
     """The capabilities of an engine: the protocols that its class inherits from."""
 
+    @property
+    def has_opponents(self) -> bool:
+        """Whether some states choose against the direction of what is asked: no, by default."""
+        return False
+
     def capability(self, kind: type[CapabilityT]) -> CapabilityT | None:
         """The engine under the protocol `kind`, or None.
 

@@ -47,6 +47,10 @@ def _exact(model: BoundModel, options: Options, _: Observer | None) -> Engine:
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.engines.rational.explore import explore_exactly
 
+    if model.parameters:
+        from symcheck.engines.parametric.build import explore_parametric
+
+        return erased(ExplicitEngine(explore_parametric(model, options), "parametric"))
     explored = explore_exactly(
         model,
         fix_deadlocks=options.fix_deadlocks,
@@ -122,6 +126,8 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         ResourceError: a limit of time or memory was reached.
     """
     name: EngineName = "exact" if options.exact else options.engine
+    if model.parameters and name in ("auto", "explicit"):
+        name = "exact"
     name = _offered(model, name)
     if name == "auto" and options.workdir is not None:
         from symcheck.engines.selection import EngineChoice
@@ -142,7 +148,9 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         inner = replace(options, engine=engine)
         return build_intervals(model, inner, lambda m, o: on_rows(build(m, o, observer), o))
     try:
-        return BUILDERS[name](model, options, observer)
+        engine = BUILDERS[name](model, options, observer)
+        # Games are solved on rows, which diagrams list.
+        return erased(on_rows(engine, options)) if model.type.players > 1 else engine
     except AlmostOne as fault:
         model = normalised_at(model, fault)
     return build(model, options, observer)

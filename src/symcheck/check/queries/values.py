@@ -24,6 +24,7 @@ from symcheck.semantics.query import (
     CostBoundedReward,
     CumulativeReward,
     DiscountedReward,
+    EndedReward,
     ExpectedReward,
     InstantaneousReward,
     LongRunProbability,
@@ -54,8 +55,13 @@ def values(
     Raises:
         UnsupportedError: the quantity does not apply to the model, or a value is beyond doubles.
     """
+    if context.engine.model.type.partially_observed:
+        from symcheck.check.beliefs.values import belief_values
+
+        return belief_values(context, query)
     context, query = against_nature(context, query)
-    quantity, direction = query.quantity, query.direction
+    quantity = query.quantity
+    context, direction = context.playing(query)
     match quantity:
         case PathProbability(path):
             return probability(context, path, direction)
@@ -96,6 +102,10 @@ def _expected(
             from symcheck.check.omega_regular.ltl import co_safe_reward
 
             return co_safe_reward(context, reward, path, direction)
+        case TotalReward(reward) if context.engine.has_opponents:
+            from symcheck.check.measures.ended_reward import kept_reward
+
+            return kept_reward(context, reward, context.engine.none, direction)
         case TotalReward(reward):
             return total_reward(context, reward, direction)
         case CumulativeReward(reward, window):
@@ -108,6 +118,10 @@ def _expected(
             from symcheck.check.measures.discounted import discounted_reward
 
             return discounted_reward(context, reward, discount, steps, direction)
+        case EndedReward(reward, target, kept):
+            from symcheck.check.measures.ended_reward import kept_reward, lost_reward
+
+            return (kept_reward if kept else lost_reward)(context, reward, target, direction)
         case InstantaneousReward(reward, time):
             return timed_measures(context).instantaneous_reward(context, reward, time, direction)
         case LongRunReward(reward):

@@ -116,6 +116,8 @@ class _Search:
             return command
         probabilities = [u.probability for u in command.updates]
         read = set().union(*map(names, probabilities))
+        if command.is_markovian:
+            return command
         if not read:
             return self._constant(command, probabilities)
         table = self._tabulate(command.guard, probabilities, read)
