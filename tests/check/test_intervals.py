@@ -382,6 +382,20 @@ def test_files_keep_intervals(tmp_path):
         symcheck.export(model, f"{tmp_path}/game.umb")
 
 
+def test_a_variable_that_only_an_upper_end_reads_is_kept():
+    text = """dtmc
+    module m s:[0..3]; b:[0..1];
+      [] s=0 -> 0.5:(b'=1)&(s'=1) + 0.5:(b'=0)&(s'=1);
+      [] s=1 -> [0.1,0.5+b/4]:(s'=2) + [0.1,0.9]:(s'=3);
+      [] s>1 -> true;
+    endmodule"""
+    values = [
+        symcheck.loads(text, reduce=reduce).check("Pmax=? [ F s=2 ]").value
+        for reduce in (False, True)
+    ]
+    assert values == pytest.approx([0.625, 0.625])
+
+
 def test_a_text_with_intervals_is_printed_as_it_is_read():
     printed = symcheck.pretty(symcheck.parse_model(GAME))
     assert "[0.2,0.6] : (s'=1) + [0.3,0.8] : (s'=2)" in printed
