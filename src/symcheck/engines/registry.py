@@ -144,9 +144,8 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
     if model.weights is Weights.INTERVALS:
         from symcheck.engines.intervals import build_intervals
 
-        engine: EngineName = "explicit" if name == "auto" else name
-        inner = replace(options, engine=engine)
-        return build_intervals(model, inner, lambda end, o: build(end, o, observer))
+        inner = replace(options, engine="explicit" if name == "auto" else name)
+        return build_intervals(model, inner, lambda m, o: on_rows(build(m, o, observer), o))
     try:
         engine = BUILDERS[name](model, options, observer)
         # Games are solved on rows, which diagrams list.

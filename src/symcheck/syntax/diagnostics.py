@@ -25,8 +25,8 @@ def _set(words: str) -> frozenset[str]:
 _OPERATORS = frozenset(["QMARK", *Operator.__members__])
 _STARTS = _set(
     "INTEGER REAL TRUE FALSE NAME STRING FUNCTION MIN MAX FUNC MULTI FILTER LPAR MINUS NOT "
-    "P PMIN PMAX PMINMAX PMAXMIN PMINMIN PMAXMAX RELEASE RMIN RMAX RMINMAX RMAXMIN RMINMIN RMAXMAX S "
-    "ALL EXISTS"
+    "P PMIN PMAX PMINMAX PMAXMIN PMINMIN PMAXMAX RELEASE RMIN RMAX RMINMAX RMAXMIN RMINMIN "
+    "RMAXMAX S ALL EXISTS"
 )
 _DECLARATIONS = _set("CONST LABEL FORMULA RATE PROB")
 _MODEL_PARTS = _set(
@@ -142,8 +142,6 @@ _PATH_OPERATORS = {
     "W": "weak until",
     "R": "release",
 }
-_INTERVAL = re.compile(r"\[\s*[^\[\];,]+,[^\[\];]+\]")
-_COMMENT = re.compile(r"//[^\r\n]*")
 _QUANTIFIERS = frozenset({"AS", "ES", "A", "E", "forall", "exists", "Forall", "Exists"})
 _CLOSERS = {"(": ")", "[": "]", "{": "}"}
 _OPENERS = {close: opening for opening, close in _CLOSERS.items()}
@@ -296,13 +294,6 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
             Span(source, cast(int, quantified.start_pos), fault.end),
             "model-type",
             f"properties of {', '.join(LETTERS)}, A and E are, one path at a time",
-        )
-    if word == "[" and "INTEGER" in expected and _INTERVAL.match(_COMMENT.sub("", rest)):
-        return Diagnostic(
-            "intervals of probabilities are not supported",
-            span,
-            "model-type",
-            "write one probability or rate",
         )
     return None
 

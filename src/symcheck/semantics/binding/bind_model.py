@@ -187,7 +187,7 @@ class _Builder:
     def _weights(self, modules: tuple[BoundModule, ...], kind: ModelType) -> Weights:
         updates = (u for m in modules for c in m.commands for u in c.updates)
         intervals = [u for u in updates if u.upper is not None]
-        if intervals and kind.has_own_syntax:
+        if intervals and (kind.has_own_syntax or kind.continuous_time):
             message = f"{kind.called} with intervals are not supported"
             hint = "intervals of probabilities belong to a dtmc or an mdp"
             self.report.input("interval", message, intervals[0].span, hint)
