@@ -185,7 +185,7 @@ class SystemOf(Protocol[S, V]):
 
     @property
     def opponents(self) -> Bools | None:
-        """The states in which opponents choose against a direction, bool[n]; None: it is no game."""
+        """The states in which opponents choose against a direction, bool[n]; None: no game."""
         ...
 
     @property

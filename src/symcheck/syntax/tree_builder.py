@@ -661,7 +661,7 @@ class PropertiesBuilder(Builder):
             hint = "names or numbers, as in <<1,2>>; * for all"
             self._wrong("this is no coalition of players", place, "coalition", hint)
         coalition = ast.Coalition(None if names == ("*",) else names, word.value[0] == "[", place)
-        return cast(Expression, _with_coalition(measure, coalition, span))
+        return _with_coalition(measure, coalition, span)
 
     time = partialmethod(_measure, ast.ExpectedTime)
     steady = partialmethod(_measure, ast.SteadyState)
