@@ -151,6 +151,8 @@ def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
     """The diagnostic of one fault."""
     found = fault.token.value
     expected = set(fault.expected)
+    if "ENDMODULE" in expected:
+        expected.discard("LT")  # of a Markovian command, which stands where [ does
     if found in _MODEL_WORDS and "ENDMODULE" not in language.spelling:
         return Diagnostic(
             "this is a part of a model, where properties are expected",
@@ -285,9 +287,6 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
             "model-type",
             "of an MDP, <<*>> is some strategy and <<>> are all strategies",
         )
-    if word == "<" and rest.startswith("<>") and "ENDMODULE" in expected:
-        message = "commands with <> belong to Markov automata, which are not supported"
-        return Diagnostic(message, Span(source, fault.start, fault.start + 2), "model-type", hint)
     if (quantified := _quantified(fault)) is not None:
         return Diagnostic(
             "hyperproperties (HyperPCTL) quantify strategies and states, and are not supported",
