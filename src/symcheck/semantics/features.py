@@ -87,6 +87,12 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
             *(Feature.INSTANTANEOUS_REWARDS, Feature.ENDED_REWARDS, Feature.STRATEGIES),
         }
     ),
+    ModelType.TPTG: frozenset(
+        {
+            *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS, Feature.REACHABILITY),
+            *(Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
+        }
+    ),
     ModelType.POMDP: frozenset(
         {
             *(Feature.ROWS, Feature.RATIONALS),
@@ -157,6 +163,8 @@ def offers(model: BoundModel, feature: Feature) -> bool:
     """
     if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
         return False  # the rows of the two tables were opened, and tested, apart
+    if model.type.players > 1 and model.weights is not Weights.NUMBERS:
+        return False
     of_type = _OF_TYPE.get(model.type, _NONE)
     return feature in of_type and feature in _OF_WEIGHTS.get(model.weights, _NONE)
 

@@ -89,7 +89,7 @@ def owned_states(model: BoundModel) -> Sequence[Expression]:
     Raises InputError: something that can be done belongs to nobody.
     """
     events: list[list[Event]] = [[] for _ in model.players]
-    for event in model.events:
+    for event in _owned_events(model):
         events[_owner(event, model)].append(event)
     return [_joined(Operator.OR, map(_enabled, of), False) for of in events]
 
@@ -97,7 +97,7 @@ def owned_states(model: BoundModel) -> Sequence[Expression]:
 def two_owners(model: BoundModel, state: Sequence[bool | int]) -> InputError:
     """The error that in a state several players can do something."""
     values = dict(zip((v.name for v in model.variables), state, strict=True))
-    active = [e for e in model.events if evaluate(_enabled(e), values)]
+    active = [e for e in _owned_events(model) if evaluate(_enabled(e), values)]
     names = {model.players[_owner(e, model)].name: e for e in active}
     last = list(names.values())[-1].participants[0][0]
     return InputError(
@@ -109,6 +109,12 @@ def two_owners(model: BoundModel, state: Sequence[bool | int]) -> InputError:
             "in a turn-based game, each state belongs to one player",
         )
     )
+
+
+def _owned_events(model: BoundModel) -> list[Event]:
+    """All events but the passing of time, which is a choice of the owner of a state."""
+    time = None if model.clocks is None else model.clocks.time
+    return [e for e in model.events if e.action is None or e.action != time]
 
 
 def _owner(event: Event, model: BoundModel) -> int:
