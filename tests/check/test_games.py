@@ -293,6 +293,38 @@ def test_strategies_of_lost_rewards_need_memory():
     assert float(result) == pytest.approx(7 * (7 / 8) ** 7, rel=1e-9)
 
 
+def test_timed_games_count_units_of_time():
+    """The sender decides when to send, from 2 to 5 units; the receiver acknowledges after 1 to 4."""
+    text = """
+    tptg
+    player sender [send] endplayer
+    player receiver [ack], [end] endplayer
+    module m
+      s : [0..2];
+      x : clock;
+      invariant (s=0 => x<=5) & (s=1 => x<=4) endinvariant
+      [send] s=0 & x>=2 -> (s'=1) & (x'=0);
+      [ack] s=1 & x>=1 -> 0.5:(s'=2) + 0.5:(s'=0) & (x'=0);
+      [end] s=2 -> true;
+    endmodule
+    rewards "time" true : 1; endrewards
+    """
+    model = symcheck.loads(text, exact=True)
+    for coalition, rounds in (("sender,receiver", 3), ("sender", 6), ("receiver", 6), ("", 9)):
+        result = model.check(f'<<{coalition}>> R{{"time"}}min=? [ F s=2 ]')
+        assert result.value == 2 * rounds
+    assert model.check("<<receiver>> Pmax=? [ F<=6 s=2 ]").value == Fraction(1, 2)
+    assert model.check("<<receiver>> Pmax=? [ F<=5 s=2 ]").value == 0
+    assert model.check("<<sender,receiver>> Pmax=? [ F<=6 s=2 ]").value == Fraction(3, 4)
+    with pytest.raises(UnsupportedError, match="bounds <=k only"):
+        model.check("<<receiver>> Pmax=? [ F<6 s=2 ]")
+
+
+def test_games_have_numbers_as_probabilities():
+    with pytest.raises(InputError, match="games with intervals are not supported"):
+        value(LOTTERY.replace("0.25:(s'=1)", "[0.2,0.3]:(s'=1)"), "<<b>> Pmax=? [ F s=1 ]")
+
+
 # --------------------------------------------------------------------------------------- strategies
 
 _WITHOUT_MEMORY = (

@@ -1,4 +1,4 @@
-"""The players of a game: their declarations, who a coalition is, and whose states are whose.
+"""The players of a game: who a coalition is, and whose states are whose.
 
 A state belongs to the player who owns what can be done there: an unlabelled command belongs to the
 player of its module, an event of an action to the player of the action. So it is decided by the
@@ -11,53 +11,13 @@ from collections.abc import Iterable, Sequence
 from functools import reduce
 
 from symcheck.errors import Diagnostic, InputError, NameFault
-from symcheck.semantics.binding.static_checks import CheckedProgram
-from symcheck.semantics.diagnostics import suggest
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundModel, Event
 from symcheck.semantics.state_faults import describe_state
-from symcheck.syntax.ast import Binary, Coalition, Expression, Literal, ModelType, Type
+from symcheck.syntax.ast import Binary, Coalition, Expression, Literal, Type
 from symcheck.syntax.operators import Operator
 
-__all__ = ["check_players", "members", "owned_states", "two_owners"]
-
-
-def check_players(checked: CheckedProgram, kind: ModelType) -> None:
-    """Report faulty declarations of players to the report of the program."""
-    program, report = checked.program, checked.table.report
-    if kind.players < 2:
-        for player in program.players:
-            message = f"players belong to games, and these are {kind.called}"
-            report.input("players", message, player.span, "the first word of a game is smg")
-        return
-    if not program.players:
-        message = "a game needs players"
-        report.input("players", message, program.span, "player p1 module1, [action] endplayer")
-    modules = {m.name for m in program.modules}
-    actions = {
-        scope.renamed(c.action)
-        for instance, scope in checked.modules
-        for c in instance.base_module.commands
-        if c.action is not None
-    }
-    names: set[str] = set()
-    for what, known, owned in (
-        ("module", modules, [(m, p) for p in program.players for m in p.modules]),
-        ("action", actions, [(a, p) for p in program.players for a in p.actions]),
-    ):
-        seen: set[str] = set()
-        for name, player in owned:
-            if name not in known:
-                hint = suggest(name, known)
-                report.name(f"unknown-{what}", f"unknown {what} {name}", player.span, hint)
-            elif name in seen:
-                message = f"{what} {name} belongs to two players"
-                report.input("players", message, player.span)
-            seen.add(name)
-    for player in program.players:
-        if player.name in names:
-            report.name("players", f"a second player {player.name}", player.span)
-        names.add(player.name)
+__all__ = ["members", "owned_states", "two_owners"]
 
 
 def members(coalition: Coalition, model: BoundModel) -> frozenset[int]:
