@@ -12,6 +12,7 @@ from oracles import draw_games
 from oracles.draw_games import draw
 from symcheck.check.result import Certified
 from symcheck.errors import InputError, NameFault, NoStrategyError, SyntaxFault, UnsupportedError
+from symcheck.simulate.steps import CommandSuccessors
 
 ENGINES = [{"engine": "explicit"}, {"engine": "sparse"}, {"engine": "mtbdd"}, {"exact": True}]
 
@@ -249,6 +250,18 @@ def test_the_power_method_is_an_estimate():
     assert stopped < 0.4
 
 
+@pytest.mark.parametrize("method", ["power", "interval", "optimistic"])
+@pytest.mark.parametrize(
+    "text", ["<<up>> Pmax=? [ (G F s=0) | (F G s=2) ]", '<<up>> R{"r"}max=? [ F0 s=2 ]']
+)
+def test_measures_that_need_bounds_on_the_way_take_any_method(text, method):
+    game = PASSING + 'rewards "r" [leave] true : 3; endrewards'
+    proved = symcheck.loads(game).check(text)
+    result = symcheck.loads(game, method=method).check(text)
+    assert result.value == proved.value
+    assert type(result.accuracy) is type(proved.accuracy)
+
+
 def test_rewards_of_the_three_kinds():
     """A run may collect for ever before it reaches the target, or miss it."""
     text = """
@@ -318,6 +331,11 @@ def test_timed_games_count_units_of_time():
     assert model.check("<<sender,receiver>> Pmax=? [ F<=6 s=2 ]").value == Fraction(3, 4)
     with pytest.raises(UnsupportedError, match="bounds <=k only"):
         model.check("<<receiver>> Pmax=? [ F<6 s=2 ]")
+
+
+def test_games_are_stepped_through():
+    steps = CommandSuccessors(symcheck.loads(LOTTERY).bound)
+    assert list(steps.initial()) == [(0,)]
 
 
 def test_games_have_numbers_as_probabilities():

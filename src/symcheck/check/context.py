@@ -143,6 +143,10 @@ class Context:
             return self, query.direction.dual
         return replace(self, engine=erased(game)), query.direction
 
+    def with_any_method(self) -> Context:
+        """The context of what needs proved bounds on the way, by whatever method."""
+        return replace(self, options=replace(self.options, method="auto"))
+
     def without_strategy(self) -> Context:
         """The context of what needs no strategy, such as formulas within an operator."""
         if not self.options.strategy:

@@ -85,6 +85,7 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
             *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
             *(Feature.REACH_REWARDS, Feature.TOTAL_REWARDS, Feature.CUMULATIVE_REWARDS),
             *(Feature.INSTANTANEOUS_REWARDS, Feature.ENDED_REWARDS, Feature.STRATEGIES),
+            Feature.STEPPING,
         }
     ),
     ModelType.TPTG: frozenset(

@@ -74,6 +74,7 @@ def lost_reward(
         UnsupportedError: rewards are negative, infinite, or no multiples of a common step; or an
             exact value is asked for and bounds do not become equal.
     """
+    context = context.with_any_method()
     engine = context.engine
     reached = until(context, engine.all, target, direction)
     never, _ = reached.compare("<=", 0)

@@ -55,6 +55,7 @@ def path_probability_in_game(
         return co_safe.project(until(inner, inner.engine.all, target, direction))
     if is_co_safe(context, replace(path, negative=not path.negative)):
         return None
+    context = context.with_any_method()
     sets, automaton = labelled_automaton(context, path)
     automaton = degeneralize(automaton)
     if len(automaton.pairs) > 1:
@@ -112,8 +113,8 @@ class _ParityGame:
         lose = Fraction(1, 10**exponent)
         ends = full(matrix.rows, 0, rational=rational)
         wins = ends.copy()
-        for rows, chance in ((avoid, lose), (visit, lose**2)):
-            ends[matrix.rows_of(rows)] = chance if rational else float(chance)
+        for states, chance in ((avoid, lose), (visit, lose**2)):
+            ends[matrix.rows_of(states)] = chance if rational else float(chance)
         wins[matrix.rows_of(visit)] = ends[matrix.rows_of(visit)]
         problem = LinearProblem(
             wins,
