@@ -218,7 +218,9 @@ class Context:
 
     @cached_property
     def _names(self) -> Mapping[str, Type]:
-        return {v.name: v.type for v in self.engine.model.variables}
+        model = self.engine.model
+        parameters = dict.fromkeys(model.parameters, Type.DOUBLE)
+        return {v.name: v.type for v in model.variables} | parameters
 
     def type(self, expression: Expression) -> Type:
         """The type of a formula."""

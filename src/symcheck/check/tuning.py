@@ -88,7 +88,7 @@ INTEGER_BITS = 300_000
 """Bits of the common denominator after all steps up to which exact steps are made in integers."""
 
 # Beliefs of partially observed models (beliefs/).
-BELIEFS = (1_000, 8_000, 64_000)
+BELIEFS = (500, 4_000, 32_000)
 """Beliefs that are kept exactly in each round, until the bounds are close enough."""
 GRID_RESOLUTIONS = (4, 8, 16)
 """The resolution of the grid beyond them, in each round."""

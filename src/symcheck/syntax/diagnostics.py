@@ -269,7 +269,9 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
         fault.token.type == RESERVED or "MODULE" in expected or "ENDMODULE" in expected
     ):
         if word in _CHOSEN_VALUES:
-            hint = "declare const double p; and give it values: -const p=0.1:0.1:0.9"
+            hint = (
+                "a parameter is a constant that is left open: const double p; and -param p=0.1:0.9"
+            )
         return Diagnostic(
             f"{_OTHER_WORDS[word]}, which are not supported", span, "model-type", hint
         )

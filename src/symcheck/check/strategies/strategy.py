@@ -49,6 +49,14 @@ from symcheck.syntax.ast import AnyMeasure, Expression, letters_of
 
 __all__ = ["strategy_attaining", "strategy_of", "temporal_strategy"]
 
+_WITHOUT_TIME = (
+    Feature.REACHABILITY,
+    Feature.LTL,
+    Feature.REACH_REWARDS,
+    Feature.TOTAL_REWARDS,
+)
+"""What strategies attain without looking at the time."""
+
 
 def strategy_of(context: Context, formula: Expression) -> Strategy:
     """A strategy that attains the value of a measure from every state.
@@ -90,6 +98,11 @@ def strategy_attaining(context: Context, query: Query[StateSet]) -> Strategy:
     quantity = query.quantity
     context, direction = context.playing(query)
     assert direction is not None
+    model = context.engine.model
+    if model.type.continuous_time and quantity.feature not in _WITHOUT_TIME:
+        raise UnsupportedError(
+            f"strategies for {quantity.feature.value} are not available for {model.type.called}"
+        )
     builder = StrategyBuilder(context, direction)
     system = context.engine.system(context.engine.all)
     match quantity:
