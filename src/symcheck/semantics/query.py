@@ -15,7 +15,6 @@ from typing import ClassVar, Generic, TypeVar, assert_never, cast
 
 from symcheck.direction import Direction
 from symcheck.errors import Diagnostic, InputError, Span, UnsupportedError
-from symcheck.semantics.binding.players import members
 from symcheck.semantics.expressions.evaluate import evaluate_constant
 from symcheck.semantics.features import Feature, require
 from symcheck.semantics.model import BoundModel
@@ -30,6 +29,7 @@ from symcheck.semantics.path_formulas import (
     over_leaves,
     path_formula,
 )
+from symcheck.semantics.players import members
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.semantics.time_bounds import RewardWindow, Window, bound_value, counts, window
 from symcheck.syntax import ast

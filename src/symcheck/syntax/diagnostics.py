@@ -102,8 +102,6 @@ _OTHER_MODELS = {
     "idtmc": "chains with intervals of probabilities",
     "imdp": "decision processes with intervals of probabilities",
     "ipomdp": "partially observable decision processes with intervals",
-    "smg": "stochastic games",
-    "tsg": "stochastic games",
     "csg": "concurrent stochastic games",
     "tptg": "timed games",
     "lts": "transition systems without probabilities",
@@ -126,11 +124,9 @@ _OTHER_WORDS = {
     "fdelay": "fixed delays belong to chains with fixed delays",
     "event": "events belong to generalised semi-Markov processes",
     "formation": "formations belong to stochastic games",
-    "endplayer": "players belong to stochastic games",
     "endobservables": "observables belong to partially observable models",
     "observables": "observables belong to partially observable models",
     "observable": "observables belong to partially observable models",
-    "player": "players belong to stochastic games",
 }
 _CHOSEN_VALUES = frozenset({"hole", "evolve", "param", "parameter"})
 """The words for constants whose values are sought."""
@@ -287,6 +283,16 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
             "model-type",
             "of an MDP, <<*>> is some strategy and <<>> are all strategies",
         )
+    if (
+        word == ","
+        and [str(w.value) for w in fault.before[-2:-1]] == ["["]
+        and "ENDMODULE" not in expected
+    ):
+        message = "commands of several actions belong to concurrent stochastic games"
+        return Diagnostic(f"{message}, which are not supported", span, "model-type", "smg is")
+    if word in ("max", "min") and fault.last.startswith("<<"):
+        message = "equilibria of several coalitions are not supported"
+        return Diagnostic(message, span, "model-type", "<<1,2>> Pmax=? [ … ] is one coalition")
     if (quantified := _quantified(fault)) is not None:
         return Diagnostic(
             "hyperproperties (HyperPCTL) quantify strategies and states, and are not supported",

@@ -12,7 +12,7 @@ from symcheck.semantics.binding.label_references import inline_labels
 from symcheck.semantics.binding.module_renaming import ModuleInstance
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable
 from symcheck.semantics.binding.parameters import Ranges, check_places, check_ranges
-from symcheck.semantics.binding.players import check_players
+from symcheck.semantics.binding.player_declarations import check_players
 from symcheck.semantics.binding.probability_sums import normalised_modules
 from symcheck.semantics.binding.static_checks import (
     CheckedProgram,
