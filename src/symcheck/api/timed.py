@@ -9,13 +9,13 @@ from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
 from symcheck.engines.base import Engine
 from symcheck.engines.states import States
-from symcheck.errors import Diagnostic, ModelFault
+from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
 from symcheck.numerics.linear.problem import Observer as IterationObserver
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind_property
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.timed.digital import NotDigital, digital_clocks
-from symcheck.semantics.timed.properties import asked_of, measures
+from symcheck.semantics.timed.digital import DigitalClocks, NotDigital, digital_clocks
+from symcheck.semantics.timed.properties import Reach, asked_of, measures
 from symcheck.syntax.ast import (
     Bound,
     Eventually,
@@ -49,12 +49,24 @@ def deciding_model(
     """
     bound, labels = bind_property(instance.file, instance.index, automaton, instance.constants)
     reached = list(measures(bound.formula, automaton, labels))
-    try:
-        return digital_clocks(automaton, asked_of(reached))
-    except NotDigital:
-        if options.timed_method == "digital":
-            raise
-        raise
+    if options.timed_method in ("auto", "digital"):
+        try:
+            return digital_clocks(automaton, asked_of(reached))
+        except NotDigital:
+            if options.timed_method == "digital":
+                raise
+    return _on_zones(automaton, reached)
+
+
+def _on_zones(automaton: BoundModel, reached: list[Reach]) -> BoundModel:
+    from symcheck.engines.zones.engine import zone_model
+
+    if len(reached) != 1 or reached[0].path is None:
+        raise UnsupportedError(
+            "by zones, a property has one operator P; expected rewards and times need digital "
+            "clocks, that is closed constraints that do not compare two clocks"
+        )
+    return zone_model(automaton, reached[0])
 
 
 def check_timed(
@@ -71,7 +83,7 @@ def check_timed(
     if len(stuck):
         message = "time stops: neither may it pass, nor is a command enabled"
         raise ModelFault(Diagnostic(f"{message}, for example in state {stuck[0]}", code="timelock"))
-    if clocks.tick is not None:
+    if isinstance(clocks, DigitalClocks) and clocks.tick is not None:
         goes_on = Globally(Eventually(Name(clocks.tick)))
         one = Bound(Operator.LT, Literal(1, Type.INT))
         everywhere = replace(options, everywhere=True, strategy=False)

@@ -17,6 +17,7 @@ from symcheck.syntax.declarations import Composition, Program
 
 if TYPE_CHECKING:
     from symcheck.semantics.timed.digital import DigitalClocks
+    from symcheck.semantics.timed.properties import OnZones
 
 __all__ = [
     "BoundCommand",
@@ -191,7 +192,7 @@ class BoundModel:
     sums_divided: bool = field(default=False, compare=False)
     unchecked_sums: bool = False
     weights: Weights = Weights.NUMBERS
-    clocks: DigitalClocks | None = field(default=None, compare=False)
+    clocks: DigitalClocks | OnZones | None = field(default=None, compare=False)
 
     def __repr__(self) -> str:
         """A summary on one line."""

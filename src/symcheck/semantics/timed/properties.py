@@ -8,9 +8,9 @@ count in which time goes on.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import field, replace
 from fractions import Fraction
-from typing import cast
+from typing import ClassVar, cast
 
 from symcheck.direction import Direction
 from symcheck.errors import Diagnostic, UnsupportedError
@@ -27,7 +27,7 @@ from symcheck.syntax.ast import Expression, LabelReference, Literal, Type
 from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.traversal import Tree, children, names, transform
 
-__all__ = ["Reach", "asked_of", "measures", "on_digital_clocks", "translated"]
+__all__ = ["OnZones", "Reach", "asked_of", "measures", "on_digital_clocks", "translated"]
 
 Labels = Mapping[str, Expression]
 
@@ -165,6 +165,41 @@ def asked_of(reached: list[Reach]) -> Asked:
     return Asked(tuple(conditions), tuple(horizon), any(r.avoids for r in reached))
 
 
+@dataclass(frozen=True)
+class OnZones:
+    """How a timed automaton is read on the decision process over zones.
+
+    Attributes:
+        automaton: the automaton.
+        measure: the measure that the process was made for.
+        avoids: its paths are those that reach the states "reached"; else those that do not.
+    """
+
+    automaton: BoundModel = field(repr=False)
+    measure: ast.AnyMeasure
+    avoids: bool
+    asked: ClassVar[Asked] = Asked()
+
+    def __str__(self) -> str:
+        """How time is treated, in words."""
+        return "zones, searched backwards"
+
+    def read(self, formula: Expression, labels: Labels) -> Expression:
+        """The property as one of the process."""
+        reached: Expression = LabelReference("reached")
+        not_reached: Expression = ast.Unary(UnaryOperator.NOT, reached)
+
+        def convert(node: Tree) -> Tree:
+            if not isinstance(node, ast.ProbabilityOperator):
+                return node
+            (reach,) = measures(node, self.automaton, labels)
+            maximal = reach.query.direction is Direction.MAX
+            path = ast.Eventually(reached) if maximal else ast.Globally(not_reached)
+            return replace(node, path=path)
+
+        return transform(formula, convert)
+
+
 def translated(
     model: BoundModel, given: BoundProperty, labels: Labels
 ) -> tuple[BoundProperty, Labels]:
@@ -175,6 +210,8 @@ def translated(
     clocks = model.clocks
     if clocks is None or given.bound is None:
         return given, labels
+    if isinstance(clocks, OnZones):
+        return replace(given, bound=clocks.read(given.bound, labels)), {}
     if clocks.asked is None:
         bound = clocks.condition(given.bound)
         return replace(given, bound=bound), {n: clocks.condition(x) for n, x in labels.items()}
@@ -190,7 +227,7 @@ def on_digital_clocks(formula: Expression, model: BoundModel, labels: Labels) ->
         labels: those that the property may use.
     """
     clocks = model.clocks
-    assert clocks is not None
+    assert isinstance(clocks, DigitalClocks)
     found = {id(r.measure): r for r in measures(formula, clocks.automaton, labels)}
 
     def convert(node: Tree) -> Tree:
