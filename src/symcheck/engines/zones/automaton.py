@@ -247,8 +247,6 @@ class _Exploration:
                 )
                 merged[resets, target] += probability
             outcomes = tuple(Outcome(p, dict(r), t) for (r, t), p in merged.items())
-            if len(outcomes) == 1 and outcomes[0].target == number and not outcomes[0].resets:
-                continue  # it only lets steps happen at one instant
             graph.edges[number].append(Edge(guard, outcomes))
 
     def units(self, value: int) -> int:
