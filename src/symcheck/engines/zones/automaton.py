@@ -197,9 +197,7 @@ class _Exploration:
                     made.append(new)
                 participants.append(tuple(made))
             events.append(replace(event, participants=tuple(participants)))
-        variables = tuple(
-            replace(v, low=-1, high=None) if v.clock else v for v in model.variables
-        )
+        variables = tuple(replace(v, low=-1, high=None) if v.clock else v for v in model.variables)
         self.discrete = replace(model, events=tuple(events), variables=variables, rewards=())
         self.is_clock = [v.clock for v in model.variables]
         self.number: dict[State, int] = {}

@@ -137,9 +137,7 @@ def _with_clock(zones: Int64s) -> Int64s:
     return wider
 
 
-def most_probable(
-    graph: TimedGraph, allowed: Federations, target: Federations
-) -> ZoneProcess:
+def most_probable(graph: TimedGraph, allowed: Federations, target: Federations) -> ZoneProcess:
     """The decision process with the greatest probability of reaching a target.
 
     Args:
@@ -198,15 +196,15 @@ class _Search:
 
     def run(self) -> ZoneProcess:
         graph = self.graph
-        origin = constrained(
-            everything(graph.clocks), *((i, 0, 1) for i in range(1, graph.clocks))
-        )
+        origin = constrained(everything(graph.clocks), *((i, 0, 1) for i in range(1, graph.clocks)))
         first: list[int] = []
         while self.waiting:
             state = self.waiting.popleft()
             location, zone = self.states[state]
             inside = graph.invariants[location]
-            earlier = _until(inside, intersection(zone, self.within[location]), self.avoided[location])
+            earlier = _until(
+                inside, intersection(zone, self.within[location]), self.avoided[location]
+            )
             if location == 0 and includes(earlier, origin).any():
                 first.append(state)
             for number, e, o in self.into[location]:

@@ -107,7 +107,12 @@ def _process(automaton: BoundModel, reach: Reach) -> ZoneProcess:
         diagonals |= {(i, j, 2 * value), (i, j, 2 * value + 1)}
     explore_zones(graph, top, diagonals)
     count = range(len(graph.locations))
-    _check_time(graph, can_go_on(graph), "timelock", "time stops: neither may it pass, nor is a command enabled")
+    _check_time(
+        graph,
+        can_go_on(graph),
+        "timelock",
+        "time stops: neither may it pass, nor is a command enabled",
+    )
     left = [graph.holds(reach.left, k) for k in count]
     right = [graph.holds(reach.right, k) for k in count]
     beyond: Int64s | None = None
@@ -122,7 +127,12 @@ def _process(automaton: BoundModel, reach: Reach) -> ZoneProcess:
     if not reach.avoids:
         return most_probable(graph, left, right)
     whole = never_ending(graph, [graph.compared(0, 0, Operator.LE, 0) for _ in count])
-    _check_time(graph, whole, "zeno", "time cannot go on for ever: commands follow each other within finite time")
+    _check_time(
+        graph,
+        whole,
+        "zeno",
+        "time cannot go on for ever: commands follow each other within finite time",
+    )
     outside = [complement(r) for r in right]
     failed = [subtraction(o, a) for o, a in zip(outside, left, strict=True)]
     if beyond is not None:
@@ -158,7 +168,14 @@ def _built(search: _Search, model: BoundModel, options: Options) -> Engine:
     target: Expression = Binary(Operator.GE, Name("zone"), Literal(process.target, Type.INT))
     model = replace(model, labels={"reached": target}, builder=partial(_built, search, model))
     exact = RationalModel(
-        replace(model, is_rational=True), StateList(tuple(table)), matrix, actions, first, nothing, [], []
+        replace(model, is_rational=True),
+        StateList(tuple(table)),
+        matrix,
+        actions,
+        first,
+        nothing,
+        [],
+        [],
     )
     if options.exact:
         return erased(ExplicitEngine(exact, "exact"))
