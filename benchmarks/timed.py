@@ -159,6 +159,9 @@ def main() -> int:
         same = ours == truth
         if not same and not ours.startswith("refused") and ours[0].isdigit() and truth[0].isdigit():
             same = abs(float(ours) - float(truth)) <= 2e-6
+        # Digital clocks do not see that time stops in states whose clocks are no whole numbers.
+        unseen = ours[0].isdigit() and not truth[0].isdigit() and not draw.strict
+        same = same or (unseen and a.method != "backwards")
         what = "refused" if ours.startswith("refused") else ours if not ours[0].isdigit() else "value"
         counts[what] = counts.get(what, 0) + 1
         if not same and what != "refused":

@@ -9,12 +9,21 @@ from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
 from symcheck.engines.base import Engine
 from symcheck.engines.states import States
+from symcheck.engines.zones.automaton import is_non_zeno
+from symcheck.engines.zones.engine import TIMELOCK, ZENO, zone_model
 from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
 from symcheck.numerics.linear.problem import Observer as IterationObserver
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind_property
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.timed.digital import DigitalClocks, NotDigital, digital_clocks
+from symcheck.semantics.timed.digital import (
+    Asked,
+    DigitalClocks,
+    NotDigital,
+    common_unit,
+    digital_clocks,
+    limits_of,
+)
 from symcheck.semantics.timed.properties import Reach, asked_of, measures
 from symcheck.syntax.ast import (
     Bound,
@@ -28,6 +37,9 @@ from symcheck.syntax.ast import (
 from symcheck.syntax.operators import Operator
 
 __all__ = ["check_timed", "deciding_model", "displayed_model"]
+
+_MOST_LOCATIONS = 5000
+"""Locations, without clocks, up to which a search for cycles that take no time pays."""
 
 
 def displayed_model(automaton: BoundModel) -> BoundModel:
@@ -51,16 +63,23 @@ def deciding_model(
     reached = list(measures(bound.formula, automaton, labels))
     if options.timed_method in ("auto", "digital"):
         try:
-            return digital_clocks(automaton, asked_of(reached))
+            return digital_clocks(automaton, _without_zeno(automaton, asked_of(reached)))
         except NotDigital:
             if options.timed_method == "digital":
                 raise
     return _on_zones(automaton, reached)
 
 
-def _on_zones(automaton: BoundModel, reached: list[Reach]) -> BoundModel:
-    from symcheck.engines.zones.engine import zone_model
+def _without_zeno(automaton: BoundModel, asked: Asked) -> Asked:
+    """What a property needs, without ticks if time goes on whatever a strategy does."""
+    if not asked.ticks:
+        return asked
+    limits, _ = limits_of(automaton, ())
+    unit = common_unit(c for values in limits.values() for c in values)
+    return replace(asked, ticks=not is_non_zeno(automaton, unit, _MOST_LOCATIONS))
 
+
+def _on_zones(automaton: BoundModel, reached: list[Reach]) -> BoundModel:
     if len(reached) != 1 or reached[0].path is None:
         raise UnsupportedError(
             "by zones, a property has one operator P; expected rewards and times need digital "
@@ -81,15 +100,15 @@ def check_timed(
     assert clocks is not None
     stuck = States(engine, engine.deadlocks)
     if len(stuck):
-        message = "time stops: neither may it pass, nor is a command enabled"
-        raise ModelFault(Diagnostic(f"{message}, for example in state {stuck[0]}", code="timelock"))
+        message = f"{TIMELOCK}, for example in state {stuck[0]}"
+        raise ModelFault(Diagnostic(message, code="timelock"))
     if isinstance(clocks, DigitalClocks) and clocks.tick is not None:
         goes_on = Globally(Eventually(Name(clocks.tick)))
         one = Bound(Operator.LT, Literal(1, Type.INT))
         everywhere = replace(options, everywhere=True, strategy=False)
         zeno = check(engine, ProbabilityOperator("max", one, goes_on), everywhere).satisfying
         if len(zeno):
-            message = "time cannot go on for ever: commands follow each other within finite time"
-            raise ModelFault(Diagnostic(f"{message} from state {zeno[0]}", code="zeno"))
+            message = f"{ZENO}, for example from state {zeno[0]}"
+            raise ModelFault(Diagnostic(message, code="zeno"))
     bound, labels = instance.bind(model)
     return check(engine, bound.formula, options, labels=labels, observer=observer)

@@ -29,7 +29,7 @@ from symcheck.engines.zones.federation import (
 )
 from symcheck.errors import UnsupportedError
 from symcheck.lazy_dataclass import dataclass
-from symcheck.matrices.rows import Int64s
+from symcheck.matrices.rows import Bools, Int64s
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.interpreter import State, choices
 from symcheck.semantics.model import BoundModel, Value
@@ -39,7 +39,15 @@ from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Type, 
 from symcheck.syntax.operators import Operator, UnaryOperator, connect
 from symcheck.syntax.traversal import names
 
-__all__ = ["Edge", "Outcome", "TimedGraph", "explore_zones"]
+__all__ = [
+    "Edge",
+    "Outcome",
+    "TimedGraph",
+    "explore_zones",
+    "is_non_zeno",
+    "time_passes_in_cycles",
+    "unbounded",
+]
 
 
 class Outcome(NamedTuple):
@@ -162,6 +170,91 @@ class TimedGraph:
         return f"({', '.join(shown)})"
 
 
+def unbounded(zones: Int64s) -> Bools:
+    """Which of the zones time does not leave."""
+    free: Bools = (zones[:, 1:, 0] >= INFINITE // 2).all(axis=1)
+    return free
+
+
+def is_non_zeno(automaton: BoundModel, unit: Fraction, most: int) -> bool:
+    """Whether it is plain that a unit of time passes in each cycle of locations.
+
+    So it is if each cycle has an edge that sets some clock to 0, and one whose guard requires that
+    this clock is at least the unit.
+
+    Args:
+        automaton: a timed automaton.
+        unit: the time of which all constants are multiples.
+        most: the answer is False if there are more locations.
+
+    Source: Tripakis, Yovine & Bouajjani, Checking timed Büchi automata emptiness efficiently, FMSD
+    26 (2005), strong non-Zenoness.
+    """
+    graph = TimedGraph(automaton, unit)
+    exploration = _Exploration(graph, {}, set())
+    exploration.start()
+    number = 0
+    while number < len(graph.locations):
+        if number >= most:
+            return False
+        exploration.expand(number)
+        number += 1
+    return time_passes_in_cycles(graph)
+
+
+def time_passes_in_cycles(graph: TimedGraph) -> bool:
+    """As `is_non_zeno`, of an explored automaton."""
+    arcs = [
+        _Arc(
+            source,
+            o.target,
+            frozenset(c for c, value in o.resets.items() if value == 0),
+            frozenset(np.flatnonzero((edge.guard[:, 0, :] <= -1).all(axis=0)).tolist()),
+        )
+        for source, edges in enumerate(graph.edges)
+        for edge in edges
+        for o in edge.outcomes
+    ]
+    return _passes(arcs, len(graph.locations))
+
+
+class _Arc(NamedTuple):
+    source: int
+    target: int
+    resets: frozenset[int]
+    waits: frozenset[int]
+
+
+def _passes(arcs: list[_Arc], locations: int) -> bool:
+    if not arcs:
+        return True
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    ends = [a.source for a in arcs], [a.target for a in arcs]
+    matrix = coo_array((np.ones(len(arcs), np.int8), ends), (locations, locations))
+    component = connected_components(matrix, connection="strong")[1].tolist()
+    by_component: dict[int, list[_Arc]] = {}
+    for arc in arcs:
+        if component[arc.source] == component[arc.target]:
+            by_component.setdefault(component[arc.source], []).append(arc)
+    return all(_passes_in(own, locations) for own in by_component.values())
+
+
+def _passes_in(arcs: list[_Arc], locations: int) -> bool:
+    """Whether a clock excuses the cycles of a component that set it and wait for it, and others
+    excuse the rest.
+    """
+    for clock in frozenset[int]().union(*(a.resets for a in arcs)):
+        keeping = [a for a in arcs if clock not in a.resets]
+        hurried = [a for a in arcs if clock not in a.waits]
+        if len(hurried) < len(arcs) and all(
+            _passes(part, locations) for part in (keeping, hurried)
+        ):
+            return True
+    return False
+
+
 def explore_zones(graph: TimedGraph, limits: Mapping[int, int], atoms: set[Atom]) -> None:
     """Find the locations and zones that are reached, and what stops time.
 
@@ -245,17 +338,24 @@ class _Exploration:
                 )
                 merged[resets, target] += probability
             outcomes = tuple(Outcome(p, dict(r), t) for (r, t), p in merged.items())
+            stays = len(outcomes) == 1 and outcomes[0][1:] == ({}, number)
+            if stays and np.array_equal(graph.invariants[number], everything(graph.clocks)):
+                continue  # it only lets steps happen at one instant, where time may pass
             graph.edges[number].append(Edge(guard, outcomes))
 
     def units(self, value: int) -> int:
         return int(Fraction(value) / self.graph.unit)
 
+    def start(self) -> int:
+        """The initial location."""
+        variables = self.graph.model.variables
+        return self.location(
+            tuple(0 if v.clock or v.initial is None else v.initial for v in variables)
+        )
+
     def run(self) -> None:
         graph = self.graph
-        first = tuple(
-            0 if v.clock or v.initial is None else v.initial for v in graph.model.variables
-        )
-        start = self.location(first)
+        start = self.start()
         origin = zone_of(graph.clocks, *((i, 0, 1) for i in range(1, graph.clocks)))
         waiting = [(start, origin)]
         expanded = set[int]()

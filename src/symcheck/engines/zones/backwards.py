@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from symcheck.engines.zones.automaton import Edge, TimedGraph
+from symcheck.engines.zones.automaton import Edge, TimedGraph, unbounded
 from symcheck.engines.zones.federation import (
     INFINITE,
     complement,
@@ -26,6 +26,7 @@ from symcheck.engines.zones.federation import (
     intersection,
     is_within,
     past,
+    subtraction,
     time_predecessors,
     union,
     without_resets,
@@ -33,7 +34,7 @@ from symcheck.engines.zones.federation import (
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.model import Value
 
-__all__ = ["Row", "ZoneProcess", "can_go_on", "most_probable", "never_ending"]
+__all__ = ["Row", "ZoneProcess", "always_safe", "can_go_on", "most_probable", "never_ending"]
 
 _LOST = 1
 _AIM = -1  # the last state, whose number is known at the end
@@ -63,7 +64,7 @@ def can_go_on(graph: TimedGraph) -> list[Int64s]:
     for number, edges in enumerate(graph.edges):
         inside = graph.invariants[number]
         ahead = [e.guard for e in edges]
-        free = inside[(inside[:, 1:, 0] >= INFINITE // 2).all(axis=1)]
+        free = inside[unbounded(inside)]
         waiting = past(intersection(union(free, *ahead), inside))
         result.append(union(*ahead, intersection(waiting, inside)))
     return result
@@ -78,6 +79,34 @@ def _until(inside: Int64s, goal: Int64s, avoided: Int64s) -> Int64s:
 def _before(edge: Edge, sets: Federations) -> list[Int64s]:
     """Per outcome the values from which it leads into the sets."""
     return [without_resets(sets[o.target], o.resets) for o in edge.outcomes]
+
+
+def always_safe(graph: TimedGraph, safe: Federations) -> list[Int64s]:
+    """As `never_ending`, if time passes in each cycle: it goes on for ever wherever steps do."""
+    current = list(safe)
+    ever = []
+    for inside, zones in zip(graph.invariants, safe, strict=True):
+        free = inside[unbounded(inside)]
+        ever.append(subtraction(intersection(zones, free), past(complement(zones))))
+    changed = set(range(len(current)))
+    while changed:
+        waiting, changed = changed, set()
+        for number, edges in enumerate(graph.edges):
+            if number not in waiting and not any(
+                o.target in waiting for e in edges for o in e.outcomes
+            ):
+                continue
+            goal = ever[number]
+            for edge in edges:
+                there = intersection(edge.guard, safe[number])
+                for stays in _before(edge, current):
+                    there = intersection(there, stays)
+                goal = union(goal, there)
+            new = _until(graph.invariants[number], goal, complement(safe[number]))
+            if not is_within(current[number], new):
+                current[number] = new
+                changed.add(number)
+    return current
 
 
 def never_ending(graph: TimedGraph, safe: Federations) -> list[Int64s]:

@@ -12,11 +12,18 @@ from symcheck.engines.base import Engine, erased
 from symcheck.engines.capabilities import HasRationalTwin
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.rational.explore import RationalModel, StateList
-from symcheck.engines.zones.automaton import TimedGraph, explore_zones
-from symcheck.engines.zones.backwards import ZoneProcess, can_go_on, most_probable, never_ending
+from symcheck.engines.zones.automaton import TimedGraph, explore_zones, time_passes_in_cycles
+from symcheck.engines.zones.backwards import (
+    ZoneProcess,
+    always_safe,
+    can_go_on,
+    most_probable,
+    never_ending,
+)
 from symcheck.engines.zones.federation import (
     Atom,
     complement,
+    everything,
     intersection,
     subtraction,
     union,
@@ -35,7 +42,10 @@ from symcheck.semantics.timed.properties import OnZones, Reach
 from symcheck.syntax.ast import Binary, Expression, Literal, ModelType, Name, Type
 from symcheck.syntax.operators import Operator
 
-__all__ = ["ZoneEngine", "zone_model"]
+__all__ = ["TIMELOCK", "ZENO", "ZoneEngine", "zone_model"]
+
+TIMELOCK = "time stops: neither may it pass, nor is a command enabled"
+ZENO = "time cannot go on for ever: commands follow each other within a finite time"
 
 
 @dataclass(frozen=True)
@@ -107,12 +117,7 @@ def _process(automaton: BoundModel, reach: Reach) -> ZoneProcess:
         diagonals |= {(i, j, 2 * value), (i, j, 2 * value + 1)}
     explore_zones(graph, top, diagonals)
     count = range(len(graph.locations))
-    _check_time(
-        graph,
-        can_go_on(graph),
-        "timelock",
-        "time stops: neither may it pass, nor is a command enabled",
-    )
+    _check_time(graph, can_go_on(graph), "timelock", TIMELOCK)
     left = [graph.holds(reach.left, k) for k in count]
     right = [graph.holds(reach.right, k) for k in count]
     beyond: Int64s | None = None
@@ -126,19 +131,16 @@ def _process(automaton: BoundModel, reach: Reach) -> ZoneProcess:
         right, beyond = [intersection(r, until) for r in right], complement(until)
     if not reach.avoids:
         return most_probable(graph, left, right)
-    whole = never_ending(graph, [graph.compared(0, 0, Operator.LE, 0) for _ in count])
-    _check_time(
-        graph,
-        whole,
-        "zeno",
-        "time cannot go on for ever: commands follow each other within finite time",
-    )
+    passes = time_passes_in_cycles(graph)
+    if not passes:
+        whole = never_ending(graph, [everything(graph.clocks) for _ in count])
+        _check_time(graph, whole, "zeno", ZENO)
     outside = [complement(r) for r in right]
     failed = [subtraction(o, a) for o, a in zip(outside, left, strict=True)]
     if beyond is not None:
         ends = [beyond for _ in count]
     else:
-        ends = never_ending(graph, outside)
+        ends = (always_safe if passes else never_ending)(graph, outside)
     return most_probable(graph, outside, [union(f, e) for f, e in zip(failed, ends, strict=True)])
 
 
