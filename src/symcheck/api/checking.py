@@ -96,7 +96,7 @@ class CheckedModel(Stages):
         clocks = self.bound.clocks
         if clocks is None and not self.bound.type.has_clocks:
             return None
-        if clocks is not None and clocks.asked is not None:
+        if clocks is not None and clocks.for_property:
             return self
         from symcheck.api.timed import deciding_model
 

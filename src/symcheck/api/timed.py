@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 
 from symcheck.check.checker import check
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
+from symcheck.direction import Direction
 from symcheck.engines.base import Engine
+from symcheck.engines.registry import build
 from symcheck.engines.states import States
 from symcheck.engines.zones.automaton import is_non_zeno
 from symcheck.engines.zones.engine import TIMELOCK, ZENO, zone_model
@@ -24,10 +27,11 @@ from symcheck.semantics.timed.digital import (
     digital_clocks,
     limits_of,
 )
-from symcheck.semantics.timed.properties import Reach, asked_of, measures
+from symcheck.semantics.timed.properties import Reach, asked_of, measures, on_digital_clocks
 from symcheck.syntax.ast import (
     Bound,
     Eventually,
+    Expression,
     Globally,
     Literal,
     Name,
@@ -38,6 +42,7 @@ from symcheck.syntax.operators import Operator
 
 __all__ = ["check_timed", "deciding_model", "displayed_model"]
 
+_ONE = Literal(1, Type.INT)
 _MOST_LOCATIONS = 5000
 """Locations, without clocks, up to which a search for cycles that take no time pays."""
 
@@ -104,11 +109,48 @@ def check_timed(
         raise ModelFault(Diagnostic(message, code="timelock"))
     if isinstance(clocks, DigitalClocks) and clocks.tick is not None:
         goes_on = Globally(Eventually(Name(clocks.tick)))
-        one = Bound(Operator.LT, Literal(1, Type.INT))
         everywhere = replace(options, everywhere=True, strategy=False)
-        zeno = check(engine, ProbabilityOperator("max", one, goes_on), everywhere).satisfying
+        stops = ProbabilityOperator("max", Bound(Operator.LT, _ONE), goes_on)
+        zeno = check(engine, stops, everywhere).satisfying
         if len(zeno):
             message = f"{ZENO}, for example from state {zeno[0]}"
             raise ModelFault(Diagnostic(message, code="zeno"))
     bound, labels = instance.bind(model)
-    return check(engine, bound.formula, options, labels=labels, observer=observer)
+    result = check(engine, bound.formula, options, labels=labels, observer=observer)
+    if result.value in (inf, True, False):
+        _check_infinite_rewards(engine, instance, options)
+    if options.timed_method == "games":
+        note = "stochastic games are not built: zones are searched backwards instead"
+        result = replace(result, warnings=(*result.warnings, note))
+    return result
+
+
+def _check_infinite_rewards(engine: Engine, instance: PropertyInstance, options: Options) -> None:
+    """Refuse a greatest reward that is infinite because time may stop in infinitely many steps.
+
+    It is so if the target may be missed, but not by strategies that let time go on.
+    """
+    clocks = engine.model.clocks
+    if not isinstance(clocks, DigitalClocks) or clocks.asked is None:
+        return
+    bound, labels = bind_property(
+        instance.file, instance.index, clocks.automaton, instance.constants
+    )
+    for reach in measures(bound.formula, clocks.automaton, labels):
+        if reach.path is not None or reach.query.direction is not Direction.MAX:
+            continue
+        if not _without_zeno(clocks.automaton, Asked(ticks=True)).ticks:
+            continue
+        missed: Expression = ProbabilityOperator(
+            "min", Bound(Operator.LT, _ONE), Eventually(reach.right)
+        )
+        if check(engine, clocks.condition(missed), options, labels=labels).value is not True:
+            continue
+        ticking = digital_clocks(clocks.automaton, replace(clocks.asked, ticks=True))
+        missed = on_digital_clocks(missed, ticking, labels)
+        if check(build(ticking, options), missed, options, labels=labels).value is not True:
+            raise UnsupportedError(
+                "a greatest reward is not supported where commands may follow each other for ever "
+                "within a finite time before the target is reached",
+                hint="let time pass in each cycle of locations",
+            )

@@ -123,6 +123,7 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
 
     Raises:
         UsageError: the order names unknown variables.
+        UnsupportedError: a timed automaton has constraints that digital clocks do not take.
         ModelFault: the model has a fault in some state.
         ResourceError: a limit of time or memory was reached.
     """
@@ -138,6 +139,10 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         from symcheck.symbolic.ordering.order import check_order
 
         check_order(model, options.order)
+    if model.type.has_clocks:  # its states are those that digital clocks have, or none are listed
+        from symcheck.semantics.timed.digital import digital_clocks
+
+        return build(digital_clocks(model), options, observer)
     if model.builder is not None:
         return cast(Engine, model.builder(replace(options, engine=name)))
     try:

@@ -315,7 +315,7 @@ def query_of(formula: ast.AnyMeasure, model: BoundModel) -> Query[Expression]:
     threshold = None if formula.bound is None else _threshold(formula.bound)
     direction = direction_of(formula, model.type)
     quantity = _quantity(formula, model)
-    if model.clocks is not None and model.clocks.asked is None:
+    if model.clocks is not None and not model.clocks.for_property:
         raise UnsupportedError(
             "this is not available for timed automata: their properties are checked one by one"
         )

@@ -103,6 +103,7 @@ class TimedGraph:
         return self.holds_at(condition, self.locations[location])
 
     def holds_at(self, condition: Expression, state: State) -> Int64s:
+        """As `holds`, with the values of the variables."""
         values = {
             v.name: x for v, x in zip(self.model.variables, state, strict=True) if not v.clock
         }
@@ -172,8 +173,7 @@ class TimedGraph:
 
 def unbounded(zones: Int64s) -> Bools:
     """Which of the zones time does not leave."""
-    free: Bools = (zones[:, 1:, 0] >= INFINITE // 2).all(axis=1)
-    return free
+    return np.asarray((zones[:, 1:, 0] >= INFINITE // 2).all(axis=1))
 
 
 def is_non_zeno(automaton: BoundModel, unit: Fraction, most: int) -> bool:
@@ -375,8 +375,7 @@ class _Exploration:
                 taken = intersection(zones, edge.guard)
                 if not len(taken):
                     continue
-                for outcome in edge.outcomes:
-                    waiting.append((outcome.target, reset(taken, outcome.resets)))
+                waiting += [(o.target, reset(taken, o.resets)) for o in edge.outcomes]
 
     def delayed(self, number: int, zones: Int64s) -> Int64s:
         """The zones after any time, in a finite number of forms."""

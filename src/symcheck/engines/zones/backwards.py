@@ -18,6 +18,7 @@ import numpy as np
 from symcheck.engines.zones.automaton import Edge, TimedGraph, unbounded
 from symcheck.engines.zones.federation import (
     INFINITE,
+    close,
     complement,
     constrained,
     empty,
@@ -193,7 +194,8 @@ class _Search:
         self.number: dict[tuple[int, bytes], int] = {}
         self.states: list[tuple[int, Int64s]] = []
         self.pieces: list[list[list[_Piece]]] = [[[] for _ in es] for es in graph.edges]
-        self.cells: list[list[dict[tuple[bytes, frozenset[int]], Int64s]]] = [
+        # Per edge, by the outcomes that lead into known states: the zones, by their bytes.
+        self.cells: list[list[dict[frozenset[int], dict[bytes, Int64s]]]] = [
             [{} for _ in es] for es in graph.edges
         ]
         self.into: list[list[tuple[int, int, int]]] = [[] for _ in graph.edges]
@@ -247,20 +249,22 @@ class _Search:
     def piece(self, number: int, e: int, o: int, zone: Int64s, state: int) -> None:
         """Note where an outcome leads into a state, and what it has in common with others."""
         self.pieces[number][e].append(_Piece(o, zone, state))
+        self.add(number, zone)
+        if len(self.graph.edges[number][e].outcomes) == 1:
+            return
         cells = self.cells[number][e]
-        new = [(zone, frozenset([o]))]
+        new = [(frozenset([o]), zone)]
         while new:
-            part, outcomes = new.pop()
-            key = part.tobytes(), outcomes
-            if key in cells:
+            outcomes, part = new.pop()
+            own = cells.setdefault(outcomes, {})
+            if part.tobytes() in own:
                 continue
-            cells[key] = part
+            own[part.tobytes()] = part
             self.add(number, part)
-            for (_, others), other in list(cells.items()):
-                if not others & outcomes:
-                    common = intersection(part, other)
-                    if len(common):
-                        new.append((common, outcomes | others))
+            for others in [k for k in cells if not k & outcomes]:
+                both = close(np.minimum(np.concatenate([*cells[others].values()]), part))
+                common = np.unique(both, axis=0) if len(both) > 1 else both
+                new += [(outcomes | others, common[k : k + 1]) for k in range(len(common))]
 
     def process(self, first: list[int]) -> ZoneProcess:
         """The decision process on the symbolic states that were found.

@@ -57,8 +57,8 @@ class ZoneEngine(ExplicitEngine, HasRationalTwin):
 
     twin: RationalModel | None = None
 
-    def rational(self, *, strict: bool = False) -> Engine:
-        """The same process in rational arithmetic."""
+    def rational(self, *, strict: bool = False) -> Engine:  # noqa: ARG002
+        """The same process in rational arithmetic, with the probabilities of the text."""
         assert self.twin is not None
         return erased(ExplicitEngine(self.twin, "exact"))
 

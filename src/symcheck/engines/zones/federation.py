@@ -70,8 +70,7 @@ def _close(zones: Int64s) -> Bools:
         sums = left + right - ((left | right) & 1)
         sums[sums > INFINITE // 2] = INFINITE
         np.minimum(zones, sums, out=zones)
-    kept: Bools = (zones.diagonal(axis1=1, axis2=2) >= _WEAK).all(axis=1)
-    return kept
+    return np.asarray((zones.diagonal(axis1=1, axis2=2) >= _WEAK).all(axis=1))
 
 
 def constrained(zones: Int64s, *atoms: Atom) -> Int64s:
@@ -106,8 +105,7 @@ def distinct(zones: Int64s) -> Int64s:
 
 def includes(outer: Int64s, inner: Int64s) -> Bools:
     """Whether zone i of `outer` includes zone j of `inner`, bool[i, j]."""
-    found: Bools = (outer[:, None] >= inner[None, :]).all(axis=(2, 3))
-    return found
+    return np.asarray((outer[:, None] >= inner[None, :]).all(axis=(2, 3)))
 
 
 def intersection(left: Int64s, right: Int64s) -> Int64s:

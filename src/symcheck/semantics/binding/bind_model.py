@@ -32,6 +32,7 @@ from symcheck.semantics.model import (
     Value,
     Variable,
 )
+from symcheck.semantics.timed.constraints import check_clocks
 from symcheck.syntax.ast import WITHOUT_KEYWORD, Expression, Literal, ModelType, Type
 from symcheck.syntax.declarations import Command, Constant, Program, RewardStructure, Update
 
@@ -130,7 +131,7 @@ class _Builder:
         unchecked = False
         if normalise and not kind.continuous_time:
             modules, warnings, unchecked = normalised_modules(modules, variables)
-        return BoundModel(
+        model = BoundModel(
             program=self.program,
             type=kind,
             variables=variables,
@@ -148,11 +149,14 @@ class _Builder:
             unchecked_sums=unchecked,
             definitions={name: self.table.expression(name) for name in constants},
         )
+        if kind.has_clocks:
+            check_clocks(model)
+        return model
 
     def _check_clocks(
         self, kind: ModelType, variables: tuple[Variable, ...], modules: tuple[BoundModule, ...]
     ) -> None:
-        """Report clocks and invariants of a model that is no timed automaton."""
+        """Report clocks and invariants of another model."""
         if kind.has_clocks:
             return
         hint = f"begin the text with pta, not {kind.value}"
@@ -219,7 +223,7 @@ class _Builder:
 
     def _check_enumerable(self, variables: tuple[Variable, ...]) -> None:
         for v in variables:
-            if v.low is None or v.high is None:
+            if not v.clock and (v.low is None or v.high is None):
                 message = (
                     f"variable {v.name} has no bounds, so the states that satisfy the condition "
                     "on initial states cannot be enumerated"
@@ -269,7 +273,7 @@ def exactly_bound(model: BoundModel) -> BoundModel:
     exact = bind(
         model.program,
         model.given,
-        model_type=model.type,
+        model_type=model.type if model.clocks is None else model.clocks.automaton.type,
         exact=True,
         normalise=model.sums_divided,
     )

@@ -91,6 +91,11 @@ class DigitalClocks:
     can_wait: Expression = field(repr=False)
     asked: Asked | None = field(default=None, repr=False)
 
+    @property
+    def for_property(self) -> bool:
+        """Whether the model was made for one property."""
+        return self.asked is not None
+
     def __str__(self) -> str:
         """How time is treated, in words."""
         return "digital clocks" + (f" with units of {self.unit}" if self.unit != 1 else "")

@@ -15,7 +15,6 @@ from typing import ClassVar, cast
 from symcheck.direction import Direction
 from symcheck.errors import Diagnostic, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
-from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.query import PathProbability, Query, ReachReward, query_of
@@ -178,7 +177,7 @@ class OnZones:
     automaton: BoundModel = field(repr=False)
     measure: ast.AnyMeasure
     avoids: bool
-    asked: ClassVar[Asked] = Asked()
+    for_property: ClassVar[bool] = True
 
     def __str__(self) -> str:
         """How time is treated, in words."""
@@ -200,22 +199,20 @@ class OnZones:
         return transform(formula, convert)
 
 
-def translated(
-    model: BoundModel, given: BoundProperty, labels: Labels
-) -> tuple[BoundProperty, Labels]:
-    """A property of a timed automaton on the model that decides it, and its labels.
+def translated(model: BoundModel, formula: Expression, labels: Labels) -> tuple[Expression, Labels]:
+    """A property of a timed automaton on the model that decides it, and the labels that it uses.
 
     Without measures it is a condition on one state, and the model need not be made for it.
     """
-    clocks = model.clocks
-    if clocks is None or given.bound is None:
-        return given, labels
-    if isinstance(clocks, OnZones):
-        return replace(given, bound=clocks.read(given.bound, labels)), {}
-    if clocks.asked is None:
-        bound = clocks.condition(given.bound)
-        return replace(given, bound=bound), {n: clocks.condition(x) for n, x in labels.items()}
-    return replace(given, bound=on_digital_clocks(given.bound, model, labels)), {}
+    match model.clocks:
+        case OnZones() as clocks:
+            return clocks.read(formula, labels), {}
+        case DigitalClocks(asked=None) as clocks:
+            return clocks.condition(formula), {n: clocks.condition(x) for n, x in labels.items()}
+        case DigitalClocks():
+            return on_digital_clocks(formula, model, labels), {}
+        case _:
+            return formula, labels
 
 
 def on_digital_clocks(formula: Expression, model: BoundModel, labels: Labels) -> Expression:

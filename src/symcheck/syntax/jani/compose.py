@@ -315,7 +315,9 @@ class _Composer:
         elements = self.network.elements
         if len(self.modules) == len(elements):
             elements = elements[module : module + 1]
-        whole = reduce(conjunction, (e.invariant for e in elements), TRUE)
+        whole: Expression = TRUE
+        for element in elements:
+            whole = conjunction(whole, element.invariant)
         return None if whole == TRUE else self.network.in_states(whole)
 
     def _initial(self) -> tuple[Expression | None, list[VariableDeclaration]]:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cached_property, reduce
+from functools import cached_property
 
 from symcheck.errors import Span
 from symcheck.syntax.ast import (
@@ -502,6 +502,12 @@ class _NetworkReader:
         ]
         for action in input_enable:
             edges += self._input_edges(action, edges, node)
+        invariant: Expression = TRUE
+        for i, location in enumerate(node["locations"].items):
+            if (condition := location.get("time-progress")) is not None:
+                here = _at(location_variable, i)
+                part = Binary(Operator.IMPLIES, here, reader.read(condition["exp"]))
+                invariant = conjunction(invariant, part)
         return Element(
             module,
             variables,
@@ -511,15 +517,7 @@ class _NetworkReader:
                 for i, x in enumerate(node["locations"].items)
             ),
             initial,
-            reduce(
-                conjunction,
-                (
-                    Binary(Operator.IMPLIES, _at(location_variable, i), reader.read(x["exp"]))
-                    for i, location in enumerate(node["locations"].items)
-                    if (x := location.get("time-progress")) is not None
-                ),
-                TRUE,
-            ),
+            invariant,
         )
 
     def _location(self, node: Json, locations: Sequence[str]) -> int:
