@@ -53,12 +53,20 @@ class Draw:
             for _ in range(r.randint(1, 3)):
                 guard = [self.atom() for _ in range(r.choice([0, 1, 1, 2]))]
                 count = r.choice([1, 1, 2, 2])
-                weights = [Fraction(1)] if count == 1 else [Fraction(w, 10) for w in r.choice([(1, 9), (5, 5), (3, 7)])]
+                weights = (
+                    [Fraction(1)]
+                    if count == 1
+                    else [Fraction(w, 10) for w in r.choice([(1, 9), (5, 5), (3, 7)])]
+                )
                 branches = []
                 for w in weights:
                     resets = {c: r.choice([0, 0, 0, 1]) for c in own if r.random() < 0.5}
                     branches.append((w, r.randrange(places), resets))
-                edges.append(Edge(source, "a" if self.actions and r.random() < 0.4 else None, guard, branches))
+                edges.append(
+                    Edge(
+                        source, "a" if self.actions and r.random() < 0.4 else None, guard, branches
+                    )
+                )
         return Component(own, invariants, edges)
 
     def ask(self) -> Question:
@@ -76,8 +84,16 @@ class Draw:
             window = (0, high, False, strict)
             if r.random() < 0.3:
                 low = r.randint(0, high - 1)
-                window = r.choice([(low, high, False, strict), (low, None, False, False), (low, None, True, False)])
-        return Question(r.choice(["min", "max"]), (left, []), (right, atoms), window, r.random() < 0.2)
+                window = r.choice(
+                    [
+                        (low, high, False, strict),
+                        (low, None, False, False),
+                        (low, None, True, False),
+                    ]
+                )
+        return Question(
+            r.choice(["min", "max"]), (left, []), (right, atoms), window, r.random() < 0.2
+        )
 
     def text(self) -> str:
         lines = ["pta"]
@@ -153,7 +169,11 @@ def main() -> int:
     counts: dict[str, int] = {}
     differences = 0
     for seed in range(a.seed, a.seed + a.runs):
-        kind = "digital" if a.method == "digital" else random.Random(seed).choice(["closed", "strict", "diagonal"])
+        kind = (
+            "digital"
+            if a.method == "digital"
+            else random.Random(seed).choice(["closed", "strict", "diagonal"])
+        )
         draw = Draw(seed, strict=kind in ("strict", "diagonal"), diagonal=kind == "diagonal")
         ours, truth = outcome(draw, a.method)
         same = ours == truth
@@ -162,7 +182,9 @@ def main() -> int:
         # Digital clocks do not see that time stops in states whose clocks are no whole numbers.
         unseen = ours[0].isdigit() and not truth[0].isdigit() and not draw.strict
         same = same or (unseen and a.method != "backwards")
-        what = "refused" if ours.startswith("refused") else ours if not ours[0].isdigit() else "value"
+        what = (
+            "refused" if ours.startswith("refused") else ours if not ours[0].isdigit() else "value"
+        )
         counts[what] = counts.get(what, 0) + 1
         if not same and what != "refused":
             differences += 1

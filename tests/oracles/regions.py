@@ -104,7 +104,10 @@ class Regions:
                     else:
                         result.append((d.numerator // d.denominator, d.denominator > 1))
             return tuple(result)
-        whole = tuple(min(v[c].numerator // v[c].denominator, m + 1) if v[c] <= m else m + 1 for c in self.clocks)
+        whole = tuple(
+            min(v[c].numerator // v[c].denominator, m + 1) if v[c] <= m else m + 1
+            for c in self.clocks
+        )
         parts = [(v[c] % 1, c) for c in (*self.clocks, "unit") if c == "unit" or v[c] <= m]
         distinct = sorted({f for f, _ in parts} | {Fraction(0)})
         return whole, tuple((c, distinct.index(f)) for f, c in parts)
@@ -188,7 +191,9 @@ class Regions:
         return result
 
 
-def _holds(condition: tuple[list[set[int]], list[Atom]], places: tuple[int, ...], v: Valuation) -> bool:
+def _holds(
+    condition: tuple[list[set[int]], list[Atom]], places: tuple[int, ...], v: Valuation
+) -> bool:
     sets, atoms = condition
     return all(p in s for p, s in zip(places, sets, strict=True)) and satisfies(atoms, v)
 
@@ -243,13 +248,17 @@ def solve(components: list[Component], question: Question, *, diagonal: bool) ->
     atoms += [a for m in components for e in m.edges for a in e.guard]
     atoms += question.left[1] + question.right[1]
     constants = [abs(c) for *_, c in atoms]
-    constants += [x for m in components for e in m.edges for _, _, r in e.branches for x in r.values()]
+    constants += [
+        x for m in components for e in m.edges for _, _, r in e.branches for x in r.values()
+    ]
     low, high, *_ = question.window
     regions = Regions(components, max([*constants, low, high or 0, 1]), diagonal=diagonal)
     graph = regions.build()
     left = [_holds(question.left, p, v) for p, v in graph.states]
     inside = [_in_window(question.window, v["now"]) for _, v in graph.states]
-    right = [i and _holds(question.right, p, v) for i, (p, v) in zip(inside, graph.states, strict=True)]
+    right = [
+        i and _holds(question.right, p, v) for i, (p, v) in zip(inside, graph.states, strict=True)
+    ]
     if (question.direction == "max") != question.negative:
         value = greatest(graph, left, right)
         return 1 - value if question.negative else value

@@ -45,7 +45,9 @@ REPEATED = """
     ],
 )
 def test_values_of_a_repeated_message(method, formula, value):
-    assert timed(REPEATED, timed_method=method).check(formula).value == pytest.approx(value, abs=1e-12)
+    assert timed(REPEATED, timed_method=method).check(formula).value == pytest.approx(
+        value, abs=1e-12
+    )
 
 
 @pytest.mark.parametrize("engine", ENGINES)
@@ -237,7 +239,9 @@ def test_several_initial_states_are_refused():
 
 
 def test_expected_times_need_digital_clocks():
-    model = timed("s : [0..1]; x : clock; invariant s=0 => x<2 endinvariant [] s=0 & x>1 -> (s'=1);")
+    model = timed(
+        "s : [0..1]; x : clock; invariant s=0 => x<2 endinvariant [] s=0 & x>1 -> (s'=1);"
+    )
     with pytest.raises(UnsupportedError, match="need digital"):
         model.check("Tmax=? [ F s=1 ]")
     with pytest.raises(UnsupportedError, match="does not admit its limit"):
@@ -283,7 +287,10 @@ PRISM = [
 def test_prism_s_tests_pass(run, capsys):
     name, *switches = run
     folder = PEERS / "prism-classes" / "functionality" / "verify" / "ptas" / "reach"
-    assert main([str(folder / f"{name}.nm"), str(folder / f"{name}.nm.props"), *switches, "-testall"]) == 0
+    assert (
+        main([str(folder / f"{name}.nm"), str(folder / f"{name}.nm.props"), *switches, "-testall"])
+        == 0
+    )
     assert "Testing result: PASS" in capsys.readouterr().out
 
 
