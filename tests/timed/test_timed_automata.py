@@ -308,5 +308,5 @@ def test_prism_s_tests_pass(run, capsys):
 def test_jani_automata(name, value, capsys):
     path = PEERS / "qvbs" / "pta" / "brp-pta" / "brp-pta.jani"
     main([str(path), "-prop", name, "-const", "N=16,MAX=2,TD=1,TIME_BOUND=64"])
-    found = re.findall(r"^Result: (\S+)", capsys.readouterr().out, re.M)
+    found = re.findall(r"^Result: (\S+)", capsys.readouterr().out, re.MULTILINE)
     assert float(found[0]) == pytest.approx(value, rel=1e-5)
