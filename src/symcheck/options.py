@@ -88,9 +88,9 @@ def read_count(text: str) -> int:
     return int(text) if text.isdigit() else int(value)
 
 
-def _at_least_one(value: int) -> int:
+def _at_least_one(value: int, message: str) -> int:
     if value == 0:
-        raise ValueError("there is at least one thread: this one")
+        raise ValueError(message)
     return value
 
 
@@ -157,11 +157,14 @@ _FRACTION = ValueType(
     "X",
 )
 _COUNT = ValueType("a whole number from 0", _is_count, read_count, "N")
-_THREADS = ValueType(
+_POSITIVE = ValueType(
     "a whole number from 1, or None",
     lambda value: value is None or (_is_count(value) and cast(int, value) > 0),
-    lambda text: _at_least_one(read_count(text)),
+    lambda text: _at_least_one(read_count(text), "1 is the least number here"),
     "N",
+)
+_THREADS = _POSITIVE._replace(
+    read=lambda text: _at_least_one(read_count(text), "there is at least one thread: this one")
 )
 _BYTES = ValueType(
     "a number of bytes, or None",
@@ -269,6 +272,20 @@ class Options:
         "Width of the certified interval, relative to the value (absolute below 1e-300).",
         _switch("epsilon e", "width of the certified interval (default: 1e-6)"),
     )
+    regions: float = _option(
+        0.99,
+        _FRACTION,
+        "method",
+        "Share of the volume of parameters that is to be decided.",
+        _switch("regions", "share of the ranges of -param to be decided (default: 0.99)"),
+    )
+    lifting: bool = _option(
+        False,
+        _FLAG,
+        "method",
+        "Whether thresholds are decided over boxes of parameters by parameter lifting.",
+        _switch("lifting", "decide regions of -param by lifting, not by functions", True),
+    )
     relative: bool = _option(
         True,
         _FLAG,
@@ -322,6 +339,22 @@ class Options:
         "method",
         "Reach the accuracy at every state, and not only at those that the result reads, the "
         "initial states or those of a filter (implied by `-exportvector`).",
+    )
+    grid_resolution: int | None = _option(
+        None,
+        _POSITIVE,
+        "method",
+        "Partially observed models: bounds use beliefs whose probabilities are multiples of one "
+        "over this number. None: it grows until the bounds are close enough, or very many beliefs "
+        "are explored.",
+        _switch("gridresolution", "resolution of the grid of beliefs of a POMDP"),
+    )
+    beliefs: int | None = _option(
+        None,
+        _POSITIVE,
+        "method",
+        "Partially observed models: the most beliefs that are kept exactly. None: 32,000.",
+        _switch("beliefs", "the most beliefs of a POMDP that are kept exactly"),
     )
     ltl2da: str | None = _option(
         None,
@@ -444,6 +477,8 @@ class OptionValues(TypedDict, total=False):
     timed_method: TimedMethodName
     exact: bool
     epsilon: float
+    regions: float
+    lifting: bool
     relative: bool
     max_iterations: int
     certify: bool
@@ -451,6 +486,8 @@ class OptionValues(TypedDict, total=False):
     bisim: bool
     strategy: bool
     everywhere: bool
+    grid_resolution: int | None
+    beliefs: int | None
     ltl2da: str | None
     ltl2da_syntax: AutomatonSyntax
     fix_deadlocks: bool

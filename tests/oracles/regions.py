@@ -176,9 +176,11 @@ class Regions:
         result = []
         actions = {e.action for m in self.components for e in m.edges if e.action}
         for i, m in enumerate(self.components):
-            for e in m.edges:
-                if e.action is None and e.source == places[i] and satisfies(e.guard, v):
-                    result.append([(i, e)])
+            result += [
+                [(i, e)]
+                for e in m.edges
+                if e.action is None and e.source == places[i] and satisfies(e.guard, v)
+            ]
         for action in sorted(actions):
             partners = []
             for i, m in enumerate(self.components):

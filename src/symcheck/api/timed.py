@@ -19,6 +19,7 @@ from symcheck.numerics.linear.problem import Observer as IterationObserver
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind_property
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.timed.constraints import check_clocks
 from symcheck.semantics.timed.digital import (
     Asked,
     DigitalClocks,
@@ -48,7 +49,11 @@ _MOST_LOCATIONS = 5000
 
 
 def displayed_model(automaton: BoundModel) -> BoundModel:
-    """The model whose states are shown: that with digital clocks, or else the automaton itself."""
+    """The model whose states are shown: that with digital clocks, or else the automaton itself.
+
+    Raises InputError: a clock is read or set where it may not be.
+    """
+    check_clocks(automaton)
     try:
         return digital_clocks(automaton)
     except NotDigital:
@@ -70,8 +75,13 @@ def deciding_model(
         try:
             return digital_clocks(automaton, _without_zeno(automaton, asked_of(reached)))
         except NotDigital:
-            if options.timed_method == "digital":
+            if options.timed_method == "digital" or automaton.type.partially_observed:
                 raise
+    if automaton.type.partially_observed:
+        raise UnsupportedError(
+            f"zones are not available for {automaton.type.called}",
+            hint="-ptamethod digital, the default",
+        )
     return _on_zones(automaton, reached)
 
 

@@ -8,16 +8,25 @@ from __future__ import annotations
 
 from symcheck.check.context import Context
 from symcheck.check.measures.base import LongRunMeasures, TimedMeasures
+from symcheck.syntax.ast import Weights
 
 __all__ = ["long_run_measures", "timed_measures"]
 
 
 def timed_measures(context: Context) -> TimedMeasures:
     """Time-bounded measures, in steps or continuous time; the module is imported when needed."""
+    if context.engine.model.type.immediate_choices:
+        from symcheck.check.measures import markov_automata
+
+        return markov_automata
     if context.engine.model.type.continuous_time:
         from symcheck.check.measures import ctmc
 
         return ctmc
+    if context.engine.model.weights is Weights.INTERVALS:
+        from symcheck.check.measures import interval_steps
+
+        return interval_steps
     from symcheck.check.measures import step_bounded
 
     return step_bounded

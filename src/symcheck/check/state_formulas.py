@@ -13,7 +13,7 @@ from symcheck.check.expression_values import expression_values, in_doubles
 from symcheck.check.filters import AppliedFilter
 from symcheck.check.omega_regular import ctl
 from symcheck.check.queries.path_probabilities import qualitative
-from symcheck.check.queries.values import values
+from symcheck.check.queries.values import against_nature, values
 from symcheck.check.thresholds import decide
 from symcheck.engines.base import StateSet, Values
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, UnsupportedError
@@ -159,6 +159,8 @@ def _applied(context: Context, operator: Operator | Function, operands: Sequence
 
 def _clipped(context: Context, values: Values) -> Values:
     """Probabilities with bounds limited to [0, 1]."""
+    if context.engine.model.parameters:
+        return values
     if values.minimum(context.engine.all)[0] < 0:
         values = values.map(Function.MAX, 0)
     return values.map(Function.MIN, 1) if values.maximum(context.engine.all)[1] > 1 else values
@@ -270,8 +272,15 @@ def _bounded(context: Context, formula: AnyMeasure, relevant: StateSet) -> State
     threshold = query.threshold
     assert threshold is not None
     context = context.relevant_at(relevant)
-    if isinstance(query.quantity, PathProbability):
-        by_graph = qualitative(context, query.quantity.path, threshold, query.direction)
+    if context.engine.model.type.partially_observed:
+        from symcheck.check.beliefs.values import decided_by_beliefs
+
+        return decided_by_beliefs(context, query, relevant)
+    quantity = query.quantity
+    if isinstance(quantity, PathProbability):
+        inner, towards = against_nature(context, query)
+        playing, direction = inner.playing(towards)
+        by_graph = qualitative(playing, quantity.path, threshold, direction)
         if by_graph is not None:
             return by_graph
     return decide(

@@ -184,6 +184,11 @@ class SystemOf(Protocol[S, V]):
         ...
 
     @property
+    def opponents(self) -> Bools | None:
+        """The states in which opponents choose against a direction, bool[n]; None: no game."""
+        ...
+
+    @property
     def rows(self) -> int:
         """Number of rows."""
         ...
@@ -205,7 +210,9 @@ class SystemOf(Protocol[S, V]):
 
     @property
     def exit_rates(self) -> Numbers | None:
-        """Per row: the rate at which the state is left; None in discrete time."""
+        """Per row: the rate at which the state is left, 0 for a choice that takes no time; None in
+        discrete time.
+        """
         ...
 
     @property
@@ -256,7 +263,9 @@ class SystemOf(Protocol[S, V]):
         ...
 
     def step_rewards(self, reward: Reward) -> Numbers:
-        """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
+        """Per row: the expected reward of a step (in continuous time, with the state reward of its
+        stay).
+        """
         ...
 
     def step_reward_errors(self, reward: Reward) -> Numbers:
@@ -498,6 +507,11 @@ class EngineOf(Protocol[S, V]):
 
         If not, the matrix is built only where `System.operator` does not suffice.
         """
+        ...
+
+    @property
+    def has_opponents(self) -> bool:
+        """Whether it is a game: in some states, opponents choose against a direction."""
         ...
 
     @property

@@ -24,7 +24,7 @@ from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, is_infinite, is_rational
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, per_row, starts_of
-from symcheck.matrices.transition_kernel import TransitionKernel
+from symcheck.matrices.transition_kernel import TransitionKernel, jump_weights
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.problem import (
@@ -45,6 +45,7 @@ __all__ = [
     "Query",
     "Reachability",
     "chosen_rows",
+    "lifted",
     "refuse_infinite_minimum",
     "require_normal_numbers",
     "require_normal_rewards",
@@ -140,6 +141,11 @@ class LinearSystem(SystemOf[S, V]):
         """The sums of rewards of the engine that floating point gets wrong."""
 
     @property
+    def opponents(self) -> Bools | None:
+        """The states in which opponents choose against a direction; None: it is no game."""
+        return None
+
+    @property
     def preprocessing(self) -> Sequence[Preprocessing[S, V]]:
         """Steps that may shorten the equations, in the order in which they are tried."""
         return ()
@@ -171,10 +177,20 @@ class LinearSystem(SystemOf[S, V]):
         """Number of rows."""
         return self.n if self.groups is None else int(self.groups[-1])
 
+    @property
+    @abstractmethod
+    def takes_time(self) -> Bools | None:
+        """The rows whose weights are rates, in a Markov automaton; None for other models."""
+
     @cached_property
     def exit_rates(self) -> Numbers | None:
-        """The exit rate of each state of a CTMC; None for other models."""
-        return self.weight_sums() if self.continuous_time else None
+        """Per row: the rate at which the state is left, 0 for a choice that takes no time; None in
+        discrete time.
+        """
+        if not self.continuous_time:
+            return None
+        sums, timed = self.weight_sums(), self.takes_time
+        return sums if timed is None else np.where(timed, sums, 0)
 
     @property
     def kernel(self) -> TransitionKernel[SparseMatrix | SweepOperator]:
@@ -212,7 +228,7 @@ class LinearSystem(SystemOf[S, V]):
         """What rows give per jump, from what they give per unit of time; the same where time is
         discrete.
         """
-        return rows if self.exit_rates is None else rows / self.exit_rates
+        return rows if self.exit_rates is None else rows / jump_weights(self.exit_rates)
 
     def step_rewards(self, reward: Reward) -> Numbers:
         """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
@@ -249,8 +265,13 @@ class LinearSystem(SystemOf[S, V]):
             if accurate is not None:
                 return accurate
         states, rows = self.rewards(reward)
-        each = per_row(self.groups, states)
+        each = self.of_stay(states)
         return _finite(each + rows, each, rows)
+
+    def of_stay(self, states: Numbers) -> Numbers:
+        """Per row, the state reward, which a choice that takes no time does not earn."""
+        each = per_row(self.groups, states)
+        return each if self.takes_time is None else np.where(self.takes_time, each, 0)
 
     def reachability(self, target: S) -> Reachability[S, V]:
         """The equations of the probability of reaching `target`, a set outside of the states."""
@@ -281,7 +302,15 @@ class LinearSystem(SystemOf[S, V]):
         leave = self.one_step_probability(~self.states)
         direction = self.direction
         if self.has_rows or self._end_components_matter(probability):
-            return LinearProblem(constant, self.matrix, upper, leave, direction, probability)
+            return LinearProblem(
+                constant,
+                self.matrix,
+                upper,
+                leave,
+                direction,
+                probability,
+                opponents=self.opponents,
+            )
         operator = self.operator
         assert not isinstance(operator, SparseMatrix)  # an engine with rows is asked for its matrix
         return LinearProblem(
@@ -328,9 +357,14 @@ class BaseEquations(EquationsOf[S, V]):
             ValueError: an unknown has only such choices.
         """
         system = self.system
-        if system.direction is not Direction.MIN or not self.infinite:
+        if not self.infinite or (
+            system.opponents is None and system.direction is not Direction.MIN
+        ):
             return None
         usable: Bools = system.weight_into(self.infinite) == 0
+        if system.opponents is not None:
+            maximises = system.opponents ^ (system.direction is Direction.MAX)
+            usable |= per_row(system.groups, maximises)
         if usable.all():
             return None
         assert system.groups is not None
@@ -405,6 +439,7 @@ class LinearEquations(BaseEquations[S, V]):
         system = self.system
         if (
             system.direction is not Direction.MIN
+            and system.opponents is None
             and self.infinite
             and np.any(system.weight_into(self.infinite) != 0)
         ):
@@ -418,7 +453,9 @@ class LinearEquations(BaseEquations[S, V]):
         from symcheck.numerics.linear.methods import solve_linear
 
         problem, quotient = self.problem(), None
-        if self.allow_stay and (not self.probability or self.system.has_end_components):
+        if problem.opponents is not None:
+            problem = replace(problem, allow_stay=self.allow_stay)
+        elif self.allow_stay and (not self.probability or self.system.has_end_components):
             # End components without reward become single states, as for least rewards. Rewards are
             # not negative, so that staying is never better than leaving and need not be a choice
             # there.
@@ -431,7 +468,7 @@ class LinearEquations(BaseEquations[S, V]):
             return solved_values(self.system, problem, known, settings, observer)
         inner = replace(quotient.problem, direction=problem.direction)
         solution = quotient.expand(solve_linear(inner, settings, observer))
-        return _lifted(self.system, solution, known, settings)
+        return lifted(self.system, solution, known, settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -553,10 +590,10 @@ def solved_values(
     """The solution of a problem over the unknowns of a system, on all states."""
     from symcheck.numerics.linear.methods import solve_linear
 
-    return _lifted(system, solve_linear(problem, settings, observer), known, settings)
+    return lifted(system, solve_linear(problem, settings, observer), known, settings)
 
 
-def _lifted(
+def lifted(
     system: Lifts[S, V], solution: Solution, known: Sequence[tuple[S, float]], settings: Settings
 ) -> SolvedValues[V]:
     """A solution over the unknowns, on all states."""
@@ -601,4 +638,5 @@ def chosen_rows(problem: LinearProblem, matrix: SparseMatrix, allowed: Bools) ->
         problem.exit[rows],
         problem.direction,
         problem.probability,
+        opponents=problem.opponents,
     )

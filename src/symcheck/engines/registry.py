@@ -15,6 +15,7 @@ from symcheck.semantics.binding.probability_sums import normalised_at
 from symcheck.semantics.features import Feature, offers, require
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.state_faults import AlmostOne
+from symcheck.syntax.ast import Weights
 
 if TYPE_CHECKING:
     from symcheck.engines.explicit.engine import ExplicitEngine
@@ -52,6 +53,10 @@ def _exact(model: BoundModel, options: Options, _: Observer | None) -> Engine:
         compiled = explore_in_whole_numbers(model, options)
         if compiled is not None:
             return erased(ExplicitEngine(compiled, "exact"))
+    if model.parameters:
+        from symcheck.engines.parametric.build import explore_parametric
+
+        return erased(ExplicitEngine(explore_parametric(model, options), "parametric"))
     explored = explore_exactly(
         model,
         fix_deadlocks=options.fix_deadlocks,
@@ -128,6 +133,8 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         ResourceError: a limit of time or memory was reached.
     """
     name: EngineName = "exact" if options.exact else options.engine
+    if model.parameters and name in ("auto", "explicit"):
+        name = "exact"
     name = _offered(model, name)
     if name == "auto" and options.workdir is not None:
         from symcheck.engines.selection import EngineChoice
@@ -145,8 +152,16 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         return build(digital_clocks(model), options, observer)
     if model.builder is not None:
         return cast(Engine, model.builder(replace(options, engine=name)))
+    if model.weights is Weights.INTERVALS:
+        from symcheck.engines.intervals import build_intervals
+
+        engine: EngineName = "explicit" if name == "auto" else name
+        inner = replace(options, engine=engine)
+        return build_intervals(model, inner, lambda end, o: build(end, o, observer))
     try:
-        return BUILDERS[name](model, options, observer)
+        engine = BUILDERS[name](model, options, observer)
+        # Games are solved on rows, which diagrams list.
+        return erased(on_rows(engine, options)) if model.type.players > 1 else engine
     except AlmostOne as fault:
         model = normalised_at(model, fault)
     return build(model, options, observer)

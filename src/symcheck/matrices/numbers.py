@@ -6,18 +6,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
-from math import inf, isfinite
+from math import inf, isfinite, isinf
 from typing import Any, Literal, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.kernels.arrays import Bools, Floats, Int64s
+from symcheck.matrices.rational_functions import RationalFunction
 
 __all__ = [
     "N",
     "Numbers",
     "Rationals",
+    "at_sample",
     "doubles",
     "full",
     "is_infinite",
@@ -61,7 +63,7 @@ def numbers(values: Numbers, *, rational: bool) -> Numbers:
 
 
 def _rational(value: float | int | Fraction) -> Fraction | float:
-    if isinstance(value, Fraction):
+    if isinstance(value, Fraction | RationalFunction):
         return value
     return value if isinstance(value, float) and not isfinite(value) else Fraction(value)
 
@@ -83,7 +85,15 @@ def full(n: int, value: float | Fraction, *, rational: bool) -> Numbers:
 
 def is_infinite(values: Numbers) -> Bools:
     """Which of the numbers are infinite (either sign)."""
+    if is_rational(values):
+        infinite = (isinstance(v, float) and isinf(v) for v in values)
+        return np.fromiter(infinite, np.bool_, len(values))
     return np.asarray(np.abs(values) == np.inf, dtype=np.bool_)
+
+
+def at_sample(values: Rationals) -> Rationals:
+    """Rationals and functions of parameters as rationals, at the sample point."""
+    return rationals(v.value if isinstance(v, RationalFunction) else v for v in values)
 
 
 def sum_segments(values: Rationals, starts: Int64s) -> Rationals:
@@ -96,7 +106,10 @@ def sum_segments(values: Rationals, starts: Int64s) -> Rationals:
 
 
 def doubles(values: Numbers) -> Floats:
-    """The nearest doubles; infinite beyond their range."""
+    """The nearest doubles; infinite beyond their range.
+
+    Raises UnsupportedError: a number is a function of parameters.
+    """
     try:
         return np.asarray(values, dtype=np.float64)
     except OverflowError:

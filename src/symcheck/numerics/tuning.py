@@ -80,6 +80,19 @@ WEIGHT_RESIDUAL = 0.3
 POLICY_ROUNDS = 500
 """Policies that policy iteration evaluates."""
 
+# Turn-based games (linear/games.py).
+GAME_ACCURACIES = (1e-2, 1e-5)
+"""Parts of the requested width to which decision processes are solved: first, and if the bounds of
+the game are not close enough."""
+GAME_ROUNDING = 1e-13
+"""A row whose value is relatively better by less than this may be so by rounding only."""
+GAME_CHANGE = 1e-10
+"""Value iteration that looks for strategies ends at this relative change."""
+GAME_SWEEPS, GAME_ENTRIES = 100, 100_000_000
+"""Its sweeps at least, and the entries that it may visit: a second."""
+DEFLATION_INTERVAL = 64
+"""Most iterations between two searches for end components."""
+
 # Linear systems: products only (linear/bellman.py, methods/interval.py, methods/optimistic.py).
 TWO_THREADS_STATES = 100_000
 """From so many states on, lower and upper bounds are swept in two threads: starting a thread costs
@@ -320,3 +333,29 @@ BIAS_ROOM = 1e-10
 """Room that transient states get in the bias of a certificate, relative to the greatest bias."""
 BIAS_POLICIES = 100
 """The most policies whose bias is computed for a certificate."""
+
+GAIN_RATE = 1.05
+"""Of the greatest exit rate: the rate of jumps, some of which change nothing (no periods)."""
+GAIN_JUMPS = (8, 16, 32, 64, 128, *[256] * 64)
+"""Jumps between two looks at the bounds of a long-run average; then other methods follow."""
+
+MEAN_PAYOFF_SECANTS = 60
+"""Secants that approach a long-run average per unit of time; a few suffice."""
+
+TIMED_JUMPS = 16.0
+"""Mean number of jumps of an interval, at least; more make intervals fewer, but each longer."""
+
+TIMED_FIRST_JUMPS = 16.0
+"""Mean number of jumps in the first interval of time-bounded values of Markov automata."""
+
+TIMED_MOST_JUMPS = 4096.0
+"""At most so many in an interval, as its steps are lost if it has to be divided."""
+
+TIMED_LEAST_JUMPS = 1e-9
+"""Shorter intervals are not divided: rounding decides there."""
+
+TIMED_LEVELS = 200
+"""Rounding is counted level by level up to so many choices in no time."""
+
+TIMED_WORK = 4e10
+"""Products of an entry and a value after which bounds are not made closer (a minute or so)."""

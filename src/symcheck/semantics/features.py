@@ -38,6 +38,7 @@ class Feature(Enum):
     CUMULATIVE_REWARDS = "rewards up to a bound"
     INSTANTANEOUS_REWARDS = "rewards at a time"
     DISCOUNTED_REWARDS = "discounted rewards"
+    ENDED_REWARDS = "the rewards Fc and F0"
     MULTI_OBJECTIVE = "multi-objective queries"
     SOME_OR_ALL_PATHS = "the operators A and E"
     DISTRIBUTIONS = "distributions over states"
@@ -63,11 +64,31 @@ class Feature(Enum):
 
 _ALL = frozenset(Feature)
 _NONE: frozenset[Feature] = frozenset()
+_OBSERVED = frozenset(
+    {
+        *(Feature.ROWS, Feature.RATIONALS),
+        *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
+    }
+)
+
+_MARKOV_AUTOMATON = frozenset(
+    {
+        *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
+        *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL, Feature.CONDITIONAL),
+        *(Feature.REACH_REWARDS, Feature.TOTAL_REWARDS, Feature.CUMULATIVE_REWARDS),
+        *(Feature.INSTANTANEOUS_REWARDS, Feature.REWARD_BOUNDS, Feature.LONG_RUN),
+        *(Feature.MULTI_OBJECTIVE, Feature.SOME_OR_ALL_PATHS, Feature.SYMMETRY),
+        *(Feature.EXPLICIT_FILES, Feature.STRATEGIES, Feature.STEPPING),
+    }
+)
 
 _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
-    ModelType.DTMC: _ALL,
-    ModelType.CTMC: _ALL,
-    ModelType.MDP: _ALL,
+    ModelType.DTMC: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.CTMC: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.MDP: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.MA: _MARKOV_AUTOMATON,
+    ModelType.POMDP: _OBSERVED | {Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES},
+    ModelType.POPTA: _OBSERVED,
     ModelType.PTA: frozenset(
         {
             Feature.ROWS,
@@ -78,11 +99,57 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
             Feature.REACH_REWARDS,
         }
     ),
+    ModelType.SMG: frozenset(
+        {
+            *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
+            *(Feature.REACH_REWARDS, Feature.TOTAL_REWARDS, Feature.CUMULATIVE_REWARDS),
+            *(Feature.INSTANTANEOUS_REWARDS, Feature.ENDED_REWARDS, Feature.STRATEGIES),
+        }
+    ),
 }
 """Per type what it offers; nothing where it has no row."""
 
-_OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {Weights.NUMBERS: _ALL}
+_OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {
+    Weights.NUMBERS: _ALL,
+    Weights.INTERVALS: frozenset(
+        {
+            *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
+            *(Feature.REACH_REWARDS, Feature.CUMULATIVE_REWARDS, Feature.INSTANTANEOUS_REWARDS),
+            *(Feature.LONG_RUN, Feature.SOME_OR_ALL_PATHS),
+        }
+    ),
+    Weights.PARAMETERS: frozenset(
+        {
+            Feature.ROWS,
+            Feature.RATIONALS,
+            Feature.REACHABILITY,
+            Feature.BOUNDED_REACHABILITY,
+            Feature.LTL,
+            Feature.LONG_RUN,
+            Feature.REACH_REWARDS,
+            Feature.TOTAL_REWARDS,
+            Feature.CUMULATIVE_REWARDS,
+            Feature.INSTANTANEOUS_REWARDS,
+            Feature.CONDITIONAL,
+            Feature.STRATEGIES,
+        }
+    ),
+}
 """Per kind of probabilities what can be computed with it; nothing where it has no row."""
+
+_EXCEPT: dict[tuple[ModelType, Weights], frozenset[Feature]] = {
+    (ModelType.CTMC, Weights.PARAMETERS): frozenset(  # exponential functions are not rational
+        {
+            Feature.BOUNDED_REACHABILITY,
+            Feature.CUMULATIVE_REWARDS,
+            Feature.INSTANTANEOUS_REWARDS,
+        }
+    ),
+    (ModelType.MDP, Weights.PARAMETERS): frozenset({Feature.LONG_RUN}),
+}
+"""What both the type and the weights offer, but not together."""
 
 _WITH_WEIGHTS = {
     Weights.NUMBERS: "",
@@ -114,7 +181,11 @@ def offers(model: BoundModel, feature: Feature) -> bool:
         >>> offers(symcheck.load("models/die/die.pm").bound, Feature.LTL)
         True
     """
+    if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
+        return False  # the rows of the two tables were opened, and tested, apart
     of_type = _OF_TYPE.get(model.type, _NONE)
+    if feature in _EXCEPT.get((model.type, model.weights), _NONE):
+        return False
     return feature in of_type and feature in _OF_WEIGHTS.get(model.weights, _NONE)
 
 

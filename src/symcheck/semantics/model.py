@@ -19,6 +19,7 @@ __all__ = [
     "BoundCommand",
     "BoundModel",
     "BoundModule",
+    "BoundPlayer",
     "BoundReward",
     "BoundRewards",
     "BoundUpdate",
@@ -69,20 +70,27 @@ class Variable(Node):
 
 @dataclass(frozen=True, slots=True)
 class BoundUpdate(Node):
-    """An update: its probability (a rate in a CTMC), and assignments by variable index."""
+    """An update: its probability (a rate in a CTMC), and assignments by variable index.
+
+    upper: the upper end of an interval of probabilities; None: the probability is a number.
+    """
 
     probability: Expression
     assignments: tuple[tuple[int, Expression], ...]
+    upper: Expression | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class BoundCommand(Node):
-    """A guarded command of module number `module`."""
+    """A guarded command of module number `module`; `is_markovian`: its updates have rates, in a
+    model that also has commands without.
+    """
 
     module: int
     action: str | None
     guard: Expression
     updates: tuple[BoundUpdate, ...]
+    is_markovian: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +125,15 @@ class BoundRewards:
 
 
 @dataclass(frozen=True, slots=True)
+class BoundPlayer:
+    """A player, who chooses among the unlabelled commands of modules and the events of actions."""
+
+    name: str
+    modules: frozenset[str]
+    actions: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
 class Event:
     """Commands that synchronise: one of each participant's `commands` is executed at once.
 
@@ -127,6 +144,11 @@ class Event:
 
     action: str | None
     participants: tuple[tuple[BoundCommand, ...], ...]
+
+    @property
+    def is_markovian(self) -> bool:
+        """Whether it takes time in a Markov automaton: its commands have rates, and race."""
+        return self.participants[0][0].is_markovian
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,6 +187,7 @@ class BoundModel:
         initial: the condition on initial states; None: the variables' initial values.
         definitions: an expression without names for the exact value of each constant.
         is_rational: values are computed in exact arithmetic. (Conditions always are.)
+        players: the players of a game, in the order of their declarations.
         given: the values of constants as they were given, which `constants` may have rounded.
         derivation: of a transformed model (such as a reduced one), the function that transforms
             another bound model of the same text in the same way.
@@ -179,6 +202,8 @@ class BoundModel:
             states tells which command they have (`AlmostOne`).
         weights: the kind of its probabilities.
         clocks: of a model that counts the time of a timed automaton, how that is read on it.
+        parameters: the constants that are left open, and their open ranges.
+        observables: what strategies see of a state, if that is not all.
     """
 
     program: Program
@@ -191,6 +216,7 @@ class BoundModel:
     rewards: tuple[BoundRewards, ...]
     constants: Mapping[str, Value]
     is_rational: bool = False
+    players: tuple[BoundPlayer, ...] = ()
     given: Mapping[str, Value | str] = field(default_factory=dict, compare=False)
     system: Composition | None = None
     definitions: Mapping[str, Expression] = field(default_factory=dict)
@@ -204,6 +230,8 @@ class BoundModel:
     unchecked_sums: bool = False
     weights: Weights = Weights.NUMBERS
     clocks: TimeReading | None = field(default=None, compare=False)
+    parameters: Mapping[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
+    observables: tuple[Expression, ...] = ()
 
     def __repr__(self) -> str:
         """A summary on one line."""

@@ -14,7 +14,7 @@ from symcheck.errors import UsageError, converts_memory_error
 from symcheck.semantics.interpreter import State
 from symcheck.semantics.state_faults import describe_state
 from symcheck.simulate.path import Path, PathStep, used_seed
-from symcheck.simulate.steps import Branch, Choice, Steps
+from symcheck.simulate.steps import Branch, Choice, CommandSuccessors
 
 if TYPE_CHECKING:
     from symcheck.engines.explicit.strategy import Strategy
@@ -44,7 +44,7 @@ class Simulator:
         ['go', 'back']
     """
 
-    def __init__(self, steps: Steps, seed: int | None = None) -> None:
+    def __init__(self, steps: CommandSuccessors, seed: int | None = None) -> None:
         self.seed = used_seed(seed)
         self._steps = steps
         self._generator = np.random.default_rng(self.seed)
@@ -177,7 +177,7 @@ class Simulator:
             )
         matrix, states = strategy.engine.matrix, list(strategy.states())
         numbers = {state: n for n, state in enumerate(states)}
-        names = (*strategy.engine.model.actions, "")
+        names = (*strategy.engine.model.actions, "", "")
         actions, starts = strategy.engine.explored.choice_actions, strategy.starts
         shares = strategy.shares.astype(np.float64)
 
@@ -271,7 +271,7 @@ def _require_whole(steps: int, otherwise: str = "") -> None:
 
 @converts_memory_error("a shorter path needs less")
 def simulate(
-    model: Steps,
+    model: CommandSuccessors,
     steps: int | None = None,
     *,
     time: float | None = None,

@@ -27,11 +27,13 @@ __all__ = [
     "BinaryTemporal",
     "Bound",
     "Call",
+    "Coalition",
     "Conditional",
     "ConditionalProbability",
     "CostBoundedReward",
     "CumulativeReward",
     "DiscountedReward",
+    "EndedReward",
     "Eventually",
     "ExpectedTime",
     "Expression",
@@ -161,6 +163,16 @@ class ModelType(Enum):
         return self.players > 0
 
     @property
+    def immediate_choices(self) -> bool:
+        """Whether choices take no time, and time passes at rates where there is none to make."""
+        return self.continuous_time and self.has_choices
+
+    @property
+    def has_probabilities(self) -> bool:
+        """Whether the updates of some commands have probabilities, and not rates."""
+        return self.has_choices or not self.continuous_time
+
+    @property
     def chooses_uniformly(self) -> bool:
         """Whether chance chooses among enabled commands with equal probabilities."""
         return not (self.continuous_time or self.has_choices)
@@ -170,8 +182,8 @@ class ModelType(Enum):
         """Whether its models have declarations or commands that others have not, so that the text
         of another type cannot be read as one of it.
         """
-        timed_choices = self.continuous_time and self.has_choices
-        return timed_choices or self.players > 1 or self.partially_observed or self.has_clocks
+        special = self.immediate_choices or self.partially_observed or self.has_clocks
+        return special or self.players > 1
 
     @staticmethod
     def with_properties(
@@ -307,11 +319,23 @@ class StateOperator(ExpressionNode):
 
 
 @dataclass(frozen=True, slots=True)
+class Coalition:
+    """`<<players>>`: they have a strategy. `[[players]]` (`against`): others have one against them.
+
+    players: their names or numbers; None: all, `*`.
+    """
+
+    players: tuple[str, ...] | None
+    against: bool
+    span: Span = field(default=NO_SPAN, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
 class Measure(StateOperator):
     """An operator that computes a value, or compares it with a bound; in an MDP with a direction.
 
     letter: how the operator is written. is_probability: whether its values are from 0 to 1.
-    bound None: a query, `=?`.
+    bound None: a query, `=?`. coalition: the players who choose in the direction; None: all.
     """
 
     letter: ClassVar[str]
@@ -319,6 +343,7 @@ class Measure(StateOperator):
 
     direction: str | None
     bound: Bound | None
+    coalition: Coalition | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -609,6 +634,14 @@ class DiscountedReward(RewardQueryNode):
 
 
 @dataclass(frozen=True, slots=True)
+class EndedReward(RewardQueryNode):
+    """`Fc target` (`kept`) and `F0 target`: runs that miss the target keep their reward or not."""
+
+    kept: bool
+    target: Expression
+
+
+@dataclass(frozen=True, slots=True)
 class InstantaneousReward(RewardQueryNode):
     """`I=k`."""
 
@@ -657,6 +690,7 @@ RewardQuery = (
     | CostBoundedReward
     | TotalReward
     | DiscountedReward
+    | EndedReward
     | InstantaneousReward
     | SteadyStateReward
     | PathFormula

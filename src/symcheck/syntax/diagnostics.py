@@ -25,11 +25,13 @@ def _set(words: str) -> frozenset[str]:
 _OPERATORS = frozenset(["QMARK", *Operator.__members__])
 _STARTS = _set(
     "INTEGER REAL TRUE FALSE NAME STRING FUNCTION MIN MAX FUNC MULTI FILTER LPAR MINUS NOT "
-    "P PMIN PMAX PMINMAX PMAXMIN RELEASE RMIN RMAX RMINMAX RMAXMIN S ALL EXISTS"
+    "P PMIN PMAX PMINMAX PMAXMIN PMINMIN PMAXMAX RELEASE RMIN RMAX RMINMAX RMAXMIN RMINMIN RMAXMAX S "
+    "ALL EXISTS"
 )
 _DECLARATIONS = _set("CONST LABEL FORMULA RATE PROB")
 _MODEL_PARTS = _set(
-    "MODULE REWARDS GLOBAL INIT SYSTEM DTMC CTMC MDP PROBABILISTIC STOCHASTIC NONDETERMINISTIC"
+    "MODULE REWARDS PLAYER GLOBAL INIT SYSTEM "
+    "DTMC CTMC MDP PROBABILISTIC STOCHASTIC NONDETERMINISTIC"
 )
 _BOUNDS = _set("LT LE GT GE EQ")
 
@@ -43,7 +45,7 @@ _PHRASES = (
     ("an operator", {"AND", "OR"}, _OPERATORS),
     ("a bound", {"LT", "EQ", "LSQB"}, _BOUNDS | {"LSQB", "POWER", "LBRACE"}),
     ("a bound such as =? or >=0.5", {"LT", "EQ"}, _BOUNDS),
-    ("'min' or 'max'", {"MINMAX", "MIN"}, {"MIN", "MAX", "MINMAX", "MAXMIN"}),
+    ("'min' or 'max'", {"MINMAX", "MIN"}, _set("MIN MAX MINMAX MAXMIN MINMIN MAXMAX")),
     (
         "a module or another declaration",
         {"MODULE", "CONST", "REWARDS"},
@@ -271,7 +273,9 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
         fault.token.type == RESERVED or "MODULE" in expected or "ENDMODULE" in expected
     ):
         if word in _CHOSEN_VALUES:
-            hint = "declare const double p; and give it values: -const p=0.1:0.1:0.9"
+            hint = (
+                "a parameter is a constant that is left open: const double p; and -param p=0.1:0.9"
+            )
         return Diagnostic(
             f"{_OTHER_WORDS[word]}, which are not supported", span, "model-type", hint
         )
@@ -642,7 +646,7 @@ _UPDATE = "an update is true, (x'=…), or probability : (x'=…)"
 _STATE_OPERATORS = MEASURE_WORDS | _set("A E")
 _KEYWORD_NAMES = _set(
     "A bool C double E false F filter func G I int max min P Pmax Pmin prob R rate Rmax Rmin S "
-    "true U W X minmax maxmin dtmc ctmc mdp system init"
+    "true U W X minmax maxmin minmin maxmax dtmc ctmc mdp system init"
 )
 
 

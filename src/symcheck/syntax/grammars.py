@@ -138,7 +138,7 @@ def _other_types(grammar: str) -> str:
 
     Such a word is a type where a declaration follows, which never follows a name.
     """
-    words = "|".join(kind.value for kind in ModelType if f"\n{kind.name}: " not in grammar)
+    words = "|".join(k.value for k in ModelType if f"\n{k.name}: " not in grammar) + "|tsg"
     declarations = "|".join(_DECLARATIONS)
     return rf"""
 OTHER_TYPE.3: /(?:{words})(?=(?:\s|\/\/[^\r\n]*(?![^\r\n]))+(?:{declarations})(?![A-Za-z_0-9]))/

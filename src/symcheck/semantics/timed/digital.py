@@ -193,7 +193,8 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
         first, *others = given.participants
         idle = not any(u.assignments for p in given.participants for c in p for u in c.updates)
         commands = [converted(c, noted) for c in first]
-        if idle and given.action not in rewarded:
+        # Who observes a part of the state must have the same commands in all that look alike.
+        if idle and given.action not in rewarded and not automaton.type.partially_observed:
             if can_wait == _TRUE:
                 return None
             stuck = Unary(UnaryOperator.NOT, can_wait)
@@ -228,6 +229,7 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
         modules=modules,
         events=tuple(events),
         labels=labels,
+        observables=tuple(map(in_units, automaton.observables)),
         rewards=tuple(rewards),
         derivation=partial(digital_clocks, asked=for_property),
         clocks=DigitalClocks(

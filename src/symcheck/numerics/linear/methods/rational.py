@@ -16,12 +16,16 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
-from symcheck.matrices.numbers import doubles
+from symcheck.matrices.numbers import at_sample, doubles, rationals
+from symcheck.matrices.rational_functions import FunctionField, RationalFunction
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.matrices.weights import O
 from symcheck.numerics import graph
+from symcheck.numerics.linear.functions import least_functions
+from symcheck.numerics.linear.lifting import lifted
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.linear.rational import (
+    Number,
     Row,
     fractions,
     least_solution,
@@ -44,12 +48,22 @@ Chooser = Callable[[LinearProblem, Settings], Solution]
 
 def solve(
     problem: LinearProblem,
-    settings: Settings,  # noqa: ARG001 (nothing to choose: the solution is exact)
+    settings: Settings,
     observer: Observer | None,
     *,
     chooser: Chooser,
 ) -> Solution:
     """The exact least solution. Raises NumericalError where it is not unique or not finite."""
+    field = _parameters(problem)
+    if field is not None and field.lifting is not None:
+        from symcheck.numerics.linear.methods import solve_linear
+
+        box, direction = field.lifting
+        opposed = problem.mode and problem.direction is not direction
+        policy = _first_policy(_sampled(problem), chooser) if opposed else None
+        return solve_linear(lifted(problem, policy, box, direction), settings, observer)
+    if field is not None:
+        return _solve_functions(problem, observer, chooser)
     form = number_form(problem.n)
     rows, constant = number_rows(problem.rows, form), [form(c) for c in problem.constant]
     if problem.mode == 0:
@@ -60,6 +74,36 @@ def solve(
         x, rounds = _policy_iteration(problem, rows, constant, policy, observer)
         note = f"{counted(problem.n, 'state')}: rational policy iteration, {rounds} policies"
     values = fractions(x)
+    return Solution(values, values, "rational", True, True, rounds, note, strategy=policy)
+
+
+def _parameters(problem: LinearProblem) -> FunctionField | None:
+    """The field of the functions of a problem; None if it has none."""
+    numbers = (*problem.rows.data, *problem.constant)
+    return next((v.field for v in numbers if isinstance(v, RationalFunction)), None)
+
+
+def _sampled(problem: LinearProblem) -> LinearProblem:
+    """The problem at the sample point."""
+    matrix = replace(problem.rows, data=at_sample(problem.rows.data))
+    return replace(problem, matrix=matrix, constant=at_sample(problem.constant), exit=None)
+
+
+def _solve_functions(
+    problem: LinearProblem, observer: Observer | None, chooser: Chooser
+) -> Solution:
+    """The solution over functions of parameters; comparisons are those at the sample point."""
+    constant: list[Number] = problem.constant.tolist()
+    policy: Int64s | None = None
+    if problem.mode == 0:
+        rounds = 1
+        values = rationals(least_functions(problem.rows, constant))
+    else:
+        rows: list[Row[Number]] = number_rows(problem.rows, lambda function: function)
+        policy = _first_policy(_sampled(problem), chooser)
+        x, rounds = _policy_iteration(problem, rows, constant, policy, observer)
+        values = rationals(x)
+    note = f"{counted(problem.n, 'state')}: elimination over functions"
     return Solution(values, values, "rational", True, True, rounds, note, strategy=policy)
 
 
