@@ -1,6 +1,6 @@
 """Random timed automata against the region oracle: digital clocks and zones.
 
-usage: timed.py [--runs 1000] [--seed 0] [--method digital|backwards|auto]
+usage: timed.py [--runs 1000] [--seed 0] [--seconds S] [--method digital|backwards|auto]
 
 A difference is written with its model, and the exit status is 1.
 """
@@ -12,6 +12,7 @@ import random
 import sys
 from fractions import Fraction
 from pathlib import Path
+from time import monotonic
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
@@ -164,9 +165,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=1e9)
     parser.add_argument("--method", default="auto", choices=["auto", "digital", "backwards"])
     a = parser.parse_args()
     counts: dict[str, int] = {}
+    started = monotonic()
     differences = 0
     for seed in range(a.seed, a.seed + a.runs):
         kind = (
@@ -190,7 +193,9 @@ def main() -> int:
             differences += 1
             print(f"--- seed {seed} ({kind}, {a.method}): {ours}, oracle {truth}")
             print(draw.text() + draw.property(), flush=True)
-    print(f"{a.runs} runs, {differences} differences; {counts}")
+        if monotonic() - started > a.seconds:
+            break
+    print(f"{seed - a.seed + 1} runs, {differences} differences; {counts}")
     return 1 if differences else 0
 
 

@@ -13,6 +13,7 @@ from fractions import Fraction
 
 import numpy as np
 
+from symcheck.kernels.zones.shortest_paths import close_zones
 from symcheck.matrices.rows import Bools, Int64s
 
 __all__ = [
@@ -65,12 +66,9 @@ def close(zones: Int64s) -> Int64s:
 
 def _close(zones: Int64s) -> Bools:
     """Tighten all bounds, in place; which zones are not empty."""
-    for k in range(zones.shape[1]):
-        left, right = zones[:, :, k, None], zones[:, None, k, :]
-        sums = left + right - ((left | right) & 1)
-        sums[sums > INFINITE // 2] = INFINITE
-        np.minimum(zones, sums, out=zones)
-    return np.asarray((zones.diagonal(axis1=1, axis2=2) >= _WEAK).all(axis=1))
+    kept = np.empty(len(zones), np.uint8)
+    close_zones(zones, kept, INFINITE)
+    return kept.astype(np.bool_)
 
 
 def constrained(zones: Int64s, *atoms: Atom) -> Int64s:
