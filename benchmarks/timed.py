@@ -27,6 +27,7 @@ class Draw:
     def __init__(self, seed: int, *, strict: bool, diagonal: bool) -> None:
         self.random = r = random.Random(seed)
         self.strict, self.diagonal = strict, diagonal
+        self.largest = r.choice([1, 2]) if diagonal else r.choice([1, 2, 3])
         names = r.choice([[["x"]], [["x", "y"]], [["x"], ["y"]]])
         self.clocks = [c for own in names for c in own]
         self.actions = r.random() < 0.4 and len(names) > 1
@@ -43,7 +44,7 @@ class Draw:
         if self.diagonal and len(self.clocks) > 1 and r.random() < 0.4:
             x, other = r.sample(self.clocks, 2)
         operator = r.choice(operators)
-        return x, other, operator, r.randint(-2 if other else 1 if upper else 0, 3)
+        return x, other, operator, r.randint(-2 if other else 1 if upper else 0, self.largest)
 
     def component(self, own: list[str]) -> Component:
         r = self.random
@@ -80,7 +81,7 @@ class Draw:
         atoms = [self.atom()] if r.random() < 0.3 else []
         window: tuple[int, int | None, bool, bool] = (0, None, False, False)
         if r.random() < 0.5:
-            high = r.randint(1, 3)
+            high = r.randint(1, self.largest)
             strict = r.random() < 0.3
             window = (0, high, False, strict)
             if r.random() < 0.3:

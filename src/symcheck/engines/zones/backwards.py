@@ -262,8 +262,7 @@ class _Search:
             own[part.tobytes()] = part
             self.add(number, part)
             for others in [k for k in cells if not k & outcomes]:
-                both = close(np.minimum(np.concatenate([*cells[others].values()]), part))
-                common = np.unique(both, axis=0) if len(both) > 1 else both
+                common = close(np.minimum(np.concatenate([*cells[others].values()]), part))
                 new += [(outcomes | others, common[k : k + 1]) for k in range(len(common))]
 
     def process(self, first: list[int]) -> ZoneProcess:
