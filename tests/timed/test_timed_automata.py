@@ -248,6 +248,41 @@ def test_expected_times_need_digital_clocks():
         _ = model.engine
 
 
+# ------------------------------------------------------------------------- what else knows the class
+
+
+@pytest.mark.parametrize("name", ["contention", "running"])
+def test_results_of_models_are_tested(name):
+    model = symcheck.load(MODELS / f"{name}.nm", reduce=True, bisim=True)
+    assert model.test(MODELS / f"{name}.pctl").ok
+
+
+def test_strategies_counterexamples_and_paths_are_those_of_digital_clocks():
+    model = symcheck.load(MODELS / "contention.nm", strategy=True)
+    assert model.engine.states == 745
+    result = model.check('P<=0.2 [ F<=750 "elected" ]')
+    assert result.value is False
+    assert "now=73" in str(result.counterexample())
+    assert "time" in str(result.strategy)
+    assert len(model.simulate(5, seed=1)) >= 1
+    with pytest.raises(UnsupportedError, match="timed automata"):
+        model.estimate('Pmax=? [ F<=750 "elected" ]')
+
+
+def test_the_text_is_printed_and_read_again():
+    model = symcheck.load(MODELS / "contention.nm")
+    text = symcheck.pretty(model.program)
+    assert "invariant" in text
+    assert "x : clock;" in text
+    assert symcheck.loads(text).engine.states == model.engine.states
+
+
+def test_digital_clocks_are_written_as_jani(tmp_path):
+    model = symcheck.load(MODELS / "contention.nm")
+    symcheck.export(model, str(tmp_path / "contention.jani"))
+    assert symcheck.load(tmp_path / "contention.jani").engine.states == model.engine.states
+
+
 # ------------------------------------------------------------------------------------------- oracles
 
 
