@@ -344,7 +344,7 @@ def query_of(formula: ast.AnyMeasure, model: BoundModel) -> Query[Expression]:
     else:
         direction = direction_of(formula, model.type)
     quantity = _quantity(formula, model)
-    if model.clocks is not None and model.clocks.asked is None:
+    if model.clocks is not None and not model.clocks.for_property:
         raise UnsupportedError(
             "this is not available for timed automata: their properties are checked one by one"
         )
