@@ -67,7 +67,6 @@ class Found:
         lower, upper: per state, float64 or Fractions; they are equal if the value is exact up to
             rounding.
         rounded: whether equal bounds carry rounding errors.
-        complete: whether all beliefs were explored.
         text: what was explored.
         beliefs: their number.
         plan: what a strategy that attains the value is made of; None if there is none.
@@ -76,7 +75,6 @@ class Found:
     lower: Numbers = field(repr=False)
     upper: Numbers = field(repr=False)
     rounded: bool
-    complete: bool
     text: str
     beliefs: int
     plan: Plan | None = field(default=None, repr=False)
@@ -171,14 +169,14 @@ class _Search:
             )
         text += f", and {points:,} points of a grid with resolution {resolution}"
         plan = Plan(self.points, self.exact, self.policies)
-        return Found(self.lower, self.upper, True, False, text, len(self.exact), plan)
+        return Found(self.lower, self.upper, True, text, len(self.exact), plan)
 
     def _complete(self) -> Found:
         """The values, as all beliefs are known."""
         lower, upper, rounded = self._values(self.exact, None)
         text = f"all {len(self.exact):,} beliefs"
         plan = Plan(self.points, self.exact, None)
-        return Found(lower, upper, rounded, True, text, len(self.exact), plan)
+        return Found(lower, upper, rounded, text, len(self.exact), plan)
 
     def _values(self, found: Exploration, cut: Numbers | None) -> tuple[Numbers, Numbers, bool]:
         """Bounds at the beginning, where beliefs that were not expanded have the values `cut`, and
@@ -317,7 +315,7 @@ class _Search:
     def _decided(self, value: float, plan: Plan | None = None) -> Found:
         text = "sets of possible states decide"
         array = full(len(self.starts), value, rational=self.rational)
-        return Found(array, array, False, True, text, 0, plan)
+        return Found(array, array, False, text, 0, plan)
 
     def _plan(self, found: Exploration, memory: Memory, rows: Bools, points: Int64s) -> Plan:
         """A strategy that takes each of some rows with the same probability."""
