@@ -15,9 +15,11 @@ MODELS = Path(__file__).parents[2] / "models"
 CONSTANTS = {
     "crowds.pm": ["TotalRuns=3,CrowdSize=5"],
     "kanban.sm": ["t=1"],
+    "channels.nm": ["p=0.5,q=0.2", "p=0.9,q=0.3"],
     "multiplex.pm": ["N=4,K=1"],
     "retransmission.pm": ["N=16,MAX=2", "N=8,MAX=3"],
     "tandem.sm": ["c=5,T=1"],
+    "zeroconf.pm": ["p=0.1,q=0.5"],
 }
 ENGINES = ["", "-ex", "-s", "-h", "-m", "-exact"]
 # The study has tests of its own: its instances are large.

@@ -11,6 +11,7 @@ from symcheck.engines.base import Engine
 from symcheck.engines.states import States, StateValues
 from symcheck.errors import NoStrategyError, NotInResultError, UnsupportedError, UsageError
 from symcheck.lazy_dataclass import dataclass
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.semantics.expressions.literals import format_state, format_value, to_float
 from symcheck.tables import Table
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from symcheck.check.certificate import Certificate
     from symcheck.check.counterexample import Counterexample
     from symcheck.check.pareto_front import ParetoFront
+    from symcheck.check.regions import Regions
     from symcheck.engines.explicit.strategy import Strategy
 
 __all__ = [
@@ -36,7 +38,7 @@ __all__ = [
 
 T = TypeVar("T")
 Number = int | float | Fraction
-Answer = bool | Number | tuple[Number, Number] | list[tuple[Number, ...]] | None
+Answer = bool | Number | RationalFunction | tuple[Number, Number] | list[tuple[Number, ...]] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +173,7 @@ class Result:
         runs: the computations of solvers.
         witness_or_none: `witness`; None if there is no such path.
         front_or_none: `front`; None if no Pareto front was asked for.
+        regions: of a model with parameters, the outcomes and where they hold; None of others.
         strategies: with the option `strategy`, one that attains the value; of a Pareto query, one
             for each point of the value. Empty if there is none.
         no_strategy: why there is none, although one was asked for.
@@ -192,6 +195,7 @@ class Result:
     runs: tuple[SolverRun, ...] = field(default=(), repr=False)
     witness_or_none: Sequence[Mapping[str, int | bool]] | None = field(default=None, repr=False)
     front_or_none: ParetoFront | None = field(default=None, repr=False)
+    regions: Regions | None = field(default=None, repr=False)
     strategies: tuple[Strategy, ...] = field(default=(), repr=False)
     no_strategy: str | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
@@ -336,10 +340,12 @@ class Result:
         UnsupportedError for an estimate, whose error is unknown.
         """
         match self.value:
-            case bool() | None | list():
+            case bool() | None | list() | RationalFunction():
                 raise self._wrong_type("a number")
             case tuple():
                 low, high = self.value
+                if isinstance(low, RationalFunction) or isinstance(high, RationalFunction):
+                    raise self._wrong_type("a number")
             case int() | float() | Fraction():
                 low = high = self.value
             case _:
@@ -420,6 +426,8 @@ class Result:
         return bool(kinds) and all(k == "steps" for k in kinds)
 
     def __str__(self) -> str:
+        if self.regions is not None and self.value is None:
+            return "by regions"
         shown = show_value(self.value)
         return (
             shown
@@ -439,5 +447,7 @@ def show_value(value: Answer) -> str:
             return "[" + ", ".join(f"({','.join(map(format_value, p))})" for p in value) + "]"
         case bool() | int() | float() | Fraction():
             return format_value(value)
+        case RationalFunction():
+            return str(value)
         case _:
             assert_never(value)

@@ -39,11 +39,14 @@ LISTED_ROWS = 100_000_000
 or a counterexample. Exploring them takes half a minute; the engine explicit has no such limit."""
 
 # Rewards that are lost where a target is missed (measures/ended_reward.py).
-FIRST_LEVELS, MOST_PAIRS = 16, 2_000_000
-"""Rewards that a strategy remembers at first, in steps of the rewards; and the most pairs of a state
-and such a reward."""
+FIRST_LEVELS, MOST_PAIRS, MOST_EXACT_PAIRS = 16, 200_000, 500
+"""Rewards that a strategy remembers at first, in steps of the rewards; and the most pairs of a
+state and such a reward, in doubles and in rationals."""
 
 # LTL formulas (omega_regular/).
+PARITY_EXPONENTS = (2, 4, 6, 20)
+"""Powers of ten: a run of a parity game ends with such a probability where it should not be, in the
+game whose strategies are tried."""
 ATOMS_AS_LETTERS = 8
 """With at most this many atoms, letters are valuations of the atoms; with more, the valuations that
 occur in the model are numbered."""

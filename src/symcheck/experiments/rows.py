@@ -11,6 +11,7 @@ from symcheck.check.result import Accuracy, Answer, Estimate, Result, show_value
 from symcheck.constant_values import ConstantValue, GivenConstants, typed_value
 from symcheck.errors import SymcheckError, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.semantics.expressions.literals import format_value, to_float
 
 __all__ = ["Row", "constant_names", "constant_text", "error_text", "records", "row_of"]
@@ -50,6 +51,8 @@ class Row:
         match self.value:
             case bool() | int() | float() | Fraction():
                 return to_float(self.value)
+            case (RationalFunction(), _) | (_, RationalFunction()):
+                return None
             case tuple((low, high)):
                 return (to_float(low) + to_float(high)) / 2
             case _:

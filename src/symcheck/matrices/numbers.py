@@ -19,6 +19,7 @@ __all__ = [
     "N",
     "Numbers",
     "Rationals",
+    "at_sample",
     "doubles",
     "full",
     "is_infinite",
@@ -90,6 +91,11 @@ def is_infinite(values: Numbers) -> Bools:
     return np.asarray(np.abs(values) == np.inf, dtype=np.bool_)
 
 
+def at_sample(values: Rationals) -> Rationals:
+    """Rationals and functions of parameters as rationals, at the sample point."""
+    return rationals(v.value if isinstance(v, RationalFunction) else v for v in values)
+
+
 def sum_segments(values: Rationals, starts: Int64s) -> Rationals:
     """The sum of each segment `values[starts[i]:starts[i+1]]` of rationals; 0 where it is empty."""
     out = full(len(starts) - 1, 0, rational=True)
@@ -100,7 +106,10 @@ def sum_segments(values: Rationals, starts: Int64s) -> Rationals:
 
 
 def doubles(values: Numbers) -> Floats:
-    """The nearest doubles; infinite beyond their range."""
+    """The nearest doubles; infinite beyond their range.
+
+    Raises UnsupportedError: a number is a function of parameters.
+    """
     try:
         return np.asarray(values, dtype=np.float64)
     except OverflowError:

@@ -115,7 +115,7 @@ def _component_average(context: Context, system: System, reward: Numbers) -> tup
     """Bounds on the average of a bottom component, whose reward itself if it is constant."""
     from symcheck.numerics.long_run.stationary import long_run_average
 
-    if reward.min() == reward.max():
+    if (reward == reward[0]).all():
         return reward[0], reward[0]
     average = long_run_average(system.weights, reward, context.options, context.observer)
     context.log.runs.append(
@@ -128,8 +128,9 @@ def _component_average(context: Context, system: System, reward: Numbers) -> tup
         )
     )
     low, high = average.lower, average.upper
-    relative, signed = context.options.relative, reward.min() < 0
-    if signed and not context.engine.is_rational:
+    relative = context.options.relative
+    signed = not context.engine.is_rational and bool(reward.min() < 0)
+    if signed:
         size = long_run_average(system.weights, np.abs(reward), context.options).upper
         if size > CANCELLATION * abs(low):
             low, high = low - REWARD_ERROR * size, high + REWARD_ERROR * size

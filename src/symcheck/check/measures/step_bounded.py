@@ -191,7 +191,7 @@ def _repeat(
     sides: the values so far, or their lower and their upper bounds. rest: values of other states.
     grows, unbounded: as in `RestOfSteps`.
     """
-    if context.engine.is_rational:
+    if context.engine.is_rational and not context.engine.model.parameters:
         added = add if isinstance(add, np.ndarray) else system.full(0)[:0]
         whole = steps_in_integers(system, sides[0], added, steps - taken, direction)
         if whole is not None:

@@ -48,12 +48,9 @@ _WITHOUT_EFFECT: Mapping[str, tuple[int, str]] = {
     name: (count, why) for names, count, why in _GROUPS for name in names.split()
 }
 
-_PARAMETRIC = (
-    "parametric model checking is not supported; "
-    "-const NAME=LOW:STEP:HIGH gives the values at points"
-)
+_PARAMETRIC = "functions of parameters are exact; -regions gives the share that is decided"
 _PARAMETRIC_SWITCHES = (
-    "param paramprecision paramsplit parambisim paramfunction paramelimorder paramrandompoints "
+    "paramprecision paramsplit parambisim paramfunction paramelimorder paramrandompoints "
     "paramsubsumeregions paramdagmaxerror"
 )
 

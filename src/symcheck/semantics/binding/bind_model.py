@@ -101,13 +101,12 @@ def bind(
     check_values_given(table, program.constants)
     checked = check_program(program, table)
     report.raise_all()
-    kind, divides = model_type or program.type or WITHOUT_KEYWORD, normalise
+    kind = model_type or program.type or WITHOUT_KEYWORD
     require_type(kind)
     check_players(checked, kind)
     report.raise_all()
-    bound = _Builder(checked, constants or {}).build(
-        kind, not exact if divides is None else divides
-    )
+    divides = not exact if normalise is None else normalise and not parameters
+    bound = _Builder(checked, constants or {}).build(kind, divides)
     if not parameters:
         return bound
     if bound.weights is not Weights.NUMBERS:
