@@ -84,7 +84,7 @@ def strategy_of(context: Context, formula: Expression) -> Strategy:
     if not isinstance(formula, AnyMeasure):
         raise UnsupportedError(f"strategies are supported for {letters_of(AnyMeasure)} formulas")
     if kind.partially_observed:
-        from symcheck.check.beliefs.strategy import belief_strategy
+        from symcheck.check.strategies.beliefs import belief_strategy
 
         return belief_strategy(context)
     return strategy_attaining(context, query_of(context, formula))
