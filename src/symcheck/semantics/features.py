@@ -124,7 +124,8 @@ _OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {
             *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
             *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
             *(Feature.REACH_REWARDS, Feature.CUMULATIVE_REWARDS, Feature.INSTANTANEOUS_REWARDS),
-            *(Feature.LONG_RUN, Feature.SOME_OR_ALL_PATHS),
+            *(Feature.LONG_RUN, Feature.SOME_OR_ALL_PATHS, Feature.STRATEGIES),
+            Feature.EXPLICIT_FILES,
         }
     ),
     Weights.PARAMETERS: frozenset(
