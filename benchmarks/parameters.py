@@ -93,7 +93,6 @@ def difference(rng: Random, text: str, formula: str) -> tuple[str | None, str]:
     except Exception as error:
         return repr(error), "crash"
     regions = result.regions
-    assert regions is not None
     for _ in range(4):
         box = rng.choice([b for c in regions.cases for b in c.boxes] or [regions.box])
         point = {

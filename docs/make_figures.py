@@ -121,7 +121,7 @@ def parameters() -> Any:
     """A function of two parameters, and the regions of a threshold."""
     zeroconf = symcheck.load(ROOT / "models" / "parameters" / "zeroconf.pm").parametric("p,q")
     _, axes = pyplot.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
-    function = zeroconf.check('P=? [ F "wrong" ]').value
+    function = zeroconf.check('P=? [ F "wrong" ]').function
     view.plot_function(function, zeroconf.parameters, axes[0])
     regions = zeroconf.check('P<=0.1 [ F "wrong" ]').regions
     return view.plot_regions(regions, axes[1])

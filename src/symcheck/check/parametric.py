@@ -296,6 +296,6 @@ def check_parametric(
         values_or_none=None,
         satisfying_or_none=None if first.conditions or others else search.result.satisfying_or_none,
         strategies=(first.strategy,) if same and first.strategy is not None else (),
-        regions=regions,
+        regions_or_none=regions,
         seconds=perf_counter() - started,
     )

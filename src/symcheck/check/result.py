@@ -142,6 +142,8 @@ _PARTS = {
     "values": ("values per state", "a numeric property has them, such as P=? [ F x=1 ]"),
     "satisfying": ("satisfying states", "a property that is true or false has them"),
     "witness": ("witness", "E [ … ] that is true has a path, and A [ … ] that is false"),
+    "regions": ("regions", "those of a model with parameters have them"),
+    "function": ("function", "a number of a model with parameters is one, if there is one case"),
     "front": ("Pareto front", "multi(Pmax=? [ … ], Pmax=? [ … ]) has one"),
 }
 """Parts that only some results have: what they are, and which results have them."""
@@ -173,7 +175,7 @@ class Result:
         runs: the computations of solvers.
         witness_or_none: `witness`; None if there is no such path.
         front_or_none: `front`; None if no Pareto front was asked for.
-        regions: of a model with parameters, the outcomes and where they hold; None of others.
+        regions_or_none: `regions`; None of a model without parameters.
         strategies: with the option `strategy`, one that attains the value; of a Pareto query, one
             for each point of the value. Empty if there is none.
         no_strategy: why there is none, although one was asked for.
@@ -195,7 +197,7 @@ class Result:
     runs: tuple[SolverRun, ...] = field(default=(), repr=False)
     witness_or_none: Sequence[Mapping[str, int | bool]] | None = field(default=None, repr=False)
     front_or_none: ParetoFront | None = field(default=None, repr=False)
-    regions: Regions | None = field(default=None, repr=False)
+    regions_or_none: Regions | None = field(default=None, repr=False)
     strategies: tuple[Strategy, ...] = field(default=(), repr=False)
     no_strategy: str | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
@@ -284,6 +286,17 @@ class Result:
         """The Pareto front of a multi-objective query. Raises NotInResultError without one."""
         return self._part(self.front_or_none, "front")
 
+    @property
+    def regions(self) -> Regions:
+        """The outcomes of a model with parameters, and where they hold. Raises NotInResultError."""
+        return self._part(self.regions_or_none, "regions")
+
+    @property
+    def function(self) -> RationalFunction:
+        """The value as a function of parameters. Raises NotInResultError if it is none."""
+        found = self.value if isinstance(self.value, RationalFunction) else None
+        return self._part(found, "function")
+
     def _part(self, part: T | None, name: str) -> T:
         if part is None:
             raise self._has_no(name)
@@ -344,7 +357,7 @@ class Result:
                 raise self._wrong_type("a number")
             case tuple():
                 low, high = self.value
-                if isinstance(low, RationalFunction) or isinstance(high, RationalFunction):
+                if not all(isinstance(end, Number) for end in self.value):
                     raise self._wrong_type("a number")
             case int() | float() | Fraction():
                 low = high = self.value
@@ -426,7 +439,7 @@ class Result:
         return bool(kinds) and all(k == "steps" for k in kinds)
 
     def __str__(self) -> str:
-        if self.regions is not None and self.value is None:
+        if self.regions_or_none is not None and self.value is None:
             return "by regions"
         shown = show_value(self.value)
         return (

@@ -86,6 +86,8 @@ COMMAND_SET_CHECKS = 2000
 
 INTEGER_BITS = 300_000
 """Bits of the common denominator after all steps up to which exact steps are made in integers."""
+REWARD_PAIRS = 10_000_000
+"""Pairs of a state and a reward that a certificate of a bound on rewards may be about."""
 
 # Beliefs of partially observed models (beliefs/).
 BELIEFS = (500, 4_000, 32_000)

@@ -204,7 +204,7 @@ class Output:
         if result.front_or_none is not None:
             self.line()
             self.line(str(result.front))
-        if result.regions is not None and result.value is None:
+        if result.regions_or_none is not None and result.value is None:
             self.line()
             self.line(str(result.regions))
         self.line()

@@ -21,7 +21,7 @@ from symcheck.engines.base import EquationsOf, S, S_contra, SolvedValues, System
 from symcheck.engines.reward_sums import RewardSums
 from symcheck.errors import UnsupportedError
 from symcheck.lazy_dataclass import dataclass
-from symcheck.matrices.numbers import Numbers, is_infinite, is_rational
+from symcheck.matrices.numbers import Numbers, is_infinite, is_rational, shared_sum
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, per_row, starts_of
 from symcheck.matrices.transition_kernel import TransitionKernel, jump_weights
@@ -266,7 +266,7 @@ class LinearSystem(SystemOf[S, V]):
                 return accurate
         states, rows = self.rewards(reward)
         each = self.of_stay(states)
-        return _finite(each + rows, each, rows)
+        return _finite(shared_sum(each, rows), each, rows)
 
     def of_stay(self, states: Numbers) -> Numbers:
         """Per row, the state reward, which a choice that takes no time does not earn."""

@@ -155,13 +155,12 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
     if model.weights is Weights.INTERVALS:
         from symcheck.engines.intervals import build_intervals
 
-        engine: EngineName = "explicit" if name == "auto" else name
-        inner = replace(options, engine=engine)
-        return build_intervals(model, inner, lambda end, o: build(end, o, observer))
+        inner = replace(options, engine="explicit" if name == "auto" else name)
+        return build_intervals(model, inner, lambda m, o: on_rows(build(m, o, observer), o))
     try:
-        engine = BUILDERS[name](model, options, observer)
+        built = BUILDERS[name](model, options, observer)
         # Games are solved on rows, which diagrams list.
-        return erased(on_rows(engine, options)) if model.type.players > 1 else engine
+        return erased(on_rows(built, options)) if model.type.players > 1 else built
     except AlmostOne as fault:
         model = normalised_at(model, fault)
     return build(model, options, observer)

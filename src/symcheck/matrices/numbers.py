@@ -20,12 +20,14 @@ __all__ = [
     "Numbers",
     "Rationals",
     "at_sample",
+    "distinct",
     "doubles",
     "full",
     "is_infinite",
     "is_rational",
     "numbers",
     "rationals",
+    "shared_sum",
     "sum_segments",
 ]
 
@@ -91,6 +93,25 @@ def is_infinite(values: Numbers) -> Bools:
     return np.asarray(np.abs(values) == np.inf, dtype=np.bool_)
 
 
+def distinct(values: Numbers) -> list[Any]:
+    """The objects of an array, each once: rationals of a model are mostly shared."""
+    return list({id(v): v for v in values.tolist()}.values())
+
+
+def shared_sum(one: Numbers, other: Numbers) -> Numbers:
+    """The sum of two vectors; the same two rationals are added once."""
+    if not (is_rational(one) and is_rational(other)):
+        return one + other
+    known: dict[tuple[int, int], Any] = {}
+    out = np.empty(len(one), object)
+    for i, (a, b) in enumerate(zip(one.tolist(), other.tolist(), strict=True)):
+        key = id(a), id(b)
+        if key not in known:
+            known[key] = a + b
+        out[i] = known[key]
+    return out
+
+
 def at_sample(values: Rationals) -> Rationals:
     """Rationals and functions of parameters as rationals, at the sample point."""
     return rationals(v.value if isinstance(v, RationalFunction) else v for v in values)
@@ -110,10 +131,11 @@ def doubles(values: Numbers) -> Floats:
 
     Raises UnsupportedError: a number is a function of parameters.
     """
-    try:
+    if not is_rational(values):
         return np.asarray(values, dtype=np.float64)
-    except OverflowError:
-        return np.array([_nearest(v) for v in values])
+    objects = values.tolist()
+    found = {id(v): _nearest(v) for v in distinct(values)}
+    return np.fromiter(map(found.__getitem__, map(id, objects)), np.float64, len(objects))
 
 
 def _nearest(value: float | Fraction) -> float:

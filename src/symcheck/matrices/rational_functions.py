@@ -52,7 +52,6 @@ class FunctionField:
         self.factors: list[Polynomial] = []
         self.conditions: dict[str, tuple[tuple[Polynomial, ...], int]] = {}
         self._point: tuple[Any, ...] = ()
-        self._at_point: dict[int, Fraction] = {}
         self.epoch = 0
         self.lifting: tuple[Mapping[str, tuple[Fraction, Fraction]], Direction] | None = None
 
@@ -65,7 +64,6 @@ class FunctionField:
 
         values = (point[name] for name in self.names)
         self._point = tuple(flint.fmpq(v.numerator, v.denominator) for v in values)
-        self._at_point.clear()
         self.conditions.clear()
         self.epoch += 1
 
@@ -86,12 +84,6 @@ class FunctionField:
     def at_sample(self, polynomial: Polynomial) -> Fraction:
         """The value of a polynomial at the sample point."""
         return _fraction(polynomial(*self._point))
-
-    def factor_value(self, number: int) -> Fraction:
-        """The value of a factor at the sample point."""
-        if number not in self._at_point:
-            self._at_point[number] = self.at_sample(self.factors[number])
-        return self._at_point[number]
 
     def factored(self, polynomial: Polynomial) -> tuple[Any, Denominator]:
         """A polynomial other than 0 as a number times factors."""
@@ -237,7 +229,7 @@ class RationalFunction:
         if self._value is None or self._value[0] != self.field.epoch:
             found = self.field.at_sample(self.top)
             for i, n in self.bottom:
-                found /= self.field.factor_value(i) ** n
+                found /= self.field.at_sample(self.field.factors[i]) ** n
             self._value = self.field.epoch, found
         return self._value[1]
 

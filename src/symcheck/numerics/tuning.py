@@ -331,6 +331,12 @@ GAIN_ROOM = (1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
 """Room that the gain of a certificate gives its bias, relative to the greatest gain."""
 BIAS_ROOM = 1e-10
 """Room that transient states get in the bias of a certificate, relative to the greatest bias."""
+EQUAL_GAINS = 1e-8
+"""Difference of the gains of a certificate, relative to the greatest one, that is none."""
+MORE_BITS = 80
+"""Bits by which a refined bias is finer than one in doubles."""
+REFINEMENTS = 4
+"""Corrections of a bias by its exact residual."""
 BIAS_POLICIES = 100
 """The most policies whose bias is computed for a certificate."""
 

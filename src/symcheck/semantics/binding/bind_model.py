@@ -12,7 +12,7 @@ from symcheck.semantics.binding.label_references import inline_labels
 from symcheck.semantics.binding.module_renaming import ModuleInstance
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable
 from symcheck.semantics.binding.parameters import Ranges, check_places, check_ranges
-from symcheck.semantics.binding.players import check_players
+from symcheck.semantics.binding.player_declarations import check_players
 from symcheck.semantics.binding.probability_sums import normalised_modules
 from symcheck.semantics.binding.static_checks import (
     CheckedProgram,
@@ -187,7 +187,7 @@ class _Builder:
     def _weights(self, modules: tuple[BoundModule, ...], kind: ModelType) -> Weights:
         updates = (u for m in modules for c in m.commands for u in c.updates)
         intervals = [u for u in updates if u.upper is not None]
-        if intervals and kind.has_own_syntax:
+        if intervals and (kind.has_own_syntax or kind.continuous_time):
             message = f"{kind.called} with intervals are not supported"
             hint = "intervals of probabilities belong to a dtmc or an mdp"
             self.report.input("interval", message, intervals[0].span, hint)

@@ -57,6 +57,8 @@ class Reach:
     def avoids(self) -> bool:
         """Whether the strategy wants paths that do not satisfy `left U right`."""
         path = self.path
+        if self.query.coalition is not None:  # of a game, in which one side avoids it anyway
+            return False
         return path is not None and (self.query.direction is Direction.MIN) != path.negative
 
 
@@ -145,9 +147,18 @@ def asked_of(reached: list[Reach]) -> Asked:
     horizon: list[Fraction] = []
     for reach in reached:
         path = reach.path
-        if path is None:
+        window = None if path is None else path.window
+        if reach.query.coalition is not None:
+            # One side may avoid the target: it may not depend on clocks.
+            conditions += [(reach.left, True), (reach.left, False)]
+            if window is not None and (window.upper_strict or window.lower or window.lower_strict):
+                message = "timed games have bounds <=k only"
+                raise UnsupportedError(Diagnostic(message, window.span, "timed-property"))
+        if path is None or reach.query.coalition is not None:
             # A reward depends on when the target is entered: it may not depend on clocks.
             conditions += [(reach.right, True), (reach.right, False)]
+            if window is not None and window.upper is not None:
+                horizon += [window.upper, Fraction(0)]
             continue
         closed = not reach.avoids
         conditions += [(reach.left, closed), (reach.right, closed)]
@@ -243,7 +254,12 @@ def _converted(reach: Reach, clocks: DigitalClocks, model: BoundModel) -> Expres
             number = Literal(len(model.rewards), Type.INT)
             query = ast.Eventually(reach.right)
             return ast.RewardOperator(
-                measure.direction, measure.bound, number, query, span=measure.span
+                measure.direction,
+                measure.bound,
+                number,
+                query,
+                coalition=measure.coalition,
+                span=measure.span,
             )
         assert isinstance(measure, ast.RewardOperator)
         return replace(measure, query=ast.Eventually(reach.right))
@@ -271,7 +287,9 @@ def _converted(reach: Reach, clocks: DigitalClocks, model: BoundModel) -> Expres
             else (Operator.AND, goes_on)
         )
         whole = ast.Binary(operator, _operand(whole), _operand(other))
-    return ast.ProbabilityOperator(measure.direction, measure.bound, whole, span=measure.span)
+    return ast.ProbabilityOperator(
+        measure.direction, measure.bound, whole, coalition=measure.coalition, span=measure.span
+    )
 
 
 def _operand(path: ast.PathFormula) -> Expression:
