@@ -27,19 +27,24 @@ CASES = sorted(
     (model, properties)
     for properties in MODELS.glob("*/*.[pc][cs][tl]*")
     for model in properties.parent.glob(f"{properties.stem}.*")
-    if model.suffix in (".pm", ".sm", ".nm") and "injection" not in model.name
+    if model.suffix in (".pm", ".sm", ".nm", ".ma") and "injection" not in model.name
 )
 
 
 STUDY = {"cell_injection.pm", "cell_injection.pctl"}
-HIDDEN = sorted(MODELS.glob("*/*.prism"))  # partially observed: no diagrams
+HIDDEN = sorted(  # partially observed: no diagrams
+    path for path in MODELS.glob("*/*.prism") if "pomdp" in path.read_text(encoding="utf-8")
+)
+GAMES = {"duel.prism": "", "piglet.prism": "goal=2", "pig.prism": "goal=100"}
 OF_OTHER_TESTS = {"README.md", "die.jani", "generate.py", "study.py"}
 
 
 def test_every_file_is_run():
     files = {p.name for p in MODELS.rglob("*") if p.is_file() and "__pycache__" not in p.parts}
-    hidden = {name for model in HIDDEN for name in (model.name, f"{model.stem}.props")}
-    assert files == {path.name for case in CASES for path in case} | STUDY | OF_OTHER_TESTS | hidden
+    others = [model.stem for model in HIDDEN] + [name.removesuffix(".prism") for name in GAMES]
+    of_pairs = {f"{stem}.{end}" for stem in others for end in ("prism", "props")}
+    of_cases = {path.name for case in CASES for path in case}
+    assert files == of_cases | of_pairs | STUDY | OF_OTHER_TESTS
 
 
 @pytest.mark.parametrize(("model", "properties"), CASES, ids=lambda p: p.name)
@@ -90,3 +95,21 @@ def test_partially_observed_models(model, engine, capsys):
     assert verdicts, out
     assert endless or (status == 0 and not wrong), out
     assert all("only finitely many beliefs have exact values" in v for v in wrong), out
+
+
+@pytest.mark.parametrize(
+    ("game", "engine"),
+    [
+        *((game, engine) for game in ("duel.prism", "piglet.prism") for engine in ENGINES),
+        ("pig.prism", ""),  # a million states
+    ],
+)
+def test_games(game, engine, capsys):
+    model = next(MODELS.glob(f"*/{game}"))
+    given = ["-const", GAMES[game]] if GAMES[game] else []
+    options = [*given, *([engine] if engine else []), "-testall"]
+    status = main([str(model), str(model.with_suffix(".props")), *options])
+    out = capsys.readouterr().out
+    verdicts = [v for v in out.splitlines() if v.startswith("Testing result:")]
+    assert verdicts, out
+    assert (status, [v for v in verdicts if not v.endswith("PASS")]) == (0, []), out

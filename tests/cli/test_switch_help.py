@@ -45,7 +45,7 @@ def test_each_option_is_explained(option, capsys):
         ("-exportresults", ".parquet"),
         ("--step", "step through the model"),
         ("-gs", "-gs has no effect: the method is chosen"),
-        ("paramsplit", "-paramsplit is not supported: parametric"),
+        ("paramsplit", "-paramsplit is not supported: functions of parameters are exact"),
     ],
 )
 def test_other_switches_are_explained(word, message, capsys):

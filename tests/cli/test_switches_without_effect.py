@@ -27,6 +27,7 @@ EVERYWHERE = (
     *("-pf", "-const", "-dtmc", "-ctmc", "-mdp", "-importmodel", "-importtrans", "-importstrat"),
     *("-v", "-nobuild", "-batch", "-help", "-completion", "-version", "-javaversion"),
     *("-scheduler", "-exact", "-fixdl", "-nofixdl", "-noprobchecks", "-reduce", "-symmetry"),
+    *("-param", "-regions", "-lifting", "-beliefs", "-gridresolution", "-ptamethod"),
     *("-nosymmetry", "-cuddmaxmem", "-timeout", "-workdir", "-relative", "-nofair"),
 )
 """Switches that have an effect in every run, or say themselves why not. Some set a default."""

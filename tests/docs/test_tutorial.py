@@ -50,7 +50,9 @@ def test_figures_can_be_made(tmp_path: Path) -> None:
     runpy.run_path(str(DOCS / "make_figures.py"))["main"](tmp_path)
     made = {p.name for p in tmp_path.iterdir()}
     assert made <= {p.name for p in (DOCS / "figures").iterdir()}
-    text = "".join((DOCS / name).read_text() for name in ("tutorial.md", "pages.md"))
+    text = "".join(
+        (DOCS / name).read_text() for name in ("tutorial.md", "pages.md", "parameters.md")
+    )
     shown = set(re.findall(r"figures/(\w+\.png)", text))
     assert made <= shown
     assert shown - made <= {"page.png"}  # it is made if Chromium is there

@@ -100,7 +100,7 @@ def test_the_command_line_reads_it(tmp_path, capsys):
         (
             "@type: MDP",
             "@type: POMDP",
-            "m.drn:2:1: error[drn]: a model of type POMDP is not supported",
+            "0 of the 2 states of a POMDP have an observation",
         ),
         ("@parameters\n", "@parameters\np", "parametric models are not supported"),
         (
@@ -115,7 +115,7 @@ def test_the_command_line_reads_it(tmp_path, capsys):
         ("state 1 ", "state 2 ", "state 1 is expected here"),
         ("@model", "@modell", "a line of the header starts with @"),
         ("@nr_states\n2", "@nr_states\n3", "the header announces 3 states, but 2 follow"),
-        ("state 1 [0, 5]", "state 1 {3} [0, 5]", "observations and players are not supported"),
+        ("state 1 [0, 5]", "state 1 {3} [0, 5]", "states of a MDP have no observations"),
         ("\taction a [2, 0]\n", "", "an action is expected before this transition"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 from math import isclose
 from random import Random
 
@@ -56,7 +57,8 @@ def test_answers_survive_a_round_trip(seed, kind, engine, tmp_path_factory):
         except NumericalError:
             # The digits of the file round the probabilities: a threshold that is the value cannot
             # be decided, and is not guessed.
-            assert isinstance(expected, bool), (formula, expected)
+            compares = isinstance(expected, bool) or re.search(r"[PRST](min|max)?[<>]", formula)
+            assert compares, (formula, expected)
             continue
         assert _near(found, expected), (formula, found, expected)
 

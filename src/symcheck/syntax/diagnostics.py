@@ -286,6 +286,7 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
     if (
         word == ","
         and [str(w.value) for w in fault.before[-2:-1]] == ["["]
+        and fault.last.isidentifier()
         and "ENDMODULE" not in expected
     ):
         message = "commands of several actions belong to concurrent stochastic games"

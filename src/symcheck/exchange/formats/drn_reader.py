@@ -56,6 +56,7 @@ class _Parts:
     row_rewards: list[list[float]] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
     observations: list[int] = field(default_factory=list)
+    first_observed: int = 0
 
 
 def read_drn(path: Path, kind: ModelType | None = None, *, check_sums: bool = True) -> ExplicitData:
@@ -127,6 +128,9 @@ class _Reader:
         if model_type.immediate_choices:
             matrix, row_actions, rewards = _with_rates(parts, matrix, row_actions, rewards)
         columns = [("x", Type.INT, np.arange(n))]
+        if parts.observations and not model_type.partially_observed:
+            message = f"states of a {model_type.name} have no observations"
+            raise self.fault(parts.first_observed, message)
         if model_type.partially_observed:
             if len(parts.observations) != n:
                 raise self.fault(
@@ -241,6 +245,8 @@ class _Reader:
         if observation is not None:
             if not observation.strip().isdigit():
                 raise self.fault(line, f"the observation '{observation}' is not a whole number")
+            if not parts.observations:
+                parts.first_observed = line
             parts.observations.append(int(observation))
         number = len(parts.first_rows)
         if int(match["number"]) != number or number >= n:
