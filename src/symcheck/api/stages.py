@@ -14,7 +14,6 @@ from symcheck.engines.base import Engine
 from symcheck.lazy_dataclass import dataclass
 from symcheck.options import Options, OptionValues, make_options
 from symcheck.semantics.binding.bind import bind, check_constant_names, undefined_constants
-from symcheck.semantics.binding.parameters import Ranges
 from symcheck.semantics.expressions.literals import as_expression
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import WITHOUT_KEYWORD, ModelType
@@ -22,6 +21,7 @@ from symcheck.syntax.declarations import Program
 from symcheck.time_limit import seconds_left, within
 
 if TYPE_CHECKING:
+    from symcheck.semantics.binding.parameters import Ranges
     from symcheck.semantics.reduction.reset_dead_variables import Reduction
 
 __all__ = ["Observer", "Smaller", "Stages", "limited"]

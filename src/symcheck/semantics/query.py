@@ -29,7 +29,6 @@ from symcheck.semantics.path_formulas import (
     over_leaves,
     path_formula,
 )
-from symcheck.semantics.players import members
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.semantics.time_bounds import RewardWindow, Window, bound_value, counts, window
 from symcheck.syntax import ast
@@ -349,7 +348,11 @@ def query_of(formula: ast.AnyMeasure, model: BoundModel) -> Query[Expression]:
             "this is not available for timed automata: their properties are checked one by one"
         )
     require(model, quantity.feature)
-    together = None if formula.coalition is None else members(formula.coalition, model)
+    together = None
+    if formula.coalition is not None:
+        from symcheck.semantics.players import members
+
+        together = members(formula.coalition, model)
     return Query(quantity, direction, threshold, nature, together)
 
 

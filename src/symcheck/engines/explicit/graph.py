@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +15,9 @@ from symcheck.engines.explicit.base import ExplicitOwner
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Bools, spans
 from symcheck.numerics import graph
-from symcheck.numerics.game_graph import Arena
+
+if TYPE_CHECKING:
+    from symcheck.numerics.game_graph import Arena
 
 __all__ = ["ExplicitGraph"]
 
@@ -95,6 +98,8 @@ class ExplicitGraph:
 
     def _arena(self, opponents: Bools, direction: Direction | None) -> Arena:
         """The game of those who maximise against those who minimise."""
+        from symcheck.numerics.game_graph import Arena
+
         return Arena(self._edges, opponents ^ (direction is Direction.MIN))
 
     def bsccs(self) -> Iterator[ArraySet]:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
-from symcheck.engines.parametric.functions import FIELD
 from symcheck.errors import UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Rationals, rationals
@@ -183,6 +182,8 @@ def apply_to_functions(operation: Operator | Function, *values: Any) -> Any:
         return (min if operation is Function.MIN else max)(values)
     if operation in (Operator.POWER, Function.POW) and values[1] == int(values[1]):
         return values[0] ** int(values[1])
+    from symcheck.engines.parametric.functions import FIELD
+
     if operation in FIELD:
         return FIELD[operation](*values)
     raise UnsupportedError(f"{operation!s} of functions of parameters is no rational function")

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from symcheck.errors import InputError, Span, UnsupportedError
 from symcheck.semantics.binding.composition import events
 from symcheck.semantics.binding.label_references import inline_labels
 from symcheck.semantics.binding.module_renaming import ModuleInstance
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable
-from symcheck.semantics.binding.parameters import Ranges, check_places, check_ranges
-from symcheck.semantics.binding.player_declarations import check_players
 from symcheck.semantics.binding.probability_sums import normalised_modules
 from symcheck.semantics.binding.static_checks import (
     CheckedProgram,
@@ -39,6 +38,9 @@ from symcheck.semantics.model import (
 )
 from symcheck.syntax.ast import WITHOUT_KEYWORD, Expression, Literal, ModelType, Type, Weights
 from symcheck.syntax.declarations import Command, Constant, Program, RewardStructure, Update
+
+if TYPE_CHECKING:
+    from symcheck.semantics.binding.parameters import Ranges
 
 __all__ = ["bind", "check_constant_names", "exactly_bound", "undefined_constants"]
 
@@ -95,16 +97,22 @@ def bind(
     report.raise_all()
     exact = exact or bool(parameters)
     table = SymbolTable(report, exact)
-    check_ranges(parameters or {}, program.constants, report)
-    table.parameters = (parameters or {}).keys()
+    if parameters:
+        from symcheck.semantics.binding.parameters import check_places, check_ranges
+
+        check_ranges(parameters, program.constants, report)
+        table.parameters = parameters.keys()
     set_constants(table, program.constants, constants or {})
     check_values_given(table, program.constants)
     checked = check_program(program, table)
     report.raise_all()
     kind = model_type or program.type or WITHOUT_KEYWORD
     require_type(kind)
-    check_players(checked, kind)
-    report.raise_all()
+    if program.players or kind.players > 1:
+        from symcheck.semantics.binding.player_declarations import check_players
+
+        check_players(checked, kind)
+        report.raise_all()
     divides = not exact if normalise is None else normalise and not parameters
     bound = _Builder(checked, constants or {}).build(kind, divides)
     if not parameters:

@@ -15,7 +15,6 @@ from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
 from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.binding.bound_conditions import check_conditions, for_one_player
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, undefined
-from symcheck.semantics.binding.parameters import with_open_thresholds
 from symcheck.semantics.binding.property_references import PropertyReferences
 from symcheck.semantics.binding.static_checks import check_constants, check_label, set_constants
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
@@ -436,7 +435,10 @@ class _Properties:
             for label in self.texts.used_labels(whole):
                 self.scope.expand(self.texts.label(label))
             formula = for_one_player(self.scope.expand(whole), self.model)
-            formula = with_open_thresholds(formula, self.model.parameters)
+            if self.model.parameters:
+                from symcheck.semantics.binding.parameters import with_open_thresholds
+
+                formula = with_open_thresholds(formula, self.model.parameters)
             check_conditions(formula, self.model)
         except InputError as error:
             fault = error

@@ -11,7 +11,6 @@ from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.expressions.evaluate import evaluate, evaluate_constant
 from symcheck.semantics.expressions.literals import format_value, to_float
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.semantics.players import members
 from symcheck.syntax.ast import (
     Binary,
     BinaryTemporal,
@@ -146,6 +145,8 @@ class _Conditions:
 
     def _coalition(self, node: Measure) -> None:
         if node.coalition is not None:
+            from symcheck.semantics.players import members
+
             try:
                 members(node.coalition, self.model)
             except InputError as fault:

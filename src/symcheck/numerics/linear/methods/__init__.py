@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 
 from symcheck.errors import UnsupportedError
-from symcheck.numerics.linear import games
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.methods import (
@@ -52,6 +51,8 @@ def solve_linear(
     if problem.opponents is not None and problem.n > 0 and (method.sound or not problem.least):
         if not method.sound:
             raise UnsupportedError(f"method '{method.name}' does not solve such rewards of games")
+        from symcheck.numerics.linear import games
+
         return games.solve(problem, settings, observer, solve_linear)
     if problem.n == 0:
         none = problem.constant[:0]

@@ -21,8 +21,6 @@ from symcheck.matrices.rational_functions import FunctionField, RationalFunction
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.matrices.weights import O
 from symcheck.numerics import graph
-from symcheck.numerics.linear.functions import least_functions
-from symcheck.numerics.linear.lifting import lifted
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.linear.rational import (
     Number,
@@ -56,6 +54,7 @@ def solve(
     """The exact least solution. Raises NumericalError where it is not unique or not finite."""
     field = _parameters(problem)
     if field is not None and field.lifting is not None:
+        from symcheck.numerics.linear.lifting import lifted
         from symcheck.numerics.linear.methods import solve_linear
 
         box, direction = field.lifting
@@ -97,6 +96,8 @@ def _solve_functions(
     policy: Int64s | None = None
     if problem.mode == 0:
         rounds = 1
+        from symcheck.numerics.linear.functions import least_functions
+
         values = rationals(least_functions(problem.rows, constant))
     else:
         rows: list[Row[Number]] = number_rows(problem.rows, lambda function: function)
