@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from symcheck.direction import Direction
 from symcheck.matrices.numbers import Numbers, numbers
 from symcheck.matrices.rows import Bools, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem, Observer
-from symcheck.numerics.settings import ROUNDING, Settings
+from symcheck.numerics.settings import Settings
 
 __all__ = ["until_bounds"]
 
@@ -54,9 +52,5 @@ def until_bounds(
         solution = solve_linear(
             LinearProblem(enter, part, None, leave, direction, True), settings, observer
         )
-        rounding_error = ROUNDING if solution.up_to_rounding and not exact else 0
-        low[unknown], high[unknown] = (
-            solution.lower * (1 - rounding_error),
-            np.minimum(solution.upper * (1 + rounding_error), 1),
-        )
+        low[unknown], high[unknown] = solution.lower, solution.upper
     return low, high

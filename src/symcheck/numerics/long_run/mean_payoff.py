@@ -76,13 +76,14 @@ class Gains:
 class _EndComponent:
     """An end component with the rows that stay inside; rewards, float64[rows], are maximised.
 
-    states, rows_of: its states and rows in the whole matrix.
+    states, rows_of: its states and rows in the whole matrix. error: of probabilities, relative.
     """
 
     matrix: SparseMatrix
     rewards: Numbers = field(repr=False)
     states: Int32s = field(repr=False)
     rows_of: Int64s = field(repr=False)
+    error: float = tuning.ENTRY_ERROR
 
     @property
     def groups(self) -> Int64s:
@@ -104,15 +105,14 @@ class _EndComponent:
             return full(self.matrix.rows, 0, rational=True)
         of_state = np.repeat(np.abs(h), np.diff(self.groups))
         terms = np.abs(self.rewards) + self.matrix.multiply(np.abs(h)) + of_state
-        return np.asarray((self.matrix.longest + 6) * 2.0**-52 * terms)
+        return np.asarray(((self.matrix.longest + 6) * 2.0**-52 + 2.0 * self.error) * terms)
 
     def rounding_error(self, h: Numbers) -> float:
         """A bound on the rounding error of T h - h; 0 in rational arithmetic."""
         if self.matrix.is_rational:
             return 0
         return float(
-            (self.matrix.longest + 6)
-            * 2.0**-52
+            ((self.matrix.longest + 6) * 2.0**-52 + 2.0 * self.error)
             * (np.abs(self.rewards).max() + 2.0 * np.abs(h).max())
         )
 
@@ -123,6 +123,7 @@ def component_gains(
     direction: Direction,
     settings: Settings,
     observer: Observer | None = None,
+    error: float = tuning.ENTRY_ERROR,
 ) -> Gains:
     """The optimal long-run average reward per step in each maximal end component.
 
@@ -132,6 +133,7 @@ def component_gains(
         direction: maximise or minimise the average.
         settings: the accuracy.
         observer: receives the progress.
+        error: of the probabilities, relative.
 
     Returns:
         Certified bounds, a quarter of epsilon apart unless rounding prevents it.
@@ -149,7 +151,7 @@ def component_gains(
         np.maximum.at(best, parts.of[owner[parts.rows]], sign * rewards[parts.rows])
         lower[singleton] = upper[singleton] = best[singleton]
     for c, part in _larger_components(matrix, sign * rewards, parts, sizes, owner):
-        gain = _gain(part, settings, observer)
+        gain = _gain(replace(part, error=error), settings, observer)
         lower[c], upper[c] = gain.lower, gain.upper
         iterations += gain.iterations
         largest = max(largest, part.matrix.states)
@@ -286,6 +288,7 @@ def _rational_gain(part: _EndComponent) -> tuple[float, float]:
     else:
         size = _policies(replace(exact, rewards=np.abs(exact.rewards)), nothing, finest)[1]
     error = size * Fraction(8 * (n + part.matrix.longest)) * Fraction(tuning.UNIT_ROUNDOFF)
+    error += size * 2 * n * Fraction(part.error)
     return (
         float(np.nextafter(float(low - error), -np.inf)),
         float(np.nextafter(float(high + error), np.inf)),
@@ -454,7 +457,10 @@ def _floating_bias(chain: SparseMatrix, rewards: Floats, anchor: int) -> Floats 
 
 
 def mec_quotient(
-    matrix: SparseMatrix, gains: Gains, direction: Direction
+    matrix: SparseMatrix,
+    gains: Gains,
+    direction: Direction,
+    error: float = tuning.ENTRY_ERROR,
 ) -> tuple[LinearProblem, Int32s, Int64s]:
     """The equations for the optimal expected gain of the end component in which a run stays.
 
@@ -465,6 +471,7 @@ def mec_quotient(
         matrix: the MDP.
         gains: bounds on the gains, which must not be negative.
         direction: maximise or minimise.
+        error: of the probabilities, relative.
 
     Returns:
         The equations, the state of the quotient of each state, int32[n], and the row of the matrix
@@ -489,5 +496,13 @@ def mec_quotient(
     low, high = (np.concatenate((none, g))[order] for g in (gains.lower, gains.upper))
     leave = np.concatenate((none, one))[order]
     origin = np.concatenate((rows, np.full(parts.count, -1)))[order]
-    problem = LinearProblem(low, whole.choose(order, groups), high, leave, direction, False)
+    problem = LinearProblem(
+        low,
+        whole.choose(order, groups),
+        high,
+        leave,
+        direction,
+        probability=False,
+        error=error + matrix.longest * tuning.UNIT_ROUNDOFF,
+    )
     return problem, state, origin

@@ -152,13 +152,18 @@ def is_squared(h: Horizon) -> bool:
     return isinstance(rates, SparseMatrix) and h.leave is not None and squaring_pays(rates, h.steps)
 
 
-def squared(h: Horizon, terminal: Floats | None, reward_rate: Floats | None) -> Transient:
+def squared(
+    h: Horizon,
+    terminal: Floats | None,
+    reward_rate: Floats | None,
+    error: float = tuning.ENTRY_ERROR,
+) -> Transient:
     """Both parts, for a small chain (see `is_squared`)."""
     rates, leave = h.rates, h.leave
     assert isinstance(rates, SparseMatrix)
     assert leave is not None
     # Of a sum, its quotient, a sum with what was cut off, and the product.
-    error = tuning.ENTRY_ERROR + (rates.longest + 4) * tuning.UNIT_ROUNDOFF
+    error = max(error, tuning.ENTRY_ERROR) + (rates.longest + 4) * tuning.UNIT_ROUNDOFF
     leave = leave * h.exit_rates
     earned = np.zeros(rates.states) if reward_rate is None else reward_rate
     chain, reward, halvings = IntervalChain.of_rates(rates, leave, h.time, earned, error)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import reduce
 
 import numpy as np
@@ -40,6 +42,7 @@ def transient_values(
     observer: Observer | None = None,
     leave: Floats | None = None,
     limit: Callable[[], Floats] | None = None,
+    error: float = tuning.ENTRY_ERROR,
 ) -> Transient:
     """Bounds on x(time) for every state. All arrays are non-negative, float64[n].
 
@@ -54,6 +57,7 @@ def transient_values(
         leave: the probabilities of leaving for states outside; None: not known, and small chains
             are not squared.
         limit: computes an upper bound on the values at any time.
+        error: of the rates, relative.
 
     Returns:
         Bounds, which are further apart than requested if rounding or the work does not allow for
@@ -77,13 +81,34 @@ def transient_values(
         nothing = np.zeros(len(exit_rates))
         return Transient(nothing, nothing.copy(), 0, "no reward is earned: 0")
     if is_squared(horizon):
-        return squared(horizon, terminal, reward_rate)
+        return squared(horizon, terminal, reward_rate, error)
     total = reduce(Transient.plus, (computed(Part(horizon, *start)) for start in starts))
-    return total.widened(tuning.UNDERFLOW_BOUND)
+    found = _perturbed(total, horizon.steps, rates.longest, error)
+    return found.widened(tuning.UNDERFLOW_BOUND)
+
+
+def _perturbed(found: Transient, steps: float, longest: int, error: float) -> Transient:
+    """Bounds for rates that have this relative error, beyond what all methods include.
+
+    The weight of a path with k jumps changes by a factor within exp(±error (k + q t)); that there
+    are more jumps than `most` has a probability below 1e-300.
+    """
+    of_steps = max(error - tuning.ENTRY_ERROR, 0.0)
+    of_exits = max(error - (longest + 2) * tuning.UNIT_ROUNDOFF, 0.0)
+    if of_steps + of_exits == 0.0:
+        return found
+    most = steps + 40.0 * math.sqrt(steps) + 1_000.0
+    relative = math.expm1(min(of_steps * most + of_exits * steps, 700.0))
+    lower, upper = found.lower * max(1.0 - relative, 0.0), found.upper * (1.0 + relative)
+    return replace(found, lower=lower, upper=upper)
 
 
 def transient_distribution(
-    kernel: TransitionKernel[SparseMatrix], initial: Floats, time: float, settings: Settings
+    kernel: TransitionKernel[SparseMatrix],
+    initial: Floats,
+    time: float,
+    settings: Settings,
+    error: float = tuning.ENTRY_ERROR,
 ) -> Transient:
     """Bounds on the probability of each state at a time.
 
@@ -92,18 +117,20 @@ def transient_distribution(
         initial: the initial distribution, float64[n].
         time: the time.
         settings: accuracy and limits.
+        error: of the rates, relative.
     """
     rates, exit_rates = kernel.weights, kernel.exit_rates
     assert exit_rates is not None, "time is continuous"
     steps = float(exit_rates.max(initial=0.0)) * time
     if squaring_pays(rates, steps):
         nothing = np.zeros(rates.states)
-        error = tuning.ENTRY_ERROR + rates.longest * tuning.UNIT_ROUNDOFF
+        error = max(error, tuning.ENTRY_ERROR) + rates.longest * tuning.UNIT_ROUNDOFF
         squared, _, halvings = IntervalChain.of_rates(rates, nothing, time, nothing, error)
         found = squared.distribution(1 << halvings, initial)
         text = f"{found.squarings} squarings of a matrix"
         return Transient(found.lower, found.upper, found.squarings, text)
     chain = uniformize(rates, exit_rates, transposed=True)
     series = sum_series(chain, initial, time, False, settings, None, None, mass=True)
+    series = _perturbed(series, steps, rates.longest, error)
     series.upper[:] = np.minimum(series.upper, 1.0)
     return series
