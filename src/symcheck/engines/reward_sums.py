@@ -25,7 +25,7 @@ from symcheck.matrices.rows import Bools, Floats, Int64s, per_row
 from symcheck.numerics import rational_limits
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.binding.bind import exactly_bound
-from symcheck.semantics.entry_errors import ROUGH, expression_error
+from symcheck.semantics.entry_errors import expression_error
 from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_float
 from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.interpreter import State, action_rewards, state_rewards, transitions
@@ -103,10 +103,7 @@ class RewardSums:
             return 2 * UNIT_ROUNDOFF
         if sum(map(self._most, items)) <= LARGEST_WHOLE:
             return 0.0
-        natural = {v.name for v in variables if v.low is not None and v.low >= 0}
-        errors = (
-            expression_error(item.value, self._type, natural.__contains__, ROUGH) for item in items
-        )
+        errors = (expression_error(i.value, variables, tuning.TABLE_BITS) for i in items)
         return max(errors, default=0.0) + 2 * len(items) * UNIT_ROUNDOFF
 
     def _most(self, item: BoundReward) -> float:

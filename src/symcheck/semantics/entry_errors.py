@@ -9,16 +9,17 @@ Source: Higham (2002), Accuracy and stability of numerical algorithms, section 3
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from fractions import Fraction
+from functools import partial
 from math import inf, prod
 
 from symcheck.errors import InputError
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_float
-from symcheck.semantics.expressions.running_errors import is_accurate
+from symcheck.semantics.expressions.running_errors import is_normal
 from symcheck.semantics.expressions.types import static_type
-from symcheck.semantics.model import BoundCommand, BoundModel, Event
+from symcheck.semantics.model import BoundCommand, BoundModel, Event, Variable
 from symcheck.syntax.ast import (
     Binary,
     Call,
@@ -30,19 +31,23 @@ from symcheck.syntax.ast import (
     Unary,
 )
 from symcheck.syntax.operators import Function, Operator
-from symcheck.syntax.traversal import names, nodes
+from symcheck.syntax.traversal import names
 
-__all__ = ["ROUGH", "entry_error", "expression_error"]
+__all__ = ["entry_error", "expression_error"]
 
 UNIT = 2.0**-53
-CLOSE = 2.0**-40
+CLOSE = 2.0**-43
 """The relative error of an expression that may cancel: see `NUMBER` in the register machine."""
 ROUGH = 2.0**-30
-"""Likewise of one that diagrams compute operator by operator."""
+"""Likewise of one that diagrams compute operator by operator, as its valuations are many."""
 
 
 def entry_error(
-    model: BoundModel, terms: int | None = None, *, shares: bool = True, rough: bool = False
+    model: BoundModel,
+    terms: int | None = None,
+    *,
+    shares: bool = True,
+    table_bits: int | None = None,
 ) -> float:
     """A bound on the relative error of any sum of entries of a row.
 
@@ -51,7 +56,8 @@ def entry_error(
         terms: the most transitions of a row before those to the same state are added; None: as
             many as the commands permit.
         shares: whether choices of a DTMC may share its probability, other than by powers of 2.
-        rough: whether expressions of many valuations are diagrams.
+        table_bits: the bits of the variables up to which expressions are tabulated; None: they are
+            computed one valuation after the other.
 
     Examples:
         >>> import symcheck
@@ -65,15 +71,7 @@ def entry_error(
     if terms is None:
         counts = [_combinations(e, chain=chain) for e in model.events]
         terms = sum(counts) if chain else max(counts)
-    close = ROUGH if rough else CLOSE
-    types = {v.name: v.type for v in model.variables}
-    natural = {v.name for v in model.variables if v.low is not None and v.low >= 0}
-
-    def of(expression: Expression) -> float:
-        return expression_error(
-            expression, lambda e: static_type(e, types.__getitem__), natural.__contains__, close
-        )
-
+    of = partial(expression_error, variables=model.variables, table_bits=table_bits)
     known: dict[int, tuple[float, int, bool]] = {}
 
     def of_command(command: BoundCommand) -> tuple[float, int, bool]:
@@ -140,19 +138,28 @@ def _is_power(expression: Expression) -> bool:
 
 
 def expression_error(
-    expression: Expression,
-    type_of: Callable[[Expression], Type],
-    is_natural: Callable[[str], bool],
-    close: float = CLOSE,
+    expression: Expression, variables: Sequence[Variable], table_bits: int | None = None
 ) -> float:
     """A bound on the relative error of an expression in doubles.
 
     Args:
         expression: the expression.
-        type_of: the type of a subexpression.
-        is_natural: whether a variable is never negative.
-        close: the bound where it may cancel.
+        variables: those of the model.
+        table_bits: as for `entry_error`.
     """
+    types = {v.name: v.type for v in variables}
+
+    def type_of(node: Expression) -> Type:
+        return static_type(node, types.__getitem__)
+
+    def is_natural(name: str) -> bool:
+        return any(v.name == name and v.low is not None and v.low >= 0 for v in variables)
+
+    def close() -> float:
+        read = names(expression)
+        domains = [v.domain for v in variables if v.name in read]
+        bits = sum(inf if d is None else len(d).bit_length() for d in domains)
+        return CLOSE if table_bits is None or bits <= table_bits else ROUGH
 
     def error(node: Expression) -> float:
         if type_of(node) is not Type.DOUBLE:
@@ -161,6 +168,8 @@ def expression_error(
             if isinstance(node, Literal):
                 return 0.0 if abs(Fraction(node.value)) <= LARGEST_WHOLE else UNIT
             return UNIT
+        if not names(node) and not isinstance(node, Literal):
+            return _constant_error(node)
         match node:
             case Literal(value):
                 return 0.0 if to_float(value) == value else UNIT
@@ -171,18 +180,69 @@ def expression_error(
             case Binary(Operator.TIMES | Operator.DIVIDE as operator, x, y):
                 power = _is_power(y) or (operator is Operator.TIMES and _is_power(x))
                 return error(x) + error(y) + (0.0 if power else UNIT)
-            case Binary(Operator.PLUS, x, y):
+            case Binary(Operator.PLUS, x, y) if natural(x) and natural(y):
                 return max(error(x), error(y)) + UNIT
             case Call(Function.MIN | Function.MAX, arguments):
                 return max(map(error, arguments))
             case _:
                 return inf
 
-    if type_of(expression) is not Type.DOUBLE or is_accurate(expression, type_of, is_natural):
-        return error(expression)
-    irrational = any(
-        (isinstance(n, Call) and n.function in (Function.POW, Function.LOG))
-        or (isinstance(n, Binary) and n.operator is Operator.POWER)
-        for n in nodes(expression)
-    )
-    return UNIT if not (irrational or names(expression)) else close
+    def natural(node: Expression) -> bool:
+        match node:
+            case Name(name):
+                return is_natural(name)
+            case Binary(Operator.PLUS | Operator.TIMES | Operator.DIVIDE, x, y):
+                return natural(x) and natural(y)
+            case Conditional(_, x, y):
+                return natural(x) and natural(y)
+            case _:
+                value = _constant(node)
+                return value is not None and value >= 0
+
+    found = error(expression)
+    if type_of(expression) is not Type.DOUBLE or found == 0.0:
+        return found
+    if found < CLOSE and is_normal(expression, type_of):
+        return found
+    return close()
+
+
+def _constant_error(expression: Expression) -> float:
+    """A bound on the relative error of an expression without names; infinite if none is known."""
+
+    def enclosed(node: Expression) -> tuple[Fraction, Fraction] | None:
+        """The value and a bound on the absolute error of its double."""
+        value = _constant(node)
+        if value is None:
+            return None
+        rounding = Fraction(0) if Fraction(to_float(value)) == value else abs(value) * _UNIT
+        match node:
+            case Literal():
+                return value, rounding
+            case Unary(_, operand):
+                return None if (x := enclosed(operand)) is None else (value, x[1])
+            case Binary(operator, left, right):
+                x, y = enclosed(left), enclosed(right)
+                if x is None or y is None:
+                    return None
+                match operator:
+                    case Operator.PLUS | Operator.MINUS:
+                        error = x[1] + y[1]
+                    case Operator.TIMES:
+                        error = abs(x[0]) * y[1] + abs(y[0]) * x[1] + x[1] * y[1]
+                    case Operator.DIVIDE if abs(y[0]) > y[1]:
+                        error = (x[1] + abs(value) * y[1]) / (abs(y[0]) - y[1])
+                    case _:
+                        return None
+                return value, error + ((abs(value) + error) * _UNIT if error else rounding)
+            case _:
+                return None
+
+    found = enclosed(expression)
+    if found is None:
+        return inf
+    value, error = found
+    return to_float(error / abs(value)) * (1.0 + 1e-9) if value else (inf if error else 0.0)
+
+
+_UNIT = Fraction(1, 2**53)

@@ -114,7 +114,7 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
     @cached_property
     def entry_error(self) -> float:
         """A bound on the relative error of a sum of entries of a row."""
-        return entry_error(self.model, rough=True)
+        return entry_error(self.model, table_bits=tuning.TABLE_BITS)
 
     @cached_property
     def all(self) -> SymbolicSet:
