@@ -46,6 +46,7 @@ MethodName = Literal[
     "power",
     "rational",
 ]
+TimedMethodName = Literal["auto", "digital", "games", "backwards"]
 AutomatonSyntax = Literal["lbt", "spin", "spot", "rabinizer"]
 ENGINES: tuple[str, ...] = get_args(EngineName)
 METHODS: tuple[str, ...] = get_args(MethodName)
@@ -87,9 +88,9 @@ def read_count(text: str) -> int:
     return int(text) if text.isdigit() else int(value)
 
 
-def _at_least_one(value: int) -> int:
+def _at_least_one(value: int, message: str) -> int:
     if value == 0:
-        raise ValueError("there is at least one thread: this one")
+        raise ValueError(message)
     return value
 
 
@@ -156,11 +157,14 @@ _FRACTION = ValueType(
     "X",
 )
 _COUNT = ValueType("a whole number from 0", _is_count, read_count, "N")
-_THREADS = ValueType(
+_POSITIVE = ValueType(
     "a whole number from 1, or None",
     lambda value: value is None or (_is_count(value) and cast(int, value) > 0),
-    lambda text: _at_least_one(read_count(text)),
+    lambda text: _at_least_one(read_count(text), "1 is the least number here"),
     "N",
+)
+_THREADS = _POSITIVE._replace(
+    read=lambda text: _at_least_one(read_count(text), "there is at least one thread: this one")
 )
 _BYTES = ValueType(
     "a number of bytes, or None",
@@ -252,6 +256,15 @@ class Options:
         "Compute with rational numbers throughout; decimals in the model are exact fractions.",
         _switch("exact", "rational arithmetic", True),
     )
+    timed_method: TimedMethodName = _option(
+        "auto",
+        _choice("method", get_args(TimedMethodName)),
+        "method",
+        "How time in a timed automaton is treated: by digital clocks, or by zones ('backwards'), "
+        "which also take strict constraints and compare clocks; 'auto' uses zones where digital "
+        "clocks cannot be used. Stochastic games ('games') are not there: backwards is used.",
+        _switch("ptamethod", "digital clocks or zones (default: zones where they are needed)"),
+    )
     epsilon: float = _option(
         1e-6,
         _FRACTION,
@@ -312,6 +325,22 @@ class Options:
         "method",
         "Reach the accuracy at every state, and not only at those that the result reads, the "
         "initial states or those of a filter (implied by `-exportvector`).",
+    )
+    grid_resolution: int | None = _option(
+        None,
+        _POSITIVE,
+        "method",
+        "Partially observed models: bounds use beliefs whose probabilities are multiples of one "
+        "over this number. None: it grows until the bounds are close enough, or very many beliefs "
+        "are explored.",
+        _switch("gridresolution", "resolution of the grid of beliefs of a POMDP"),
+    )
+    beliefs: int | None = _option(
+        None,
+        _POSITIVE,
+        "method",
+        "Partially observed models: the most beliefs that are kept exactly. None: 64,000.",
+        _switch("beliefs", "the most beliefs of a POMDP that are kept exactly"),
     )
     ltl2da: str | None = _option(
         None,
@@ -431,6 +460,7 @@ class OptionValues(TypedDict, total=False):
 
     engine: EngineName
     method: MethodName
+    timed_method: TimedMethodName
     exact: bool
     epsilon: float
     relative: bool
@@ -440,6 +470,8 @@ class OptionValues(TypedDict, total=False):
     bisim: bool
     strategy: bool
     everywhere: bool
+    grid_resolution: int | None
+    beliefs: int | None
     ltl2da: str | None
     ltl2da_syntax: AutomatonSyntax
     fix_deadlocks: bool

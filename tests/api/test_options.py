@@ -89,6 +89,7 @@ SWITCHES = [
     ("--hybrid", "engine", "hybrid"),
     ("-method interval", "method", "interval"),
     ("-exact", "exact", True),
+    ("-ptamethod backwards", "timed_method", "backwards"),
     ("-e 1e-3", "epsilon", 1e-3),
     ("-abs", "relative", False),
     ("-maxiters 1e3", "max_iterations", 1000),

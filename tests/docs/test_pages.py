@@ -68,6 +68,15 @@ def test_python_prints_what_the_page_says(page: str, monkeypatch: pytest.MonkeyP
     )
 
 
+@pytest.mark.parametrize("block", blocks("modelling.md", "prism"))
+def test_models_of_the_chapter_on_modelling_are_files(block: str) -> None:
+    """A block begins with the name of its file, which holds the lines of the block in this order."""
+    name, *shown = block.splitlines()
+    lines = iter((ROOT / name.removeprefix("// ")).read_text().splitlines())
+    for line in filter(str.strip, shown):
+        assert line in lines, line
+
+
 @pytest.mark.parametrize("page", [*PAGES, "../README.md", "../CONTRIBUTING.md"])
 def test_installations_name_existing_extras(page: str) -> None:
     known = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]

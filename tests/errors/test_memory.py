@@ -45,7 +45,10 @@ def _bound() -> symcheck.BoundModel:
             lambda: symcheck.export(symcheck.load(DIE), "die.drn"),
         ),
         ("symcheck.exchange.api_io.read_files", lambda: symcheck.load_explicit("die.all")),
-        ("symcheck.simulate.steps.Steps.start", lambda: symcheck.load(DIE).simulate(3)),
+        (
+            "symcheck.simulate.steps.CommandSuccessors.start",
+            lambda: symcheck.load(DIE).simulate(3),
+        ),
         ("symcheck.simulate.samples.Sampler", lambda: symcheck.load(DIE).estimate("P=? [ F d=6 ]")),
     ],
 )

@@ -13,7 +13,7 @@ from symcheck.errors import NameFault, UsageError
 from symcheck.semantics.binding.bind import bind
 from symcheck.simulate.path import PathFormat, rows, table
 from symcheck.simulate.stepper import simulate
-from symcheck.simulate.steps import Steps
+from symcheck.simulate.steps import CommandSuccessors
 from symcheck.syntax.parse import parse_model
 
 COUNTER = """dtmc
@@ -27,8 +27,8 @@ rewards x<3 : x; [up] true : 2; endrewards
 CLOCK = "ctmc module ticker x:[0..1]; [] true -> 2:(x'=1-x); endmodule"
 
 
-def model(text: str = COUNTER) -> Steps:
-    return Steps(bind(parse_model(text), {}))
+def model(text: str = COUNTER) -> CommandSuccessors:
+    return CommandSuccessors(bind(parse_model(text), {}))
 
 
 def test_table() -> None:

@@ -23,7 +23,7 @@ from symcheck.semantics.rewards import Structure
 from symcheck.simulate.lazy_chain import LazyChain
 from symcheck.simulate.sources import CommandSource
 from symcheck.simulate.stepper import simulate
-from symcheck.simulate.steps import Steps
+from symcheck.simulate.steps import CommandSuccessors
 from symcheck.syntax.ast import ModelType
 from symcheck.syntax.parse import parse_model
 
@@ -73,7 +73,7 @@ def test_steps_are_transitions_of_the_explored_model(seed: int, kind: str) -> No
     model = model_of(seed, kind)
     explored = explore(model, Options())
     matrix = explored.matrix
-    path = simulate(Steps(model), 40, seed=seed, loop_check=False)
+    path = simulate(CommandSuccessors(model), 40, seed=seed, loop_check=False)
     states = list(explored.states)
     numbers = [states.index(s.state) for s in path]
     assert numbers[0] in explored.initial
@@ -148,7 +148,7 @@ def test_sojourn_times_are_exponential() -> None:
         {},
     )
     assert model.type is ModelType.CTMC
-    path = simulate(Steps(model), 8000, seed=1)
+    path = simulate(CommandSuccessors(model), 8000, seed=1)
     stays = np.diff(path.times)
     for value, rate in ((0, 5.0), (1, 0.25)):
         own = np.sort(stays[np.array(path.values("x"))[:-1] == value])

@@ -40,6 +40,11 @@ def test_properties_of_the_types(
     assert found is kind
 
 
-def test_there_is_no_type_with_choices_in_continuous_time() -> None:
-    with pytest.raises(LookupError, match="choices in continuous time"):
-        ModelType.with_properties(continuous_time=True, has_choices=True)
+def test_no_type_has_clocks_and_rates() -> None:
+    with pytest.raises(LookupError, match="no type of models has these properties"):
+        ModelType.with_properties(continuous_time=True, has_clocks=True)
+
+
+def test_a_type_with_choices_in_continuous_time() -> None:
+    found = ModelType.with_properties(continuous_time=True, has_choices=True)
+    assert (found.value, found.players, found.has_own_syntax) == ("ma", 1, True)

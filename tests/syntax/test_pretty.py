@@ -287,7 +287,7 @@ def test_numbers_without_digits_become_quotients() -> None:
     assert pretty_number(Fraction(1, 3)) == "(1.0/3.0)"
 
 
-RESERVED = "A C E F G I P Pmax Pmin R Rmax Rmin S U W X clock endinvariant filter invariant pta"
+RESERVED = "A C E F G I P Pmax Pmin R Rmax Rmin S U W X filter pta"
 """Words of properties and of other models, which a model cannot use as names either."""
 
 

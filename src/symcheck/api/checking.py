@@ -91,6 +91,18 @@ class CheckedModel(Stages):
         """The model for properties that are checked together. Arguments: those of `reduced_for`."""
         return PreparedModel(self.reduced_for(instances, all_states=all_states), instances)
 
+    def deciding(self, instance: PropertyInstance) -> Self | None:
+        """The model that decides a property of a timed automaton; None for other models."""
+        clocks = self.bound.clocks
+        if clocks is None and not self.bound.type.has_clocks:
+            return None
+        if clocks is not None and clocks.asked is not None:
+            return self
+        from symcheck.api.timed import deciding_model
+
+        automaton = self.bound if clocks is None else clocks.automaton
+        return replace(self, smaller=Smaller(deciding_model(automaton, instance, self.options)))
+
     @cached_property
     def _reduced_models(self) -> dict[tuple[object, ...], Self]:
         """The last reduced model, by the properties that it was reduced for."""
@@ -281,6 +293,11 @@ class CheckedModel(Stages):
         Raises:
             SymcheckError: see `check`.
         """
+        timed = self.deciding(instance)
+        if timed is not None:
+            from symcheck.api.timed import check_timed
+
+            return check_timed(timed.engine, instance, options or self.options, observer)
         bound, labels = instance.bind(self.bound)
         return check(
             self.engine,

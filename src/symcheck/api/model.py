@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from symcheck.simulate.path import Path as RandomPath
     from symcheck.simulate.statistics import Method, Plan
     from symcheck.simulate.stepper import Simulator
-    from symcheck.simulate.steps import Steps
+    from symcheck.simulate.steps import CommandSuccessors
     from symcheck.teach.model_page import Page
 
 __all__ = ["Model", "StructureRewards"]
@@ -214,10 +214,10 @@ class Model(CheckedModel):
         return Simulator(self._steps, seed)
 
     @cached_property
-    def _steps(self) -> Steps:
-        from symcheck.simulate.steps import Steps
+    def _steps(self) -> CommandSuccessors:
+        from symcheck.simulate.steps import CommandSuccessors
 
-        return Steps(self.bound, self.options.check_sums)
+        return CommandSuccessors(self.bound, self.options.check_sums)
 
     def estimate(
         self,

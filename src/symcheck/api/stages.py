@@ -81,6 +81,11 @@ class Stages:
         """The model type: the given one, or that of the text, in which no keyword means MDP."""
         return self.given_type or self.program.type or WITHOUT_KEYWORD
 
+    @property
+    def is_timed(self) -> bool:
+        """Whether clocks measure time: then each property is checked on a model made for it."""
+        return self.type.has_clocks
+
     def _repr_html_(self) -> str:
         from symcheck.tables import Table
 
@@ -99,13 +104,18 @@ class Stages:
         """Constants evaluated, names resolved, types checked. Raises InputError."""
         if self.smaller is not None:
             return self.smaller.bound
-        return bind(
+        bound = bind(
             self.program,
             self.given_constants,
             model_type=self.given_type,
             exact=self.options.exact,
             normalise=self.options.check_sums and not self.options.exact,
         )
+        if not bound.type.has_clocks:
+            return bound
+        from symcheck.api.timed import displayed_model
+
+        return displayed_model(bound)
 
     def within_limits(self, compute: Callable[[], T]) -> T:
         """What a function returns within `time_limit`, with `threads`, and with its large arrays

@@ -38,6 +38,7 @@ from symcheck.numerics.inductive_bounds import (
     inductive,
 )
 from symcheck.semantics import query as asked
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.path_formulas import NextPath, PathFormula, UntilPath
 from symcheck.semantics.query import Query
 from symcheck.semantics.query import query_of as resolve
@@ -82,6 +83,7 @@ def certify(context: Context, formula: Expression) -> Certificate:
         NumericalError: no vectors were found that satisfy the inequalities, or the bounds do not
             decide the comparison of the formula.
     """
+    require(context.engine.model, Feature.CERTIFICATES)
     match formula:
         case Filter("min" | "max", inner, LabelReference("init")):
             formula = inner  # bounds in each initial state say what the least and greatest are

@@ -7,14 +7,19 @@ from dataclasses import field, replace
 from functools import cached_property
 from typing import TypeVar, cast
 
+import numpy as np
+
 from symcheck.check.result import Line, SolverRun
-from symcheck.engines.base import Engine, Equations, StateSet, Values
+from symcheck.direction import Direction
+from symcheck.engines.base import Engine, Equations, StateSet, Values, erased
+from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import Diagnostic, NameFault
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Int64s
 from symcheck.numerics.linear.problem import Observer
 from symcheck.options import Options
 from symcheck.semantics.expressions.types import type_of
+from symcheck.semantics.query import Query
 from symcheck.semantics.state_faults import describe_state
 from symcheck.syntax.ast import Expression, LabelReference, Type
 
@@ -117,6 +122,23 @@ class Context:
     def with_epsilon(self, epsilon: float) -> Context:
         """A context with another requested accuracy and the same log."""
         return replace(self, options=replace(self.options, epsilon=epsilon))
+
+    def playing(self, query: Query[StateSet]) -> tuple[Context, Direction | None]:
+        """The context in which a query of a game is computed, and its direction.
+
+        If only one side has choices, it is that of a decision process.
+        """
+        rows = self.engine.capability(ExplicitEngine)
+        if query.coalition is None or query.direction is None or rows is None:
+            return self, query.direction
+        game = rows.playing(query.coalition)
+        assert game.opponents is not None and rows.weights.groups is not None
+        choosing = np.diff(rows.weights.groups) > 1
+        if not (choosing & game.opponents).any():
+            return self, query.direction
+        if not (choosing & ~game.opponents).any():
+            return self, query.direction.dual
+        return replace(self, engine=erased(game)), query.direction
 
     def without_strategy(self) -> Context:
         """The context of what needs no strategy, such as formulas within an operator."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from symcheck.check.context import Context
 from symcheck.check.measures.base import LongRunMeasures, TimedMeasures
+from symcheck.syntax.ast import Weights
 
 __all__ = ["long_run_measures", "timed_measures"]
 
@@ -18,6 +19,10 @@ def timed_measures(context: Context) -> TimedMeasures:
         from symcheck.check.measures import ctmc
 
         return ctmc
+    if context.engine.model.weights is Weights.INTERVALS:
+        from symcheck.check.measures import interval_steps
+
+        return interval_steps
     from symcheck.check.measures import step_bounded
 
     return step_bounded

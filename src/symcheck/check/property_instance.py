@@ -71,8 +71,18 @@ class PropertyInstance:
         return " ".join(text.split())
 
     def bind(self, model: BoundModel) -> tuple[BoundProperty, Mapping[str, Expression]]:
-        """The property bound to a model, and the labels that it may use. Raises InputError."""
-        return bind_property(self.file, self.index, model, self.constants)
+        """The property bound to a model, and the labels that it may use. Raises InputError.
+
+        A property of a timed automaton is bound to the automaton, and read on the model that was
+        made for it.
+        """
+        if model.clocks is None:
+            return bind_property(self.file, self.index, model, self.constants)
+        from symcheck.semantics.timed.properties import translated
+
+        return translated(
+            model, *bind_property(self.file, self.index, model.clocks.automaton, self.constants)
+        )
 
 
 def property_instances(

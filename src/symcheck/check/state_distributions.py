@@ -34,6 +34,7 @@ from symcheck.numerics.tuning import (
     UNIT_ROUNDOFF,
 )
 from symcheck.options import Options
+from symcheck.semantics.features import Feature, require
 from symcheck.tables import Table, counted, state_table
 
 __all__ = ["Distribution", "initial_distribution", "steady_state", "transient"]
@@ -169,6 +170,7 @@ _OF_AN_MDP: Mapping[_Kind, str] = {
 
 
 def _prepared(engine: Engine, start: Numbers | None, kind: _Kind) -> Numbers:
+    require(engine.model, Feature.DISTRIBUTIONS)
     if engine.model.type.has_choices:
         raise UnsupportedError(
             f"an MDP has no {kind} distribution over its states: it depends on the strategy",

@@ -13,11 +13,12 @@ from symcheck.check.expression_values import expression_values, in_doubles
 from symcheck.check.filters import AppliedFilter
 from symcheck.check.omega_regular import ctl
 from symcheck.check.queries.path_probabilities import qualitative
-from symcheck.check.queries.values import values
+from symcheck.check.queries.values import against_nature, values
 from symcheck.check.thresholds import decide
 from symcheck.engines.base import StateSet, Values
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, UnsupportedError
 from symcheck.matrices.numbers import Numbers
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.path_formulas import PathFormula, over_leaves, path_formula
 from symcheck.semantics.query import PathProbability, Query
 from symcheck.semantics.query import query_of as resolve
@@ -137,6 +138,7 @@ def values_of(context: Context, formula: Expression, relevant: StateSet) -> Valu
         case Filter() | StateFilter():
             return applied_filter(context, formula, relevant).number().per_state
         case Quantile():
+            require(context.engine.model, Feature.QUANTILES)
             from symcheck.check.queries.quantile import quantile
 
             return quantile(context, formula, satisfying, relevant)
@@ -157,6 +159,8 @@ def _applied(context: Context, operator: Operator | Function, operands: Sequence
 
 def _clipped(context: Context, values: Values) -> Values:
     """Probabilities with bounds limited to [0, 1]."""
+    if context.engine.model.parameters:
+        return values
     if values.minimum(context.engine.all)[0] < 0:
         values = values.map(Function.MAX, 0)
     return values.map(Function.MIN, 1) if values.maximum(context.engine.all)[1] > 1 else values
@@ -188,6 +192,7 @@ def states_of(context: Context) -> Callable[[Expression], StateSet]:
 
 def path_of(context: Context, formula: PathQuantifier) -> PathFormula[StateSet]:
     """The path formula of A or E over the sets of the engine."""
+    require(context.engine.model, Feature.SOME_OR_ALL_PATHS)
     return over_leaves(path_formula(formula.path, context.engine.model), states_of(context))
 
 
@@ -252,6 +257,8 @@ def query_of(context: Context, formula: AnyMeasure) -> Query[StateSet]:
     """
     query = resolve(formula, context.engine.model)
     quantity, direction = query.quantity, query.direction
+    if context.options.fairness:
+        require(context.engine.model, Feature.FAIRNESS)
     if context.options.fairness and direction not in (None, *quantity.fair_directions):
         raise UnsupportedError(
             f"{quantity.called} over fair strategies only are not supported; without -fair they are"
@@ -265,8 +272,15 @@ def _bounded(context: Context, formula: AnyMeasure, relevant: StateSet) -> State
     threshold = query.threshold
     assert threshold is not None
     context = context.relevant_at(relevant)
-    if isinstance(query.quantity, PathProbability):
-        by_graph = qualitative(context, query.quantity.path, threshold, query.direction)
+    if context.engine.model.type.partially_observed:
+        from symcheck.check.beliefs.values import decided_by_beliefs
+
+        return decided_by_beliefs(context, query, relevant)
+    quantity = query.quantity
+    if isinstance(quantity, PathProbability):
+        inner, towards = against_nature(context, query)
+        playing, direction = inner.playing(towards)
+        by_graph = qualitative(playing, quantity.path, threshold, direction)
         if by_graph is not None:
             return by_graph
     return decide(

@@ -38,6 +38,11 @@ LISTED_ROWS = 100_000_000
 """The most states, choices and transitions that a model on diagrams is listed with for a strategy
 or a counterexample. Exploring them takes half a minute; the engine explicit has no such limit."""
 
+# Rewards that are lost where a target is missed (measures/ended_reward.py).
+FIRST_LEVELS, MOST_PAIRS = 16, 2_000_000
+"""Rewards that a strategy remembers at first, in steps of the rewards; and the most pairs of a state
+and such a reward."""
+
 # LTL formulas (omega_regular/).
 ATOMS_AS_LETTERS = 8
 """With at most this many atoms, letters are valuations of the atoms; with more, the valuations that
@@ -78,3 +83,21 @@ COMMAND_SET_CHECKS = 2000
 
 INTEGER_BITS = 300_000
 """Bits of the common denominator after all steps up to which exact steps are made in integers."""
+
+# Beliefs of partially observed models (beliefs/).
+BELIEFS = (1_000, 8_000, 64_000)
+"""Beliefs that are kept exactly in each round, until the bounds are close enough."""
+GRID_RESOLUTIONS = (4, 8, 16)
+"""The resolution of the grid beyond them, in each round."""
+GRID_BELIEFS = 4
+"""Points of the grid for each belief that is kept exactly, beyond a first thousand."""
+SUPPORTS = 20_000
+"""The most sets of possible states that are explored; beyond, strategies remember observations."""
+SUPPORT_PAIRS = 400_000
+"""The most states in all of these sets."""
+BOUNDED_BELIEFS = 400_000
+"""The most beliefs within a bound on steps."""
+POLICY_ROUNDS = 12
+"""The most improvements of a strategy with little memory."""
+POLICY_STEPS, POLICY_DISCOUNT = 64, 0.95
+"""How far expectations over the runs of a strategy look ahead."""

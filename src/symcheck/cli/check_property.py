@@ -96,7 +96,12 @@ def check_property(
         row = replace(row, error=error_text(outcome))
     else:
         row = replace(row, value=outcome.value, accuracy=outcome.accuracy, seconds=outcome.seconds)
-    if plan is None:
+    if model.is_timed and isinstance(outcome, Result):
+        engine = outcome.engine
+        assert engine is not None
+        sizes = engine.states, engine.transitions
+        state.output.line(f"States:      {engine.states} ({engine.model.clocks})")
+    if plan is None and (sizes or not model.is_timed):
         states, transitions = sizes or (model.engine.states, model.engine.transitions)
         row = replace(
             row,

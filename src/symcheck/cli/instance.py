@@ -87,7 +87,7 @@ def _check_instance(
         plan = sampling_plan(a) if a.sim else None
         if (a.simpath or a.step) and plan is None and not instances and not a.needs_model:
             return
-        if plan is None:
+        if plan is None and (a.needs_model or not model.is_timed):
             _build(state, model, watch)
     except (ResourceError, OutputError):
         raise

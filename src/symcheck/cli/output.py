@@ -90,7 +90,8 @@ class Output:
     def model(self, model: BoundModel, constants: Mapping[str, str]) -> None:
         """Type, modules, variables and given constants of a model."""
         self.line()
-        self.line(f"Type:        {model.type.name}")
+        kind = model.type if model.clocks is None else model.clocks.automaton.type
+        self.line(f"Type:        {kind.name}")
         self.line(f"Modules:     {' '.join(m.name for m in model.modules)}")
         self.line(f"Variables:   {' '.join(v.name for v in model.variables)}")
         if constants:

@@ -21,6 +21,7 @@ from symcheck.explicit.states import Rows
 from symcheck.options import Options
 from symcheck.semantics import state_faults
 from symcheck.semantics.binding.bind import bind_properties
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.query import Query, Threshold
 from symcheck.syntax.ast import Expression
@@ -87,6 +88,7 @@ def explore_on_cluster(
             bound, chosen = model, options or Options()
         case _:
             bound, chosen = model.bound, options or model.options
+    require(bound, Feature.PARTS)
     if bound.builder is not None:
         raise UnsupportedError("only models with commands are explored on a cluster")
     bound = replace(bound, observed=None, derivation=None)

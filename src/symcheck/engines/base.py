@@ -178,6 +178,11 @@ class SystemOf(Protocol[S, V]):
         ...
 
     @property
+    def opponents(self) -> Bools | None:
+        """The states in which opponents choose against a direction, bool[n]; None: it is no game."""
+        ...
+
+    @property
     def rows(self) -> int:
         """Number of rows."""
         ...
@@ -515,6 +520,11 @@ class EngineOf(Protocol[S, V]):
 
         If not, the matrix is built only where `System.operator` does not suffice.
         """
+        ...
+
+    @property
+    def has_opponents(self) -> bool:
+        """Whether it is a game: in some states, opponents choose against a direction."""
         ...
 
     @property

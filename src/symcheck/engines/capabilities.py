@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
+from symcheck.direction import Direction
 from symcheck.engines.base import CapabilityT, Engine
 from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.numbers import Numbers
@@ -23,17 +24,24 @@ if TYPE_CHECKING:
 __all__ = [
     "Capable",
     "HasActions",
+    "HasBestExpectations",
     "HasBlocks",
     "HasExploredModel",
     "HasImportedStates",
     "HasMatrix",
     "HasRationalTwin",
+    "HasUncertainty",
     "RepresentsOrbits",
 ]
 
 
 class Capable:
     """The capabilities of an engine: the protocols that its class inherits from."""
+
+    @property
+    def has_opponents(self) -> bool:
+        """Whether some states choose against the direction of what is asked: no, by default."""
+        return False
 
     def capability(self, kind: type[CapabilityT]) -> CapabilityT | None:
         """The engine under the protocol `kind`, or None.
@@ -97,6 +105,39 @@ class HasRationalTwin(Protocol):
 
         Raises:
             UnsupportedError: there is none.
+        """
+        ...
+
+
+class HasUncertainty(Protocol):
+    """Probabilities are intervals, from which nature chooses."""
+
+    def against(
+        self, direction: Direction | None, nature: Direction
+    ) -> tuple[Engine, Direction | None]:
+        """The engine in which nature minimises or maximises, and the direction to ask it for.
+
+        That engine derives the direction of nature from that of the player, so that complements are
+        computed as in other models. Where chance alone chooses, nature becomes the player.
+
+        Args:
+            direction: that of the player's strategies; None where chance alone chooses.
+            nature: that of nature, which knows the strategy.
+        """
+        ...
+
+
+class HasBestExpectations(Protocol):
+    """Nature has a direction: the best expectations of rows of intervals are known."""
+
+    def best_expectations(
+        self, lower: Numbers, upper: Numbers, direction: Direction | None
+    ) -> tuple[Numbers, Numbers]:
+        """Per row, bounds of the expectation that nature chooses, if the player has a direction.
+
+        Args:
+            lower, upper: bounds of the values of all states, not negative in doubles.
+            direction: that of the player.
         """
         ...
 

@@ -45,6 +45,7 @@ __all__ = [
     "Query",
     "Reachability",
     "chosen_rows",
+    "lifted",
     "refuse_infinite_minimum",
     "require_normal_numbers",
     "require_normal_rewards",
@@ -168,6 +169,11 @@ class LinearSystem(SystemOf[S, V]):
     def reward_error(self, reward: Reward) -> float:
         """A bound on the relative error of `step_rewards`, where they do not cancel."""
         return self.earned_error(reward) + (self.error if self.continuous_time else 0.0)
+
+    @property
+    def opponents(self) -> Bools | None:
+        """The states in which opponents choose against a direction; None: it is no game."""
+        return None
 
     @property
     def preprocessing(self) -> Sequence[Preprocessing[S, V]]:
@@ -310,7 +316,14 @@ class LinearSystem(SystemOf[S, V]):
         direction = self.direction
         if self.has_rows or self._end_components_matter(probability):
             return LinearProblem(
-                constant, self.matrix, upper, leave, direction, probability, error=self.error
+                constant,
+                self.matrix,
+                upper,
+                leave,
+                direction,
+                probability,
+                opponents=self.opponents,
+                error=self.error,
             )
         operator = self.operator
         assert not isinstance(operator, SparseMatrix)  # an engine with rows is asked for its matrix
@@ -371,9 +384,14 @@ class BaseEquations(EquationsOf[S, V]):
             ValueError: an unknown has only such choices.
         """
         system = self.system
-        if system.direction is not Direction.MIN or not self.infinite:
+        if not self.infinite or (
+            system.opponents is None and system.direction is not Direction.MIN
+        ):
             return None
         usable: Bools = system.weight_into(self.infinite) == 0
+        if system.opponents is not None:
+            maximises = system.opponents ^ (system.direction is Direction.MAX)
+            usable |= per_row(system.groups, maximises)
         if usable.all():
             return None
         assert system.groups is not None
@@ -448,6 +466,7 @@ class LinearEquations(BaseEquations[S, V]):
         system = self.system
         if (
             system.direction is not Direction.MIN
+            and system.opponents is None
             and self.infinite
             and np.any(system.weight_into(self.infinite) != 0)
         ):
@@ -461,7 +480,9 @@ class LinearEquations(BaseEquations[S, V]):
         from symcheck.numerics.linear.methods import solve_linear
 
         problem, quotient = self.problem(), None
-        if self.allow_stay and (not self.probability or self.system.has_end_components):
+        if problem.opponents is not None:
+            problem = replace(problem, allow_stay=self.allow_stay)
+        elif self.allow_stay and (not self.probability or self.system.has_end_components):
             # End components without reward become single states, as for least rewards. Rewards are
             # not negative, so that staying is never better than leaving and need not be a choice
             # there.
@@ -474,7 +495,7 @@ class LinearEquations(BaseEquations[S, V]):
             return solved_values(self.system, problem, known, settings, observer)
         inner = replace(quotient.problem, direction=problem.direction)
         solution = quotient.expand(solve_linear(inner, settings, observer))
-        return _lifted(self.system, solution, known, settings)
+        return lifted(self.system, solution, known, settings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -604,10 +625,10 @@ def solved_values(
     """The solution of a problem over the unknowns of a system, on all states."""
     from symcheck.numerics.linear.methods import solve_linear
 
-    return _lifted(system, solve_linear(problem, settings, observer), known, settings)
+    return lifted(system, solve_linear(problem, settings, observer), known, settings)
 
 
-def _lifted(
+def lifted(
     system: Lifts[S, V], solution: Solution, known: Sequence[tuple[S, float]], settings: Settings
 ) -> SolvedValues[V]:
     """A solution over the unknowns, on all states."""
@@ -653,4 +674,5 @@ def chosen_rows(problem: LinearProblem, matrix: SparseMatrix, allowed: Bools) ->
         problem.probability,
         error=problem.error,
         constant_error=problem.constant_error,
+        opponents=problem.opponents,
     )

@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, assert_never, cast
 
 from symcheck.engines import tuning
 from symcheck.engines.base import Engine, erased
 from symcheck.errors import converts_memory_error
 from symcheck.options import EngineName, Options
 from symcheck.semantics.binding.probability_sums import normalised_at
+from symcheck.semantics.features import Feature, offers, require
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.state_faults import AlmostOne
+from symcheck.syntax.ast import Weights
 
 if TYPE_CHECKING:
     from symcheck.engines.explicit.engine import ExplicitEngine
@@ -45,6 +47,10 @@ def _exact(model: BoundModel, options: Options, _: Observer | None) -> Engine:
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.engines.rational.explore import explore_exactly
 
+    if model.parameters:
+        from symcheck.engines.parametric.build import explore_parametric
+
+        return erased(ExplicitEngine(explore_parametric(model, options), "parametric"))
     explored = explore_exactly(
         model,
         fix_deadlocks=options.fix_deadlocks,
@@ -84,6 +90,26 @@ BUILDERS: Mapping[EngineName, Builder] = {
 }
 
 
+def _offered(model: BoundModel, name: EngineName) -> EngineName:
+    """The engine, or 'explicit' for 'auto' if the class of the model has no diagrams.
+
+    Raises UnsupportedError if the class of the model has no such engine.
+    """
+    match name:
+        case "auto":
+            require(model, Feature.ROWS)
+            return name if offers(model, Feature.DIAGRAMS) else "explicit"
+        case "explicit":
+            require(model, Feature.ROWS)
+        case "exact":
+            require(model, Feature.ROWS, Feature.RATIONALS)
+        case "sparse" | "hybrid" | "mtbdd":
+            require(model, Feature.DIAGRAMS)
+        case _:
+            assert_never(name)
+    return name
+
+
 @converts_memory_error()
 def build(model: BoundModel, options: Options, observer: Observer | None = None) -> Engine:
     """Build a model on the engine that the options name ('exact' if they ask for rationals).
@@ -99,7 +125,8 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         ModelFault: the model has a fault in some state.
         ResourceError: a limit of time or memory was reached.
     """
-    name: EngineName = "exact" if options.exact else options.engine
+    name: EngineName = "exact" if options.exact or model.parameters else options.engine
+    name = _offered(model, name)
     if name == "auto" and options.workdir is not None:
         from symcheck.engines.selection import EngineChoice
 
@@ -112,8 +139,16 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         check_order(model, options.order)
     if model.builder is not None:
         return cast(Engine, model.builder(replace(options, engine=name)))
+    if model.weights is Weights.INTERVALS:
+        from symcheck.engines.intervals import build_intervals
+
+        engine: EngineName = "explicit" if name == "auto" else name
+        inner = replace(options, engine=engine)
+        return build_intervals(model, inner, lambda end, o: build(end, o, observer))
     try:
-        return BUILDERS[name](model, options, observer)
+        engine = BUILDERS[name](model, options, observer)
+        # Games are solved on rows, which diagrams list.
+        return erased(on_rows(engine, options)) if model.type.players > 1 else engine
     except AlmostOne as fault:
         model = normalised_at(model, fault)
     return build(model, options, observer)

@@ -353,10 +353,11 @@ def _restrict(model: BoundModel, options: Options, exploration: Exploration) -> 
     explored so far of the whole model.
     """
     from symcheck.explicit.build import Exploration
+    from symcheck.semantics.features import Feature, offers
     from symcheck.semantics.reduction.cone_of_influence import outside_cone, restricted_to_cone
     from symcheck.semantics.reduction.symmetry import observed_symmetries
 
-    observations = model.observations
+    observations = model.observations if offers(model, Feature.REDUCTION) else None
     outside = frozenset() if observations is None else outside_cone(model, observations)
     if not outside:
         return None

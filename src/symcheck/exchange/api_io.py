@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from symcheck.parallel.workers import Workers
     from symcheck.simulate.check import SamplesObserver
     from symcheck.simulate.statistics import Plan
-    from symcheck.simulate.steps import Steps
+    from symcheck.simulate.steps import CommandSuccessors
 
 __all__ = [
     "ImportedModel",
@@ -77,10 +77,10 @@ class ImportedModel(Model):
         return build(self.bound, replace(self.options, engine="explicit"))
 
     @cached_property
-    def _steps(self) -> Steps:
-        from symcheck.simulate.steps import TableSteps
+    def _steps(self) -> CommandSuccessors:
+        from symcheck.simulate.steps import TableSuccessors
 
-        return TableSteps(self._table)
+        return TableSuccessors(self._table)
 
     def estimate_instance(
         self,

@@ -37,12 +37,14 @@ from symcheck.syntax.ast import Expression, Literal, ModelType, Name, Type
 from symcheck.syntax.declarations import (
     Label,
     Module,
+    Observable,
     Program,
     RewardStructure,
     VariableDeclaration,
 )
 
 __all__ = [
+    "OBSERVATION",
     "ExplicitData",
     "ExplicitRewards",
     "ImportedEngine",
@@ -53,6 +55,8 @@ __all__ = [
 ]
 
 _LARGEST_DENOMINATOR = 10**6
+OBSERVATION = "observation"
+"""The variable that has the observation of a state that was read."""
 _TRUE = Literal(True, Type.BOOL)
 
 
@@ -336,6 +340,7 @@ def imported_program(given: ExplicitData) -> Program:
         labels=tuple(Label(n, _TRUE) for n in given.labels if n not in ("init", "deadlock")),
         modules=(Module("imported", tuple(declared), ()),),
         rewards=tuple(RewardStructure(r.name, ()) for r in given.rewards),
+        observables=(Observable(None, Name(OBSERVATION)),) * given.type.partially_observed,
     )
 
 

@@ -8,13 +8,16 @@ from functools import cached_property, partial
 
 import numpy as np
 
+from symcheck.check.beliefs.model import observations
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.capabilities import HasActions, HasImportedStates
+from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.transition_actions import contributions, state_columns, state_order
 from symcheck.exchange.explicit_data import ExplicitRewards
 from symcheck.matrices.contributions import Contributions, TransitionParts
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.model import Variable
 from symcheck.semantics.rewards import Structure
 from symcheck.syntax.ast import ModelType, Type
@@ -43,6 +46,7 @@ class ExplicitExport:
             of each row share one reward.
         contributions: what each action contributes to the transitions of a chain; None if no
             transition has an action.
+        observations: of each state, from 0, int32[n]; None if all of it is observed.
     """
 
     type: ModelType
@@ -57,6 +61,7 @@ class ExplicitExport:
     property_labels: frozenset[str] = frozenset()
     apart: Callable[[SparseMatrix], Sequence[Numbers]] | None = field(default=None, repr=False)
     contributions: Callable[[], Contributions | None] = field(default=lambda: None, repr=False)
+    observations: Int32s | None = field(default=None, repr=False)
 
     @property
     def n(self) -> int:
@@ -179,6 +184,7 @@ def explicit_export(
         property_labels: the names of labels of a properties file.
     """
     model = engine.model
+    require(model, Feature.EXPLICIT_FILES)
     columns = state_columns(engine)
     members = {
         "init": engine.to_bools(engine.initial),
@@ -204,6 +210,7 @@ def explicit_export(
         frozenset(property_labels),
         _rewards_of_commands(engine),
         partial(contributions, engine),
+        _observations(engine),
     )
     return _sorted(export, state_order(engine, columns))
 
@@ -241,6 +248,14 @@ def _row_actions(engine: Engine) -> Int32s | None:
     return known.row_actions()
 
 
+def _observations(engine: Engine) -> Int32s | None:
+    if not engine.model.type.partially_observed:
+        return None
+    explicit = engine.capability(ExplicitEngine)
+    assert explicit is not None, "only explicit engines are built for these models"
+    return observations(explicit)
+
+
 def _sorted(export: ExplicitExport, order: Int64s | None) -> ExplicitExport:
     """The export with states and entries in canonical order (variable orders may differ)."""
     if order is not None:
@@ -275,6 +290,7 @@ def _permuted(export: ExplicitExport, order: Int64s) -> ExplicitExport:
         values=export.values[entries],
         row_actions=None if export.row_actions is None else export.row_actions[rows],
         labels={name: members[order] for name, members in export.labels.items()},
+        observations=None if export.observations is None else export.observations[order],
         rewards=[
             ExplicitRewards(
                 r.name,

@@ -10,7 +10,10 @@ from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression
 
-__all__ = ["ExploredModel", "States"]
+__all__ = ["RACE", "ExploredModel", "States"]
+
+RACE = -2
+"""The action of the row of a Markovian state of a Markov automaton: its weights are rates."""
 
 
 class ExploredModel(Protocol):
@@ -33,7 +36,7 @@ class ExploredModel(Protocol):
 
     @property
     def choice_actions(self) -> Int32s:
-        """The action of each row, -1 for none."""
+        """The action of each row, -1 for none, `RACE` for a row of rates beside others."""
         ...
 
     @property

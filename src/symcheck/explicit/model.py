@@ -27,7 +27,7 @@ class ExplicitModel:
         matrix: probabilities (rates in a CTMC); the choices of an MDP are its row groups. Deadlocks
             have a loop of weight 1.
         choice_actions: int32[rows], index into `model.actions`; -1 for none, or for several in a
-            row of a DTMC or CTMC.
+            row of a DTMC or CTMC; `RACE` for the rates of a Markov automaton.
         initial, deadlocks: int64 arrays of state numbers, ascending.
         state_rewards: per structure, float64[n].
         choice_rewards: per structure, float64[rows]: the transition rewards times probability

@@ -48,9 +48,11 @@ class CompiledModel:
             rows in `rewards`.
         rewards: rows (structure, code, register).
         decider: makes the decisions that rounding errors leave open.
+        markovian: the number of events that take no time in a Markov automaton; all others race.
     """
 
     kind: int
+    markovian: int
     words: int
     tolerance: float
     check_sums: bool
@@ -103,6 +105,8 @@ def compile_model(
             CTMC.
     """
     rows = 2 if separate_choices or model.type.has_choices else int(model.type.continuous_time)
+    if rows == 2 and model.type.immediate_choices and not separate_choices:
+        rows = 3
     return _Builder(model, layout).build(rows, check_sums)
 
 
@@ -152,9 +156,10 @@ class _Builder:
         ]
         return CompiledModel(
             kind=kind,
+            markovian=sum(not e.is_markovian for e in self.model.events),
             words=self.layout.words,
             tolerance=sum_tolerance(self.model.unchecked_sums),
-            check_sums=check_sums and not self.model.type.continuous_time,
+            check_sums=check_sums and self.model.type.has_probabilities,
             fields=self.layout.fields,
             lows=self.layout.lows,
             ranges=self.layout.ranges,

@@ -6,13 +6,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from fractions import Fraction
-from math import inf, isfinite
+from math import inf, isfinite, isinf
 from typing import Any, Literal, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.kernels.arrays import Bools, Floats, Int64s
+from symcheck.matrices.rational_functions import RationalFunction
 
 __all__ = [
     "N",
@@ -61,7 +62,7 @@ def numbers(values: Numbers, *, rational: bool) -> Numbers:
 
 
 def _rational(value: float | int | Fraction) -> Fraction | float:
-    if isinstance(value, Fraction):
+    if isinstance(value, Fraction | RationalFunction):
         return value
     return value if isinstance(value, float) and not isfinite(value) else Fraction(value)
 
@@ -83,6 +84,9 @@ def full(n: int, value: float | Fraction, *, rational: bool) -> Numbers:
 
 def is_infinite(values: Numbers) -> Bools:
     """Which of the numbers are infinite (either sign)."""
+    if is_rational(values):
+        infinite = (isinstance(v, float) and isinf(v) for v in values)
+        return np.fromiter(infinite, np.bool_, len(values))
     return np.asarray(np.abs(values) == np.inf, dtype=np.bool_)
 
 

@@ -226,18 +226,24 @@ class SparseMatrix:
         return self.data[handles.astype(np.int64)] if self.is_rational else handles
 
 
-def best_of_rows(values: N, groups: Int64s | None, direction: Direction | None) -> N:
+def best_of_rows(
+    values: N, groups: Int64s | None, direction: Direction | None, opponents: Bools | None = None
+) -> N:
     """The least or greatest value of the rows of each state; the values themselves without choices.
 
     Args:
         values: one per row.
         groups: rows groups[s] to groups[s+1] - 1 belong to state s; None: a row per state.
         direction: the least or the greatest value; None without choices.
+        opponents: the states whose value is the other one, bool[n]; None: there are none.
     """
     if groups is None or len(values) == 0:
         return values
     fold = np.maximum if direction == Direction.MAX else np.minimum
-    return fold.reduceat(values, groups[:-1])
+    if opponents is None:
+        return fold.reduceat(values, groups[:-1])
+    sign = np.where(opponents, -1, 1)
+    return fold.reduceat(values * per_row(groups, sign), groups[:-1]) * sign
 
 
 def first_best(values: Numbers, groups: Int64s) -> Int64s:

@@ -82,6 +82,19 @@ WEIGHT_RESIDUAL = 0.3
 POLICY_ROUNDS = 500
 """Policies that policy iteration evaluates."""
 
+# Turn-based games (linear/games.py).
+GAME_ACCURACIES = (1e-2, 1e-5)
+"""Parts of the requested width to which decision processes are solved: first, and if the bounds of
+the game are not close enough."""
+GAME_ROUNDING = 1e-13
+"""A row whose value is relatively better by less than this may be so by rounding only."""
+GAME_CHANGE = 1e-10
+"""Value iteration that looks for strategies ends at this relative change."""
+GAME_SWEEPS, GAME_ENTRIES = 100, 100_000_000
+"""Its sweeps at least, and the entries that it may visit: a second."""
+DEFLATION_INTERVAL = 64
+"""Most iterations between two searches for end components."""
+
 # Linear systems: products only (linear/bellman.py, methods/interval.py, methods/optimistic.py).
 TWO_THREADS_STATES = 100_000
 """From so many states on, lower and upper bounds are swept in two threads: starting a thread costs

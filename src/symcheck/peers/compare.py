@@ -29,6 +29,7 @@ from symcheck.peers.programs import Answer as PeerAnswer
 from symcheck.peers.programs import Peer, PeerError, Question, find_peer
 from symcheck.semantics.binding.bind import split_constants
 from symcheck.semantics.expressions.literals import to_float
+from symcheck.semantics.features import Feature, require
 from symcheck.syntax.ast import Expression, LabelReference
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.printer import pretty
@@ -245,6 +246,7 @@ def compared(
     if isinstance(model, ImportedModel):
         raise UnsupportedError("a peer reads the commands of a model, and this model has none")
     with suppress(MemoryLimitError):
+        require(model.bound, Feature.COMPARISON)
         _ = model.engine  # a faulty model is an error of the run, and not of each property
     with TemporaryDirectory() as folder:
         for instance in instances:

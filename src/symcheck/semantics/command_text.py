@@ -21,5 +21,8 @@ def command_text(model: BoundModel, command: BoundCommand) -> str:
     updates = []
     for update in command.updates:
         sets = [f"({model.variables[i].name}'={pretty(e)})" for i, e in update.assignments]
-        updates.append(f"{pretty(update.probability)} : {' & '.join(sets) or 'true'}")
+        weight = pretty(update.probability)
+        if update.upper is not None:
+            weight = f"[{weight},{pretty(update.upper)}]"
+        updates.append(f"{weight} : {' & '.join(sets) or 'true'}")
     return f"[{command.action or ''}] {pretty(command.guard)} -> {' + '.join(updates)}"

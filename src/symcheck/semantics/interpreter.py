@@ -2,13 +2,14 @@
 
 It defines the semantics of models, and is the oracle for the state-space builders. In a DTMC
 overlapping choices are equally likely; in a CTMC they race, so their rates add up; in an MDP each
-is a choice. Probabilities (rates) of synchronised commands multiply.
+is a choice. In a Markov automaton, Markovian commands race where no other command is enabled
+(maximal progress). Probabilities (rates) of synchronised commands multiply.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from itertools import product
 from typing import cast
@@ -28,6 +29,7 @@ __all__ = [
     "action_rewards",
     "choices",
     "initial_states",
+    "is_race",
     "state_rewards",
     "transitions",
     "valuation",
@@ -58,11 +60,13 @@ class Row:
     """A row of the transition matrix: a state of a DTMC or CTMC, or a choice of an MDP.
 
     Attributes:
+        is_race: whether it is the row of a Markovian state of a Markov automaton.
         action: the action; None if choices with several actions were merged.
         branches: probability (rate) and next state; no state occurs twice.
         rewards: transition rewards weighted by the probabilities (rates), per reward structure.
     """
 
+    is_race: bool
     action: str | None
     branches: tuple[tuple[Value, State], ...]
     rewards: tuple[Value, ...]
@@ -112,6 +116,8 @@ def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tupl
     has_choices = model.type.has_choices
     total = nothing = [0.0] * len(model.rewards)
     for event in model.events:
+        if event.is_markovian and result and not is_race(result):
+            break  # time does not pass where there is a choice to make
         enabled = (
             [c for c in commands if evaluator.value(c.guard)] for commands in event.participants
         )
@@ -121,7 +127,8 @@ def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tupl
                 rewards = evaluator.rewards(False, event.action)
                 result.append(Choice(event.action, combination, branches, rewards))
                 if not model.is_rational:
-                    total = evaluator.earned(result[-1], nothing if has_choices else total)
+                    race = not has_choices or event.is_markovian
+                    total = evaluator.earned(result[-1], total if race else nothing)
     return tuple(result)
 
 
@@ -137,9 +144,14 @@ def transitions(model: BoundModel, state: State, *, check_sums: bool = True) -> 
     result = choices(model, state, check_sums=check_sums)
     if not result:
         return ()
-    if model.type.has_choices:
+    if model.type.has_choices and not is_race(result):
         return tuple(_row((c,), 1) for c in result)
     return (_row(result, len(result) if model.type.chooses_uniformly else 1),)
+
+
+def is_race(enabled: Sequence[Choice]) -> bool:
+    """Whether the enabled choices of a state of a Markov automaton are Markovian."""
+    return bool(enabled) and enabled[0].commands[0].is_markovian
 
 
 def state_rewards(model: BoundModel, state: State) -> tuple[Value, ...]:
@@ -168,6 +180,7 @@ def _row(merged: tuple[Choice, ...], divisor: int) -> Row:
             ]
     actions = {c.action for c in merged}
     return Row(
+        is_race(merged),
         actions.pop() if len(actions) == 1 else None,
         tuple((p, s) for s, p in branches.items()),
         tuple(rewards),
@@ -200,7 +213,8 @@ class _StateEvaluator:
     ) -> tuple[tuple[Value, State], ...]:
         """All combinations of the commands' updates that have a positive probability."""
         weighted = [[(self.probability(c, u), c, u) for u in c.updates] for c in commands]
-        if check_sums and not self.model.type.continuous_time:
+        has_rates = commands[0].is_markovian or not self.model.type.has_probabilities
+        if check_sums and not has_rates:
             self.check_sums(commands, [sum(p for p, _, _ in updates) for updates in weighted])
         result = []
         for combination in product(*weighted):

@@ -9,15 +9,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 from symcheck.lazy_dataclass import dataclass
-from symcheck.syntax.ast import Expression, Literal, ModelType, Node, Type
+from symcheck.syntax.ast import Expression, Literal, ModelType, Node, Type, Weights
 from symcheck.syntax.declarations import Composition, Program
+
+if TYPE_CHECKING:
+    from symcheck.semantics.timed.digital import DigitalClocks
 
 __all__ = [
     "BoundCommand",
     "BoundModel",
     "BoundModule",
+    "BoundPlayer",
     "BoundReward",
     "BoundRewards",
     "BoundUpdate",
@@ -39,6 +44,7 @@ class Variable(Node):
         low, high: bounds of an int, None if it is unbounded; 0 and 1 for a bool.
         initial: the initial value; None if the model has `init … endinit`.
         module: the module that declares the variable; None: global.
+        clock: its value grows as time passes. Its type is int, because it is compared with ints.
     """
 
     name: str
@@ -47,6 +53,7 @@ class Variable(Node):
     high: int | None
     initial: bool | int | None
     module: str | None
+    clock: bool = False
 
     @property
     def domain(self) -> Sequence[bool | int] | None:
@@ -65,29 +72,40 @@ class Variable(Node):
 
 @dataclass(frozen=True, slots=True)
 class BoundUpdate(Node):
-    """An update: its probability (a rate in a CTMC), and assignments by variable index."""
+    """An update: its probability (a rate in a CTMC), and assignments by variable index.
+
+    upper: the upper end of an interval of probabilities; None: the probability is a number.
+    """
 
     probability: Expression
     assignments: tuple[tuple[int, Expression], ...]
+    upper: Expression | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class BoundCommand(Node):
-    """A guarded command of module number `module`."""
+    """A guarded command of module number `module`; `is_markovian`: its updates have rates, in a
+    model that also has commands without.
+    """
 
     module: int
     action: str | None
     guard: Expression
     updates: tuple[BoundUpdate, ...]
+    is_markovian: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class BoundModule:
-    """A module after renaming; `variables` are the indices of its local variables."""
+    """A module after renaming; `variables` are the indices of its local variables.
+
+    invariant: time passes only while it holds; None: true.
+    """
 
     name: str
     variables: tuple[int, ...]
     commands: tuple[BoundCommand, ...]
+    invariant: Expression | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +127,15 @@ class BoundRewards:
 
 
 @dataclass(frozen=True, slots=True)
+class BoundPlayer:
+    """A player, who chooses among the unlabelled commands of modules and the events of actions."""
+
+    name: str
+    modules: frozenset[str]
+    actions: frozenset[str]
+
+
+@dataclass(frozen=True, slots=True)
 class Event:
     """Commands that synchronise: one of each participant's `commands` is executed at once.
 
@@ -119,6 +146,11 @@ class Event:
 
     action: str | None
     participants: tuple[tuple[BoundCommand, ...], ...]
+
+    @property
+    def is_markovian(self) -> bool:
+        """Whether it takes time in a Markov automaton: its commands have rates, and race."""
+        return self.participants[0][0].is_markovian
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +175,7 @@ class BoundModel:
         initial: the condition on initial states; None: the variables' initial values.
         definitions: an expression without names for the exact value of each constant.
         is_rational: values are computed in exact arithmetic. (Conditions always are.)
+        players: the players of a game, in the order of their declarations.
         given: the values of constants as they were given, which `constants` may have rounded.
         derivation: of a transformed model (such as a reduced one), the function that transforms
             another bound model of the same text in the same way.
@@ -155,6 +188,10 @@ class BoundModel:
         sums_divided: whether probabilities that sum to almost 1 are divided by their sum.
         unchecked_sums: whether probabilities may sum to almost 1 in some state. The search for
             states tells which command they have (`AlmostOne`).
+        weights: the kind of its probabilities.
+        clocks: of a model that counts the time of a timed automaton, how that is read on it.
+        parameters: the constants that are left open, and their open ranges.
+        observables: what strategies see of a state, if that is not all.
     """
 
     program: Program
@@ -167,6 +204,7 @@ class BoundModel:
     rewards: tuple[BoundRewards, ...]
     constants: Mapping[str, Value]
     is_rational: bool = False
+    players: tuple[BoundPlayer, ...] = ()
     given: Mapping[str, Value | str] = field(default_factory=dict, compare=False)
     system: Composition | None = None
     definitions: Mapping[str, Expression] = field(default_factory=dict)
@@ -178,6 +216,10 @@ class BoundModel:
     warnings: tuple[str, ...] = field(default=(), compare=False)
     sums_divided: bool = field(default=False, compare=False)
     unchecked_sums: bool = False
+    weights: Weights = Weights.NUMBERS
+    clocks: DigitalClocks | None = field(default=None, compare=False)
+    parameters: Mapping[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
+    observables: tuple[Expression, ...] = ()
 
     def __repr__(self) -> str:
         """A summary on one line."""

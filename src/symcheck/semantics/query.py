@@ -15,12 +15,16 @@ from typing import ClassVar, Generic, TypeVar, assert_never, cast
 
 from symcheck.direction import Direction
 from symcheck.errors import Diagnostic, InputError, Span, UnsupportedError
+from symcheck.semantics.binding.players import members
 from symcheck.semantics.expressions.evaluate import evaluate_constant
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.path_formulas import (
     LtlPathFormula,
+    NextPath,
     PathFormula,
     RewardPath,
+    StatePath,
     UntilPath,
     as_ltl,
     over_leaves,
@@ -29,7 +33,7 @@ from symcheck.semantics.path_formulas import (
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.semantics.time_bounds import RewardWindow, Window, bound_value, counts, window
 from symcheck.syntax import ast
-from symcheck.syntax.ast import Expression, ModelType
+from symcheck.syntax.ast import Expression, ModelType, Weights
 from symcheck.syntax.operators import Operator
 
 __all__ = [
@@ -37,6 +41,7 @@ __all__ = [
     "CostBoundedReward",
     "CumulativeReward",
     "DiscountedReward",
+    "EndedReward",
     "ExpectedReward",
     "InstantaneousReward",
     "LongRunProbability",
@@ -88,6 +93,11 @@ class _Quantity:
         """The directions in which it is computed over fair strategies if these are asked for."""
         return ()
 
+    @property
+    def feature(self) -> Feature:
+        """What a class of models has to offer for it."""
+        raise NotImplementedError
+
 
 _BOTH = tuple(Direction)
 """Finitely many steps decide, and any strategy is fair thereafter."""
@@ -106,6 +116,23 @@ class PathProbability(_Quantity, Generic[L]):
         """Both, but for bounds on rewards."""
         return () if isinstance(self.path, RewardPath) else _BOTH
 
+    @property
+    def feature(self) -> Feature:
+        """That of its path formula."""
+        match self.path:
+            case StatePath() | NextPath():
+                return Feature.BOUNDED_REACHABILITY
+            case UntilPath(window=window) if window.is_unbounded:
+                return Feature.REACHABILITY
+            case UntilPath():
+                return Feature.BOUNDED_REACHABILITY
+            case LtlPathFormula():
+                return Feature.LTL
+            case RewardPath():
+                return Feature.REWARD_BOUNDS
+            case _:
+                assert_never(self.path)
+
 
 @dataclass(frozen=True, slots=True)
 class ProbabilityGiven(_Quantity, Generic[L]):
@@ -115,6 +142,7 @@ class ProbabilityGiven(_Quantity, Generic[L]):
     """
 
     called = "conditional probabilities"
+    feature = Feature.CONDITIONAL
 
     path: PathFormula[L]
     condition: PathFormula[L]
@@ -127,6 +155,7 @@ class LongRunProbability(_Quantity, Generic[L]):
     """The long-run fraction of the time that is spent in some states."""
 
     called = "long-run averages"
+    feature = Feature.LONG_RUN
 
     states: L
 
@@ -136,6 +165,7 @@ class LongRunReward(_Quantity):
     """The long-run average of a reward per step or unit of time."""
 
     called = "long-run averages"
+    feature = Feature.LONG_RUN
 
     reward: Reward
 
@@ -143,6 +173,8 @@ class LongRunReward(_Quantity):
 @dataclass(frozen=True, slots=True)
 class ReachReward(_Quantity, Generic[L]):
     """The reward that is earned until a target is reached; infinite if it is missed."""
+
+    feature = Feature.REACH_REWARDS
 
     reward: Reward
     target: L
@@ -152,6 +184,8 @@ class ReachReward(_Quantity, Generic[L]):
 class CoSafeReward(_Quantity, Generic[L]):
     """The reward that is earned until a run shows that it satisfies a path formula."""
 
+    feature = Feature.REACH_REWARDS
+
     reward: Reward
     path: LtlPathFormula[L]
 
@@ -160,6 +194,7 @@ class CoSafeReward(_Quantity, Generic[L]):
 class TotalReward(_Quantity):
     """The reward of all steps."""
 
+    feature = Feature.TOTAL_REWARDS
     # Fairness affects only the least value: staying where no reward is earned is unfair.
     fair_directions = (Direction.MAX,)
 
@@ -170,6 +205,7 @@ class TotalReward(_Quantity):
 class CumulativeReward(_Quantity):
     """The reward up to the upper end of a window that begins at 0."""
 
+    feature = Feature.CUMULATIVE_REWARDS
     fair_directions = _BOTH
 
     reward: Reward
@@ -177,10 +213,24 @@ class CumulativeReward(_Quantity):
 
 
 @dataclass(frozen=True, slots=True)
+class EndedReward(_Quantity, Generic[L]):
+    """The reward that is earned until a target is reached; a run that misses it keeps what it earns
+    for ever (`kept`), or gets nothing.
+    """
+
+    feature = Feature.ENDED_REWARDS
+
+    reward: Reward
+    target: L
+    kept: bool
+
+
+@dataclass(frozen=True, slots=True)
 class CostBoundedReward(_Quantity):
     """The reward of the steps whose accumulated cost is within a window."""
 
     called = "rewards within a cost"
+    feature = Feature.REWARD_BOUNDS
 
     reward: Reward
     cost: RewardWindow
@@ -191,6 +241,7 @@ class DiscountedReward(_Quantity):
     """The reward of the first steps (None: of all), of which step i counts discount^i times."""
 
     called = "discounted rewards"
+    feature = Feature.DISCOUNTED_REWARDS
     fair_directions = _BOTH
 
     reward: Reward
@@ -202,6 +253,7 @@ class DiscountedReward(_Quantity):
 class InstantaneousReward(_Quantity):
     """The reward of the state at a time."""
 
+    feature = Feature.INSTANTANEOUS_REWARDS
     fair_directions = _BOTH
 
     reward: Reward
@@ -215,6 +267,7 @@ ExpectedReward = (
     | CumulativeReward
     | CostBoundedReward
     | DiscountedReward
+    | EndedReward[L]
     | InstantaneousReward
     | LongRunReward
 )
@@ -229,11 +282,17 @@ class Query(Generic[L]):
         quantity: what is asked for.
         direction: minimise or maximise it over strategies; None in a model without choices.
         threshold: None: its value is asked for.
+        nature: with intervals of probabilities, minimise or maximise it over what nature chooses
+            from them when it knows the strategy; None where probabilities are numbers.
+        coalition: the players of a game who choose in that direction, numbered from 0, where the
+            others choose against it; None: all choose in it.
     """
 
     quantity: Quantity[L]
     direction: Direction | None
     threshold: Threshold | None
+    nature: Direction | None = None
+    coalition: frozenset[int] | None = None
 
     def over(self, leaf: Callable[[L], M]) -> Query[M]:
         """The query with `leaf` of each state formula in its place."""
@@ -252,6 +311,8 @@ class Query(Generic[L]):
                 quantity = LongRunProbability(leaf(states))
             case ReachReward(reward, target):
                 quantity = ReachReward(reward, leaf(target))
+            case EndedReward(reward, target, kept):
+                quantity = EndedReward(reward, leaf(target), kept)
             case CoSafeReward(reward, path):
                 atoms = tuple(map(leaf, path.atoms))
                 ltl = LtlPathFormula(path.form, atoms, path.negative, path.span)
@@ -262,7 +323,7 @@ class Query(Generic[L]):
                 quantity = self.quantity
             case _:
                 assert_never(self.quantity)
-        return Query(quantity, self.direction, self.threshold)
+        return Query(quantity, self.direction, self.threshold, self.nature, self.coalition)
 
 
 # --------------------------------------------------------------------------------------- resolution
@@ -276,8 +337,42 @@ def query_of(formula: ast.AnyMeasure, model: BoundModel) -> Query[Expression]:
         UnsupportedError: the model has no such direction, or there is no such reward.
     """
     threshold = None if formula.bound is None else _threshold(formula.bound)
-    direction = direction_of(formula, model.type)
-    return Query(_quantity(formula, model), direction, threshold)
+    nature = None
+    if model.weights is Weights.INTERVALS:
+        direction, nature = _directions_with_nature(formula, model.type)
+    else:
+        direction = direction_of(formula, model.type)
+    quantity = _quantity(formula, model)
+    if model.clocks is not None and model.clocks.asked is None:
+        raise UnsupportedError(
+            "this is not available for timed automata: their properties are checked one by one"
+        )
+    require(model, quantity.feature)
+    together = None if formula.coalition is None else members(formula.coalition, model)
+    return Query(quantity, direction, threshold, nature, together)
+
+
+def _directions_with_nature(
+    formula: ast.Measure, kind: ModelType
+) -> tuple[Direction | None, Direction]:
+    """The directions of a strategy (None without choices) and of nature.
+
+    A bound without a direction must hold for all strategies and all that nature may choose.
+
+    Raises InputError: a direction is missing, or there is one too many.
+    """
+    given, letter = formula.direction, formula.letter
+    expected = ("minmin", "minmax", "maxmin", "maxmax") if kind.has_choices else ("min", "max")
+    if given is None and formula.bound is not None:
+        worst = Direction.MIN if formula.bound.operator.is_lower_bound else Direction.MAX
+        return (worst if kind.has_choices else None), worst
+    if given not in expected:
+        about = f"{letter}{given or '=?'} is no value of an interval {kind.value}"
+        who = "a direction of strategies and one of nature" if kind.has_choices else "a direction"
+        hint = f"{who}: " + ", ".join(f"{letter}{d}=?" for d in expected)
+        raise InputError(Diagnostic(about, formula.span, "direction", hint))
+    first, second = given[:3], given[-3:]
+    return (Direction(first) if kind.has_choices else None), Direction(second)
 
 
 def _threshold(bound: ast.Bound) -> Threshold:
@@ -312,7 +407,9 @@ def direction_of(formula: ast.Measure, kind: ModelType) -> Direction | None:
         raise InputError(
             Diagnostic(message, formula.span, "direction", f"use {letter}min=? or {letter}max=?")
         )
-    return Direction.MIN if formula.bound.operator.is_lower_bound else Direction.MAX
+    # A coalition has a strategy for the bound; otherwise it holds under all strategies.
+    exists = formula.coalition is not None and not formula.coalition.against
+    return Direction.MAX if formula.bound.operator.is_lower_bound == exists else Direction.MIN
 
 
 def _quantity(formula: ast.AnyMeasure, model: BoundModel) -> Quantity[Expression]:
@@ -358,6 +455,8 @@ def _expected(
             return DiscountedReward(reward, Fraction(evaluate_constant(discount)), steps)
         case ast.TotalReward():
             return TotalReward(reward)
+        case ast.EndedReward(kept, target):
+            return EndedReward(reward, target, kept)
         case ast.InstantaneousReward(time_of):
             return InstantaneousReward(reward, bound_value(time_of))
         case ast.SteadyStateReward():

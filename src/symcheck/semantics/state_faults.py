@@ -23,6 +23,7 @@ __all__ = [
     "at_state",
     "deadlocks",
     "describe_state",
+    "function_sum",
     "negative_update",
     "no_initial_state",
     "reward_not_finite",
@@ -123,6 +124,12 @@ def update_sum(command: BoundCommand, total: Value, state: str) -> Diagnostic:
         f"add the missing {_short(missing)}" if missing > 0 else f"{_short(-missing)} is too much"
     )
     return Diagnostic(message, span, "update-sum", hint)
+
+
+def function_sum(command: BoundCommand, total: str, state: str) -> Diagnostic:
+    """The probabilities of the updates of a command sum to another function than 1."""
+    message = f"probabilities sum to {total}, not 1, for example in state {state}"
+    return Diagnostic(message, _updates_span(command), "update-sum")
 
 
 def negative_update(

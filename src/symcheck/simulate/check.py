@@ -19,6 +19,7 @@ from symcheck.errors import NumericalError, UnsupportedError, converts_memory_er
 from symcheck.parallel.workers import Workers
 from symcheck.semantics.binding.probability_sums import normalised_at
 from symcheck.semantics.expressions.literals import format_value
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.query import (
     LongRunProbability,
@@ -110,6 +111,7 @@ def check_by_sampling(
             f"sampling supports a single P, R or T operator, not '{pretty(formula)}'; "
             "without sampling it is checked numerically"
         )
+    require(model, Feature.SIMULATION)
     query = query_of(formula, model)
     quantity, threshold = query.quantity, query.threshold
     monitor = monitor_of(quantity, model)

@@ -14,7 +14,7 @@ from symcheck.errors import UsageError, converts_memory_error
 from symcheck.semantics.interpreter import State
 from symcheck.semantics.state_faults import describe_state
 from symcheck.simulate.path import Path, PathStep, used_seed
-from symcheck.simulate.steps import Branch, Choice, Steps
+from symcheck.simulate.steps import Branch, Choice, CommandSuccessors
 
 if TYPE_CHECKING:
     from symcheck.engines.explicit.strategy import Strategy
@@ -44,7 +44,7 @@ class Simulator:
         ['go', 'back']
     """
 
-    def __init__(self, steps: Steps, seed: int | None = None) -> None:
+    def __init__(self, steps: CommandSuccessors, seed: int | None = None) -> None:
         self.seed = used_seed(seed)
         self._steps = steps
         self._generator = np.random.default_rng(self.seed)
@@ -271,7 +271,7 @@ def _require_whole(steps: int, otherwise: str = "") -> None:
 
 @converts_memory_error("a shorter path needs less")
 def simulate(
-    model: Steps,
+    model: CommandSuccessors,
     steps: int | None = None,
     *,
     time: float | None = None,

@@ -18,11 +18,12 @@ from symcheck.matrices.contributions import TransitionParts
 from symcheck.matrices.rows import Floats
 from symcheck.semantics.command_text import command_text
 from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.interpreter import State, choices, state_rewards, valuation
 from symcheck.semantics.model import BoundCommand, BoundModel, Value
 from symcheck.simulate.path import PathStep
 
-__all__ = ["Branch", "Choice", "Steps", "TableSteps", "transition_rewards"]
+__all__ = ["Branch", "Choice", "CommandSuccessors", "TableSuccessors", "transition_rewards"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +60,14 @@ class Choice:
         return " || ".join(texts) or f"[{self.action or ''}]"
 
 
-class Steps:
+class CommandSuccessors:
     """The steps of a model in the PRISM language, computed by the interpreter.
 
     The interpreter knows the commands of each transition; the compiled sampler does not.
     """
 
     def __init__(self, model: BoundModel, check_sums: bool = True) -> None:
+        require(model, Feature.STEPPING)
         self.model, self._check_sums = replace(model, unchecked_sums=False), check_sums
 
     def initial(self) -> Sequence[State]:
@@ -142,7 +144,7 @@ class Steps:
         return 1 if self.model.type.continuous_time else len(enabled)
 
 
-class TableSteps(Steps):
+class TableSuccessors(CommandSuccessors):
     """The steps of a model from explicit files or from Python, read from its rows."""
 
     def __init__(self, engine: Engine) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import field
 from enum import Enum
 from fractions import Fraction
-from typing import ClassVar, get_args
+from typing import ClassVar, NamedTuple, get_args
 from typing import Literal as Choice
 
 from symcheck.errors import NO_SPAN, Span
@@ -30,8 +30,10 @@ __all__ = [
     "Conditional",
     "ConditionalProbability",
     "CostBoundedReward",
+    "Coalition",
     "CumulativeReward",
     "DiscountedReward",
+    "EndedReward",
     "Eventually",
     "ExpectedTime",
     "Expression",
@@ -72,6 +74,7 @@ __all__ = [
     "UnaryTemporal",
     "Until",
     "WeakUntil",
+    "Weights",
     "letters_of",
 ]
 
@@ -91,39 +94,124 @@ class Type(Enum):
     DOUBLE = "double"
 
 
-_PROPERTIES = {"dtmc": (False, False), "ctmc": (True, False), "mdp": (False, True)}
-"""Of each type: whether time is continuous, and whether it has choices."""
+class _Class(NamedTuple):
+    """A row of the table of model types; `players` is that of `ModelType`."""
+
+    called: str
+    continuous_time: bool = False
+    players: int = 0
+    concurrent: bool = False
+    partially_observed: bool = False
+    has_clocks: bool = False
+
+
+_CLASSES = {
+    "dtmc": _Class("discrete-time Markov chains"),
+    "ctmc": _Class("continuous-time Markov chains", continuous_time=True),
+    "mdp": _Class("Markov decision processes", players=1),
+    "ma": _Class("Markov automata", continuous_time=True, players=1),
+    "pta": _Class("probabilistic timed automata", players=1, has_clocks=True),
+    "pomdp": _Class("partially observable decision processes", players=1, partially_observed=True),
+    "popta": _Class(
+        "partially observable timed automata", players=1, partially_observed=True, has_clocks=True
+    ),
+    "smg": _Class("stochastic games", players=2),
+    "csg": _Class("concurrent stochastic games", players=2, concurrent=True),
+    "tptg": _Class("timed games", players=2, has_clocks=True),
+}
 
 
 class ModelType(Enum):
     """Kind of model. Code asks for its properties; its name is for reading and printing.
 
     Attributes:
-        continuous_time: states are left at rates; otherwise, time counts steps.
-        has_choices: a player chooses among the commands that a state enables; otherwise, chance
-            does: in proportion to their rates, or uniformly in discrete time.
+        called: its name in messages, in the plural.
+        continuous_time: states may be left at rates; otherwise, time counts steps or is measured
+            by clocks.
+        players: 0: chance alone chooses; 1: a player chooses among the commands that a state
+            enables; 2: several players do, each in some of the states, or all at once.
+        concurrent: players choose at once.
+        partially_observed: the player tells states apart by their observations alone.
+        has_clocks: clocks measure time.
     """
 
     DTMC = "dtmc"
     CTMC = "ctmc"
     MDP = "mdp"
+    MA = "ma"
+    PTA = "pta"
+    POMDP = "pomdp"
+    POPTA = "popta"
+    SMG = "smg"
+    CSG = "csg"
+    TPTG = "tptg"
 
     def __init__(self, keyword: str) -> None:
-        self.continuous_time, self.has_choices = _PROPERTIES[keyword]
+        row = _CLASSES[keyword]
+        self.called = row.called
+        self.continuous_time = row.continuous_time
+        self.players = row.players
+        self.concurrent = row.concurrent
+        self.partially_observed = row.partially_observed
+        self.has_clocks = row.has_clocks
+
+    @property
+    def has_choices(self) -> bool:
+        """Whether a player chooses among the commands that a state enables; otherwise, chance does:
+        in proportion to their rates, or uniformly in discrete time.
+        """
+        return self.players > 0
+
+    @property
+    def immediate_choices(self) -> bool:
+        """Whether choices take no time, and time passes at rates where there is none to make."""
+        return self.continuous_time and self.has_choices
+
+    @property
+    def has_probabilities(self) -> bool:
+        """Whether the updates of some commands have probabilities, and not rates."""
+        return self.has_choices or not self.continuous_time
 
     @property
     def chooses_uniformly(self) -> bool:
         """Whether chance chooses among enabled commands with equal probabilities."""
         return not (self.continuous_time or self.has_choices)
 
+    @property
+    def has_own_syntax(self) -> bool:
+        """Whether its models have declarations or commands that others have not, so that the text
+        of another type cannot be read as one of it.
+        """
+        special = self.immediate_choices or self.partially_observed or self.has_clocks
+        return special or self.players > 1
+
     @staticmethod
-    def with_properties(*, continuous_time: bool = False, has_choices: bool = False) -> ModelType:
-        """The type with these properties. Raises LookupError if there is none."""
-        wanted = continuous_time, has_choices
+    def with_properties(
+        *,
+        continuous_time: bool = False,
+        has_choices: bool = False,
+        several_players: bool = False,
+        partially_observed: bool = False,
+        has_clocks: bool = False,
+    ) -> ModelType:
+        """The type with these properties, where players do not choose at once.
+
+        Raises LookupError if there is none.
+        """
+        who = 2 if several_players else int(has_choices)
+        wanted = continuous_time, who, False, partially_observed, has_clocks
         for kind in ModelType:
-            if (kind.continuous_time, kind.has_choices) == wanted:
+            if _CLASSES[kind.value][1:] == wanted:
                 return kind
-        raise LookupError("no type of models has choices in continuous time")
+        raise LookupError("no type of models has these properties")
+
+
+class Weights(Enum):
+    """Kind of the probabilities of a model."""
+
+    NUMBERS = "numbers"
+    INTERVALS = "intervals"
+    PARAMETERS = "parameters"
 
 
 WITHOUT_KEYWORD = ModelType.MDP
@@ -231,11 +319,23 @@ class StateOperator(ExpressionNode):
 
 
 @dataclass(frozen=True, slots=True)
+class Coalition:
+    """`<<players>>`: they have a strategy. `[[players]]` (`against`): others have one against them.
+
+    players: their names or numbers; None: all, `*`.
+    """
+
+    players: tuple[str, ...] | None
+    against: bool
+    span: Span = field(default=NO_SPAN, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
 class Measure(StateOperator):
     """An operator that computes a value, or compares it with a bound; in an MDP with a direction.
 
     letter: how the operator is written. is_probability: whether its values are from 0 to 1.
-    bound None: a query, `=?`.
+    bound None: a query, `=?`. coalition: the players who choose in the direction; None: all.
     """
 
     letter: ClassVar[str]
@@ -243,6 +343,7 @@ class Measure(StateOperator):
 
     direction: str | None
     bound: Bound | None
+    coalition: Coalition | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -533,6 +634,14 @@ class DiscountedReward(RewardQueryNode):
 
 
 @dataclass(frozen=True, slots=True)
+class EndedReward(RewardQueryNode):
+    """`Fc target` (`kept`) and `F0 target`: a run that misses the target keeps its reward or not."""
+
+    kept: bool
+    target: Expression
+
+
+@dataclass(frozen=True, slots=True)
 class InstantaneousReward(RewardQueryNode):
     """`I=k`."""
 
@@ -581,6 +690,7 @@ RewardQuery = (
     | CostBoundedReward
     | TotalReward
     | DiscountedReward
+    | EndedReward
     | InstantaneousReward
     | SteadyStateReward
     | PathFormula

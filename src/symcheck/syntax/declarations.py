@@ -20,7 +20,9 @@ __all__ = [
     "Label",
     "Module",
     "ModuleReference",
+    "Observable",
     "Parallel",
+    "Player",
     "Program",
     "PropertiesFile",
     "Property",
@@ -60,14 +62,26 @@ class Label(Node):
 
 
 @dataclass(frozen=True, slots=True)
+class Observable(Node):
+    """`observable "name" = expression;`; name None for a name in `observables … endobservables`."""
+
+    name: str | None
+    expression: Expression
+
+
+@dataclass(frozen=True, slots=True)
 class VariableDeclaration(Node):
-    """`name : [low..high] init value;`; low and high None: unbounded int, or bool by `type`."""
+    """`name : [low..high] init value;`; low and high None: unbounded int, or bool by `type`.
+
+    clock: `name : clock;`. Its type is int, because it is compared with ints.
+    """
 
     name: str
     type: Type
     low: Expression | None
     high: Expression | None
     initial: Expression | None
+    clock: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,28 +94,37 @@ class Assignment(Node):
 
 @dataclass(frozen=True, slots=True)
 class Update(Node):
-    """`probability : assignments`; probability None is 1; no assignments is `true`."""
+    """`probability : assignments`; probability None is 1; no assignments is `true`.
+
+    upper: the upper end of an interval `[probability,upper]`; None: the probability is a number.
+    """
 
     probability: Expression | None
     assignments: tuple[Assignment, ...]
+    upper: Expression | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Command(Node):
-    """`[action] guard -> updates;`; action None for `[]`."""
+    """`[action] guard -> updates;`; action None for `[]`.
+
+    is_markovian: `<action> guard -> updates;` of a Markov automaton, whose updates have rates.
+    """
 
     action: str | None
     guard: Expression
     updates: tuple[Update, ...]
+    is_markovian: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Module(Node):
-    """`module name … endmodule`."""
+    """`module name … endmodule`; time passes only while its invariant (None: true) holds."""
 
     name: str
     variables: tuple[VariableDeclaration, ...]
     commands: tuple[Command, ...]
+    invariant: Expression | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +134,17 @@ class RenamedModule(Node):
     name: str
     base: str
     renaming: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Player(Node):
+    """`player name module, [action], … endplayer`: who chooses among unlabelled commands of the
+    modules, and among the commands of the actions.
+    """
+
+    name: str
+    modules: tuple[str, ...]
+    actions: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +226,8 @@ class Program(Node):
     rewards: tuple[RewardStructure, ...] = ()
     initial: Expression | None = None
     system: Composition | None = None
+    players: tuple[Player, ...] = ()
+    observables: tuple[Observable, ...] = ()
 
     def __repr__(self) -> str:
         """One line, as the nodes fill pages; `symcheck.pretty` gives the text."""

@@ -25,7 +25,8 @@ def _set(words: str) -> frozenset[str]:
 _OPERATORS = frozenset(["QMARK", *Operator.__members__])
 _STARTS = _set(
     "INTEGER REAL TRUE FALSE NAME STRING FUNCTION MIN MAX FUNC MULTI FILTER LPAR MINUS NOT "
-    "P PMIN PMAX PMINMAX PMAXMIN RELEASE RMIN RMAX RMINMAX RMAXMIN S ALL EXISTS"
+    "P PMIN PMAX PMINMAX PMAXMIN PMINMIN PMAXMAX RELEASE RMIN RMAX RMINMAX RMAXMIN RMINMIN RMAXMAX S "
+    "ALL EXISTS"
 )
 _DECLARATIONS = _set("CONST LABEL FORMULA RATE PROB")
 _MODEL_PARTS = _set(
@@ -43,7 +44,7 @@ _PHRASES = (
     ("an operator", {"AND", "OR"}, _OPERATORS),
     ("a bound", {"LT", "EQ", "LSQB"}, _BOUNDS | {"LSQB", "POWER", "LBRACE"}),
     ("a bound such as =? or >=0.5", {"LT", "EQ"}, _BOUNDS),
-    ("'min' or 'max'", {"MINMAX", "MIN"}, {"MIN", "MAX", "MINMAX", "MAXMIN"}),
+    ("'min' or 'max'", {"MINMAX", "MIN"}, _set("MIN MAX MINMAX MAXMIN MINMIN MAXMAX")),
     (
         "a module or another declaration",
         {"MODULE", "CONST", "REWARDS"},
@@ -126,8 +127,6 @@ _OTHER_WORDS = {
     "formation": "formations belong to stochastic games",
     "endplayer": "players belong to stochastic games",
     "endobservables": "observables belong to partially observable models",
-    "clock": "clocks belong to timed automata",
-    "invariant": "invariants belong to timed automata",
     "observables": "observables belong to partially observable models",
     "observable": "observables belong to partially observable models",
     "player": "players belong to stochastic games",
@@ -644,7 +643,7 @@ _UPDATE = "an update is true, (x'=…), or probability : (x'=…)"
 _STATE_OPERATORS = MEASURE_WORDS | _set("A E")
 _KEYWORD_NAMES = _set(
     "A bool C double E false F filter func G I int max min P Pmax Pmin prob R rate Rmax Rmin S "
-    "true U W X minmax maxmin dtmc ctmc mdp system init"
+    "true U W X minmax maxmin minmin maxmax dtmc ctmc mdp system init"
 )
 
 

@@ -21,6 +21,7 @@ from typing import Any, cast
 
 import lark
 
+from symcheck.syntax.ast import ModelType
 from symcheck.syntax.operators import Function, Operator
 from symcheck.syntax.tree_builder import Builder, ModelBuilder, PropertiesBuilder
 
@@ -31,6 +32,13 @@ _STARTS = {
     "prism": ["program", "expression", "misplaced"],
     "properties": ["properties", "state", "misplaced"],
 }
+
+
+_DECLARATIONS = (
+    *("const", "formula", "global", "init", "label", "module", "observable", "observables"),
+    *("player", "prob", "rate", "rewards", "system"),
+)
+"""The words that begin a declaration of a model."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +90,8 @@ def load_interactive(name: str) -> Language:
 
 @cache
 def _load(name: str, compiled: bool) -> Language:
-    text = grammar_text(name) + _operations()
+    text = grammar_text(name)
+    text += _operations() + _other_types(text)
     path = _cache_file(name, text, compiled)
     parser = None if path is None else _read(path)
     if parser is None:
@@ -122,6 +131,18 @@ def _operations() -> str:
             rf"FUNCTION.3: /(?:{functions})(?=\s*\()/",
         ]
     )
+
+
+def _other_types(grammar: str) -> str:
+    """The terminal of the types of models whose words are names elsewhere.
+
+    Such a word is a type where a declaration follows, which never follows a name.
+    """
+    words = "|".join(k.value for k in ModelType if f"\n{k.name}: " not in grammar) + "|tsg"
+    declarations = "|".join(_DECLARATIONS)
+    return rf"""
+OTHER_TYPE.3: /(?:{words})(?=(?:\s|\/\/[^\r\n]*(?![^\r\n]))+(?:{declarations})(?![A-Za-z_0-9]))/
+"""
 
 
 def _plugins() -> dict[str, Any]:

@@ -11,7 +11,9 @@ from symcheck.syntax.recovery import Fault
 
 __all__ = ["meant"]
 
-_MODEL_TYPES = frozenset(("dtmc", "ctmc", "mdp", "probabilistic", "stochastic", "nondeterministic"))
+_MODEL_TYPES = frozenset(
+    ("dtmc", "ctmc", "mdp", "ma", "probabilistic", "stochastic", "nondeterministic")
+)
 _MEASURES = frozenset(word for word in MEASURE_WORDS if word[0] != "S")  # S has no path
 _OTHER = {
     spelling: measure + direction

@@ -130,6 +130,8 @@ def _text(node: Tree) -> tuple[str, int]:
             return f"I={_tree(time)}", _PATH
         case ast.SteadyStateReward():
             return "S", _PATH
+        case ast.EndedReward(kept, target):
+            return f"{'Fc' if kept else 'F0'} ({_tree(target)})", _PATH
         case decl.Parallel(operands):
             return " || ".join(_tree(o, _INTERLEAVING) for o in operands), _PARALLEL
         case decl.Interleaving(operands):
@@ -262,6 +264,9 @@ def _measure(node: ast.AnyMeasure, tail: str = "") -> str:
         case _:
             assert_never(node)
     comparison = "=?" if node.bound is None else _limit(node.bound)
+    if node.coalition is not None:
+        names = "*" if node.coalition.players is None else ",".join(node.coalition.players)
+        head = (f"[[{names}]] " if node.coalition.against else f"<<{names}>> ") + head
     return f"{head}{node.direction or ''}{comparison} [ {text}{tail} ]"
 
 
@@ -281,7 +286,9 @@ def _program(program: decl.Program) -> str:
         map(_formula, program.formulas),
         ["global " + _variable(v) for v in program.globals],
         *([_module(m)] for m in program.modules),
+        map(_player, program.players),
         map(_label, program.labels),
+        map(_observable, program.observables),
         *([_rewards(r)] for r in program.rewards),
         [] if initial is None else [f"init\n  {_tree(initial)}\nendinit"],
         [] if system is None else [f"system\n  {_tree(system, _PARALLEL)}\nendsystem"],
@@ -308,6 +315,13 @@ def _formula(formula: decl.Formula) -> str:
     return f"formula {formula.name} = {_tree(formula.expression)};"
 
 
+def _observable(observable: decl.Observable) -> str:
+    text = _tree(observable.expression)
+    if observable.name is None:
+        return f"observables {text} endobservables"
+    return f'observable "{observable.name}" = {text};'
+
+
 def _label(label: decl.Label) -> str:
     return f'label "{label.name}" = {_tree(label.expression)};'
 
@@ -316,16 +330,18 @@ def _variable(variable: decl.VariableDeclaration) -> str:
     if variable.low is not None and variable.high is not None:
         kind = f"[{_tree(variable.low)}..{_tree(variable.high)}]"
     else:
-        kind = variable.type.value
+        kind = "clock" if variable.clock else variable.type.value
     initial = "" if variable.initial is None else f" init {_tree(variable.initial)}"
     return f"{variable.name} : {kind}{initial};"
 
 
 def _module(module: decl.Module | decl.RenamedModule) -> str:
     match module:
-        case decl.Module(name, variables, commands):
+        case decl.Module(name, variables, commands, invariant):
             body = _joined(
-                [f"  {_variable(v)}" for v in variables], [f"  {_command(c)}" for c in commands]
+                [f"  {_variable(v)}" for v in variables],
+                [] if invariant is None else [f"  invariant {_tree(invariant)} endinvariant"],
+                [f"  {_command(c)}" for c in commands],
             )
             return f"module {name}\n{body}\nendmodule"
         case decl.RenamedModule(name, base, renaming):
@@ -335,14 +351,22 @@ def _module(module: decl.Module | decl.RenamedModule) -> str:
             assert_never(module)
 
 
+def _player(player: decl.Player) -> str:
+    owned = ", ".join((*player.modules, *(f"[{a}]" for a in player.actions)))
+    return f"player {player.name} {owned} endplayer"
+
+
 def _command(command: decl.Command) -> str:
     updates = " + ".join(map(_update, command.updates))
-    return f"[{command.action or ''}] {_tree(command.guard)} -> {updates};"
+    opening, closing = "<>" if command.is_markovian else "[]"
+    return f"{opening}{command.action or ''}{closing} {_tree(command.guard)} -> {updates};"
 
 
 def _update(update: decl.Update) -> str:
     assignments = [f"({a.variable}'={_tree(a.expression)})" for a in update.assignments]
     probability = "" if update.probability is None else f"{_tree(update.probability)} : "
+    if update.probability is not None and update.upper is not None:
+        probability = f"[{_tree(update.probability)},{_tree(update.upper)}] : "
     return probability + (" & ".join(assignments) or "true")
 
 

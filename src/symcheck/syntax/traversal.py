@@ -78,8 +78,8 @@ def with_children(node: Tree, parts: tuple[Tree, ...]) -> Tree:
         return next(new) if isinstance(value, Node) else value
 
     kind: Any = type(node)
-    values = [renewed(getattr(node, name)) for name in _fields(kind)]
-    return cast(Tree, kind(*values, span=node.span))
+    values = {name: renewed(getattr(node, name)) for name in _fields(kind)}
+    return cast(Tree, kind(**values, span=node.span))
 
 
 def nodes(tree: Tree) -> Iterator[Tree]:

@@ -92,6 +92,10 @@ class Structure(NamedTuple):
     end_pos: int
 
 
+class _Invariant(NamedTuple):
+    condition: Expression
+
+
 def _text(word: Value) -> Value:
     """The text of a word, of a name in quotes without them; any other value as it is."""
     if word is None or isinstance(word, ast.Node | tuple):
@@ -397,6 +401,11 @@ class ModelBuilder(Builder):
             _of_kind(decl.RewardStructure, values),
             self._single([v[1:] for v in tagged if v[0] == "init"], "init … endinit"),
             self._single([v[1:] for v in tagged if v[0] == "system"], "system … endsystem"),
+            _of_kind(decl.Player, values),
+            (
+                *(o for v in tagged if v[0] == "observables" for o in v[1]),
+                *_of_kind(decl.Observable, values),
+            ),
             span=Span(self.source, 0, len(self.source.text)),
         )
 
@@ -406,6 +415,17 @@ class ModelBuilder(Builder):
                 continue  # the same one, in a part of a broken text that was read twice
             self._wrong(f"a second {what}", span, "repeated", f"a model has one {what} at most")
         return items[0][0] if items else None
+
+    def observables(self, values: Values) -> tuple[str, tuple[decl.Observable, ...], Span]:
+        names = [v for v in values[1:-1:2] if v is not None]
+        spans = [self._span([name]) for name in names]
+        nodes = (
+            decl.Observable(None, ast.Name(name.value, span=span), span=span)
+            for name, span in zip(names, spans, strict=True)
+        )
+        return "observables", tuple(nodes), self._words(values)
+
+    observable = _node(decl.Observable, 1, 3)
 
     def initial(self, values: Values) -> tuple[str, Expression, Span]:
         return "init", self.measure(values[1]), self._words(values)
@@ -418,12 +438,13 @@ class ModelBuilder(Builder):
     def variable(self, values: Values) -> decl.VariableDeclaration:
         name, _, *domain, _, initial, _ = values
         kind, low, high = ast.Type.INT, None, None
+        clock = len(domain) == 1 and domain[0].value == "clock"
         if len(domain) == 1:
-            kind = ast.Type(domain[0].value)
+            kind = kind if clock else ast.Type(domain[0].value)
         else:
             low, high = self.measure(domain[1]), self.measure(domain[3])
         initial, span = self.measure(initial), self._words(values)
-        return decl.VariableDeclaration(name.value, kind, low, high, initial, span=span)
+        return decl.VariableDeclaration(name.value, kind, low, high, initial, clock, span=span)
 
     def global_variable(self, values: Values) -> decl.VariableDeclaration:
         return cast(decl.VariableDeclaration, values[1])
@@ -431,13 +452,32 @@ class ModelBuilder(Builder):
     def module(self, values: Values) -> decl.Module:
         variables = _of_kind(decl.VariableDeclaration, values)
         commands = _of_kind(decl.Command, values)
-        return decl.Module(values[1].value, variables, commands, span=self._words(values))
+        (invariant,) = _of_kind(_Invariant, values) or (None,)
+        condition = invariant and invariant.condition
+        name, span = values[1].value, self._words(values)
+        return decl.Module(name, variables, commands, condition, span=span)
+
+    def invariant(self, values: Values) -> _Invariant:
+        return _Invariant(self.measure(values[1]))
+
+    def owned_module(self, values: Values) -> tuple[str, str]:
+        return "module", values[0].value
+
+    def owned_action(self, values: Values) -> tuple[str, str]:
+        return "action", values[1].value
+
+    def player(self, values: Values) -> decl.Player:
+        owned = [v for v in values if isinstance(v, tuple)]
+        modules, actions = (
+            tuple(name for kind, name in owned if kind == wanted) for wanted in ("module", "action")
+        )
+        return decl.Player(values[1].value, modules, actions, span=self._words(values))
 
     def command(self, values: Values) -> decl.Command:
-        _, action, _, guard, _, updates, _ = values
+        opening, action, _, guard, _, updates, _ = values
         self._outer.clear()
-        name = action and action.value
-        return decl.Command(name, self.measure(guard), updates, span=self._words(values))
+        name, has_rates = action and action.value, opening.value == "<"
+        return decl.Command(name, self.measure(guard), updates, has_rates, span=self._words(values))
 
     updates = _listed
 
@@ -447,8 +487,18 @@ class ModelBuilder(Builder):
 
     def update(self, values: Values) -> decl.Update:
         probability, _, (assignments, span) = values
-        span = Span(self.source, self._extent(probability)[0], span.end)
-        return decl.Update(self.measure(probability), assignments, span=span)
+        upper = None
+        if isinstance(probability, tuple):
+            bracket, probability, upper = probability
+            start = bracket.start_pos
+        else:
+            start = self._extent(probability)[0]
+        span = Span(self.source, start, span.end)
+        return decl.Update(self.measure(probability), assignments, self.measure(upper), span=span)
+
+    def interval(self, values: Values) -> tuple[Value, Value, Value]:
+        bracket, lower, _, upper, _ = values
+        return bracket, lower, upper
 
     def assignments(self, values: Values) -> tuple[tuple[decl.Assignment, ...], Span]:
         return _of_kind(decl.Assignment, values), self._span(values)
@@ -599,25 +649,19 @@ class PropertiesBuilder(Builder):
         return self._measure(ast.RewardOperator, values)
 
     def coalition(self, values: Values) -> Expression:
-        """`<<*>> P>=p […]`: an MDP has one player, who takes part or not.
-
-        A bound without a direction must hold under all strategies; here under some strategy if the
-        player takes part in <<…>>, or does not in [[…]].
-        """
+        """`<<players>> P>=p […]`, names or numbers; binding tells who they are."""
         word, measure = values
-        players, span = word.value[2:-2].strip(), self._span(values)
-        if players not in ("", "*"):
-            self._wrong(
-                "named players belong to stochastic games, which are not supported",
-                self._words([word]),
-                "model-type",
-                "an MDP has one player: <<*>> is some strategy, <<>> are all strategies",
-            )
-        exists = (word.value[0] == "<") == (players != "")
-        return cast(
-            Expression,
-            _under_some_strategy(measure, span) if exists else replace(measure, span=span),
+        names = (
+            tuple(p.strip() for p in word.value[2:-2].split(","))
+            if word.value[2:-2].strip()
+            else ()
         )
+        place, span = self._words([word]), self._span(values)
+        if not all(map(_PLAYER.fullmatch, names)) and names != ("*",):
+            hint = "names or numbers, as in <<1,2>>; * for all"
+            self._wrong("this is no coalition of players", place, "coalition", hint)
+        coalition = ast.Coalition(None if names == ("*",) else names, word.value[0] == "[", place)
+        return cast(Expression, _with_coalition(measure, coalition, span))
 
     time = partialmethod(_measure, ast.ExpectedTime)
     steady = partialmethod(_measure, ast.SteadyState)
@@ -635,6 +679,10 @@ class PropertiesBuilder(Builder):
     cost_bounded = _node(ast.CostBoundedReward, 1)
     total = _node(ast.TotalReward)
     instantaneous = _node(ast.InstantaneousReward, 2)
+
+    def ended(self, values: Values) -> ast.EndedReward:
+        return ast.EndedReward(values[0].value == "Fc", values[1], span=self._span(values))
+
     long_run = _node(ast.SteadyStateReward)
 
     def cumulative(self, values: Values) -> ast.CumulativeReward:
@@ -718,31 +766,34 @@ class PropertiesBuilder(Builder):
         return values[1], tuple(v.value for v in values[4::3])
 
 
-def _under_some_strategy(measure: Expression, span: Span) -> Expression:
-    """A measure whose bound needs to hold under one strategy only."""
+def _with_coalition(measure: Expression, coalition: ast.Coalition, span: Span) -> Expression:
     match measure:
         case ast.StateFilter(_, inner):
-            return replace(measure, formula=_under_some_strategy(inner, inner.span), span=span)
-        case ast.Measure(None, ast.Bound(operator)):
-            direction = "max" if operator in (Operator.GT, Operator.GE) else "min"
-            return replace(measure, direction=direction, span=span)
+            return replace(
+                measure, formula=_with_coalition(inner, coalition, inner.span), span=span
+            )
+        case ast.Measure():
+            return replace(measure, coalition=coalition, span=span)
         case _:
-            return replace(measure, span=span)
+            return measure
 
 
 def _is_temporal(path: ast.PathFormula) -> bool:
     return any(isinstance(n, ast.UnaryTemporal | ast.BinaryTemporal) for n in nodes(path))
 
 
-_MODEL_TYPES = {"probabilistic": "dtmc", "stochastic": "ctmc", "nondeterministic": "mdp"}
+_MODEL_TYPES = {"probabilistic": "dtmc", "stochastic": "ctmc", "nondeterministic": "mdp"} | {
+    "tsg": "smg"
+}
 _UNARY_PATHS = {kind.symbol: kind for kind in (ast.Next, ast.Eventually, ast.Globally)}
 _BINARY_PATHS = {kind.symbol: kind for kind in (ast.Until, ast.WeakUntil, ast.Release)}
-_DECLARATIONS = frozenset({decl.Formula, decl.Label, decl.RewardItem})
+_DECLARATIONS = frozenset({decl.Formula, decl.Label, decl.Observable, decl.RewardItem})
 """The nodes whose expressions are complete, so that their depth is measured."""
 
 
 # A name before a parenthesis on the same line is meant as a function, even if the two could be
 # properties of their own.
+_PLAYER = re.compile(r"\w+")
 _LAST_WORD = re.compile(r"[A-Za-z_][A-Za-z_0-9]*\Z")
 _OPENING = re.compile(r"[ \t]*\(")
 _LONGEST_WORD = 40

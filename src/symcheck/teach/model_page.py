@@ -17,6 +17,7 @@ from symcheck.engines.base import Engine, StateSet
 from symcheck.errors import MemoryLimitError, SymcheckError, UnsupportedError, UsageError
 from symcheck.options import MethodName, Options, OptionValues
 from symcheck.page.document import JsonObject, JsonValue, document, fragment
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.query import PathProbability, ReachReward
 from symcheck.semantics.rewards import Reward
@@ -124,6 +125,7 @@ def model_page(
         >>> model_page(model, "P=? [ F d=6 ]").save("die.html")  # doctest: +SKIP
     """
     bound = model.bound
+    require(bound, Feature.PAGES)
     explicit = model.with_options(
         engine="explicit",
         bisim=False,

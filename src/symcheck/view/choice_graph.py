@@ -26,7 +26,7 @@ from symcheck.semantics.binding.bind import bind_properties
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.simulate.path import PathStep
-from symcheck.simulate.steps import Steps
+from symcheck.simulate.steps import CommandSuccessors
 from symcheck.syntax.parse import parse_properties
 
 if TYPE_CHECKING:
@@ -187,14 +187,16 @@ class ChoiceGraph:
         return self.matrix.groups is None
 
     @cached_property
-    def _steps(self) -> Steps | None:
+    def _steps(self) -> CommandSuccessors | None:
         """The commands of a chain with actions."""
         engine, model = self.engine, self.engine.model
         if not self.is_chain or engine.capability(HasBlocks) is not None:
             return None
         if len(self._numbers) < engine.states:  # a product with an automaton
             return None
-        return Steps(model, check_sums=False) if model.actions and model.events else None
+        return (
+            CommandSuccessors(model, check_sums=False) if model.actions and model.events else None
+        )
 
     def actions_to(self, state: int) -> Mapping[int, str]:
         """The actions of a chain's transitions from a state, joined by commas, by target."""

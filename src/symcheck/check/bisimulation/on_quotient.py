@@ -34,6 +34,7 @@ from symcheck.matrices.numbers import doubles
 from symcheck.matrices.rows import Bools, Floats
 from symcheck.numerics.bisimulation import lump
 from symcheck.options import Options
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.rewards import Structure
 from symcheck.syntax.ast import Expression, Filter, LabelReference, Name, StateFilter, Type
 from symcheck.tables import counted
@@ -124,6 +125,7 @@ def quotient(
         UnsupportedError: the formula contains a filter, A, E or multi(...), or the engine has
             neither diagrams nor explicit states.
     """
+    require(context.engine.model, Feature.BISIMULATION)
     seen = atomic_observations(context, formula)
     return (
         shared.quotient

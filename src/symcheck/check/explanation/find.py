@@ -19,6 +19,7 @@ from symcheck.check.explanation.path_search import Number, PathSearch, path_sear
 from symcheck.check.strategies.to_explicit import check_rows_fit, to_explicit
 from symcheck.numerics.likeliest_paths import FoundPath, likeliest_paths
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.semantics.features import Feature, require
 from symcheck.syntax.ast import Expression
 from symcheck.syntax.printer import pretty
 
@@ -45,6 +46,7 @@ def find_counterexample(
     Raises:
         UnsupportedError: the formula is of another kind, or no set of paths shows its value.
     """
+    require(context.engine.model, Feature.COUNTEREXAMPLES)
     check_rows_fit(context.engine, "a counterexample needs")
     options = replace(context.options, strategy=True)
     context = to_explicit(replace(context, options=options, relevant_states=None))

@@ -18,7 +18,14 @@ from symcheck.matrices.rows import Int64s
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.time_bounds import RewardWindow, Window
 
-__all__ = ["ScaledBound", "common_step", "dimension_order", "in_steps", "scale_bound"]
+__all__ = [
+    "ScaledBound",
+    "common_step",
+    "dimension_order",
+    "in_multiples",
+    "in_steps",
+    "scale_bound",
+]
 
 _NEAR = 8 * UNIT_ROUNDOFF
 """Largest relative distance of a reward, a sum of few doubles, from the fraction it stands for."""
@@ -94,6 +101,24 @@ def scale_bound(
         UnsupportedError: a reward is negative, infinite or not a multiple of a common step. The
             message names the reward and a state.
     """
+    multiples, step = in_multiples(context, system, rewards)
+    exact = context.engine.is_rational
+    lower, upper = in_steps(count.window if exact else _as_fractions(count.window), step)
+    largest = max(lower, upper or 0)
+    if largest > tuning.REWARD_LEVELS:
+        raise UnsupportedError(
+            f"a bound of {largest:,} steps of {step}, the greatest common divisor of all "
+            "rewards, is too large",
+            hint="round the rewards to fewer digits",
+        )
+    return ScaledBound(multiples, lower, upper)
+
+
+def in_multiples(context: Context, system: System, rewards: Numbers) -> tuple[Int64s, Fraction]:
+    """Rewards as multiples of a common step, int64[rows], and the step.
+
+    Very large ones are cut off. Raises UnsupportedError: see `scale_bound`.
+    """
     distinct, inverse = np.unique(rewards, return_inverse=True)
     exact = context.engine.is_rational
     represented = Fraction if exact else _fraction
@@ -104,16 +129,8 @@ def scale_bound(
             raise _not_a_multiple(context, system, v, int(np.flatnonzero(inverse == i)[0]))
         values.append(nearest)
     step = common_step(values)
-    lower, upper = in_steps(count.window if exact else _as_fractions(count.window), step)
-    largest = max(lower, upper or 0)
-    if largest > tuning.REWARD_LEVELS:
-        raise UnsupportedError(
-            f"a bound of {largest:,} steps of {step}, the greatest common divisor of all "
-            "rewards, is too large",
-            hint="round the rewards to fewer digits",
-        )
     steps = np.array([min(int(v / step), tuning.REWARD_LEVELS + 1) for v in values], dtype=np.int64)
-    return ScaledBound(steps[inverse], lower, upper)
+    return steps[inverse], step
 
 
 def _fraction(value: Fraction) -> Fraction | None:

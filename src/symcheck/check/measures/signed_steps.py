@@ -26,7 +26,7 @@ REWARD_ERROR = 2.0**-43
 
 def best(rows: Numbers, system: System, direction: Direction | None) -> Numbers:
     """The least or greatest value of the rows of each state: float64[rows] -> float64[n]."""
-    return best_of_rows(rows, system.groups, direction)
+    return best_of_rows(rows, system.groups, direction, system.opponents)
 
 
 def is_signed(context: Context, rewards: Numbers) -> bool:

@@ -46,6 +46,7 @@ from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedE
 from symcheck.matrices.numbers import numbers
 from symcheck.numerics import rational_limits
 from symcheck.numerics.multi_objective.exact_lp import ROWS
+from symcheck.semantics.features import Feature, require
 from symcheck.syntax.ast import (
     ExpectedTime,
     Expression,
@@ -231,6 +232,7 @@ def _query(
 
 def check_supported(context: Context, formula: MultiObjective) -> None:
     """Raise InputError or UnsupportedError if the model has no such queries."""
+    require(context.engine.model, Feature.MULTI_OBJECTIVE)
     if not context.engine.model.type.has_choices:
         raise InputError(Diagnostic("multi(...) needs an MDP", formula.span, "multi"))
     orbits = context.engine.capability(RepresentsOrbits)

@@ -31,6 +31,7 @@ __all__ = [
     "as_until",
     "co_safe_product",
     "co_safe_reward",
+    "is_co_safe",
     "labelled_automaton",
     "linear_product",
     "path_probability_ltl",
@@ -155,6 +156,13 @@ def co_safe_product(context: Context, path: LtlPathFormula[StateSet]) -> tuple[P
     Raises InputError, UnsupportedError: see `co_safe_reward`.
     """
     return context.once(("co-safe", path), lambda: _co_safe_product(context, path))
+
+
+def is_co_safe(context: Context, path: LtlPathFormula[StateSet]) -> bool:
+    """Whether finite prefixes of runs show that they satisfy a formula."""
+    factory = LtlFactory()
+    _, formula = _read(context, factory, path)
+    return (factory.negation(formula) if path.negative else formula).co_safe
 
 
 def _co_safe_product(context: Context, path: LtlPathFormula[StateSet]) -> tuple[Product, StateSet]:

@@ -27,6 +27,7 @@ from symcheck.semantics.path_formulas import (
 )
 from symcheck.semantics.query import Threshold
 from symcheck.semantics.time_bounds import Window
+from symcheck.syntax.ast import Weights
 from symcheck.syntax.operators import Operator
 
 __all__ = ["complement_of", "defined_bounds", "probability", "qualitative"]
@@ -95,7 +96,11 @@ def probability(
         satisfied = context.engine.indicator(known - path.right if path.negative else path.right)
         return satisfied.choose(known, context.engine.constant(0, 1))
     # A difference of rationals is exact; one of doubles loses the digits of a small probability.
-    if isinstance(path, UntilPath) and path.negative and not context.engine.is_rational:
+    # In a game, the difference is taken: a side may ensure the complement by going on for ever.
+    engine = context.engine
+    intervals = engine.model.weights is Weights.INTERVALS
+    by_difference = engine.is_rational or intervals or engine.has_opponents
+    if isinstance(path, UntilPath) and path.negative and not by_difference:
         from symcheck.check.queries.complement_until import complement_until
 
         certain = _probability_zero(context, path.left, path.right, direction and direction.dual)
@@ -163,6 +168,10 @@ def _linear_time(
     simple = as_until(context, path)
     if simple is not None:
         return probability(context, simple, direction)
+    if context.engine.has_opponents:
+        from symcheck.check.omega_regular.games import path_probability_in_game
+
+        return path_probability_in_game(context, path, direction)
     if direction is Direction.MIN:
         opposite = replace(path, negative=not path.negative)
         return complement_of(context, lambda c: path_probability_ltl(c, opposite, Direction.MAX))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import assert_never
 
 import numpy as np
@@ -15,6 +16,7 @@ from symcheck.check.measures.total_reward import total_reward
 from symcheck.check.queries.path_probabilities import probability
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
+from symcheck.engines.capabilities import HasUncertainty
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
 from symcheck.semantics.query import (
@@ -22,6 +24,7 @@ from symcheck.semantics.query import (
     CostBoundedReward,
     CumulativeReward,
     DiscountedReward,
+    EndedReward,
     ExpectedReward,
     InstantaneousReward,
     LongRunProbability,
@@ -33,7 +36,7 @@ from symcheck.semantics.query import (
     TotalReward,
 )
 
-__all__ = ["values"]
+__all__ = ["against_nature", "values"]
 
 
 def values(
@@ -52,7 +55,13 @@ def values(
     Raises:
         UnsupportedError: the quantity does not apply to the model, or a value is beyond doubles.
     """
-    quantity, direction = query.quantity, query.direction
+    if context.engine.model.type.partially_observed:
+        from symcheck.check.beliefs.values import belief_values
+
+        return belief_values(context, query)
+    context, query = against_nature(context, query)
+    quantity = query.quantity
+    context, direction = context.playing(query)
     match quantity:
         case PathProbability(path):
             return probability(context, path, direction)
@@ -74,6 +83,15 @@ def values(
             return found
 
 
+def against_nature(context: Context, query: Query[StateSet]) -> tuple[Context, Query[StateSet]]:
+    """The context and the query in which nature's direction follows from that of strategies."""
+    uncertain = context.engine.capability(HasUncertainty)
+    if uncertain is None or query.nature is None:
+        return context, query
+    engine, direction = uncertain.against(query.direction, query.nature)
+    return replace(context, engine=engine), replace(query, direction=direction)
+
+
 def _expected(
     context: Context, quantity: ExpectedReward[StateSet], direction: Direction | None
 ) -> Values:
@@ -84,6 +102,10 @@ def _expected(
             from symcheck.check.omega_regular.ltl import co_safe_reward
 
             return co_safe_reward(context, reward, path, direction)
+        case TotalReward(reward) if context.engine.has_opponents:
+            from symcheck.check.measures.ended_reward import kept_reward
+
+            return kept_reward(context, reward, context.engine.none, direction)
         case TotalReward(reward):
             return total_reward(context, reward, direction)
         case CumulativeReward(reward, window):
@@ -96,6 +118,10 @@ def _expected(
             from symcheck.check.measures.discounted import discounted_reward
 
             return discounted_reward(context, reward, discount, steps, direction)
+        case EndedReward(reward, target, kept):
+            from symcheck.check.measures.ended_reward import kept_reward, lost_reward
+
+            return (kept_reward if kept else lost_reward)(context, reward, target, direction)
         case InstantaneousReward(reward, time):
             return timed_measures(context).instantaneous_reward(context, reward, time, direction)
         case LongRunReward(reward):

@@ -20,6 +20,7 @@ from symcheck.engines.base import StateSet
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import per_row
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.path_formulas import (
     LtlPathFormula,
     NextPath,
@@ -65,12 +66,17 @@ def strategy_of(context: Context, formula: Expression) -> Strategy:
         UnsupportedError: the model is no MDP, or the formula is of another kind.
     """
     kind = context.engine.model.type
+    require(context.engine.model, Feature.STRATEGIES)
     if not kind.has_choices:
         raise UnsupportedError(f"strategies exist only for MDPs, and this model is a {kind.name}")
     if context.options.fairness:
         raise UnsupportedError("strategies are not supported with -fair")
     if not isinstance(formula, AnyMeasure):
         raise UnsupportedError(f"strategies are supported for {letters_of(AnyMeasure)} formulas")
+    if kind.partially_observed:
+        from symcheck.check.beliefs.strategy import belief_strategy
+
+        return belief_strategy(context)
     return strategy_attaining(context, query_of(context, formula))
 
 

@@ -65,7 +65,7 @@ def add_input(parser: SwitchParser) -> None:
         action="append",
         default=[],
     )
-    for kind in ModelType:
+    for kind in (k for k in ModelType if not k.has_own_syntax):
         parser.add(
             kind.value,
             "",

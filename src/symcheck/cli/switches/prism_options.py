@@ -29,7 +29,7 @@ _GROUPS: tuple[tuple[str, int, str], ...] = (
         _METHODS,
     ),
     (
-        "omega transientmethod ptamethod heuristic fauepsilon faudelta fauarraythreshold "
+        "omega transientmethod heuristic fauepsilon faudelta fauarraythreshold "
         "fauintervals fauinitival",
         1,
         _METHODS,

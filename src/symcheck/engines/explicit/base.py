@@ -8,6 +8,7 @@ from symcheck.engines.base import EngineOf
 from symcheck.engines.capabilities import HasMatrix
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.engines.explicit.rational_values import RationalValues
+from symcheck.matrices.rows import Bools
 
 __all__ = ["ExplicitOwner", "Numeric"]
 
@@ -16,4 +17,10 @@ Numeric = ArrayValues | RationalValues
 
 
 class ExplicitOwner(EngineOf[ArraySet, Numeric], HasMatrix, Protocol):
-    """An engine over the rows of all states."""
+    """An engine over the rows of all states.
+
+    opponents: the states in which opponents choose, bool[states]; None: it is no game.
+    """
+
+    @property
+    def opponents(self) -> Bools | None: ...

@@ -7,7 +7,7 @@ Its numbers are those of the explored model: float64, or rationals (the exact en
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from fractions import Fraction
 from functools import cached_property
 from math import isfinite, isnan
@@ -42,6 +42,7 @@ from symcheck.explicit.explored import ExploredModel
 from symcheck.explicit.model import ExplicitModel
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, Rationals, full, is_infinite, numbers
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.entry_errors import entry_error
 from symcheck.semantics.model import BoundModel
@@ -63,6 +64,47 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
     name: str = "explicit"
     has_rows: bool = True
     represented: Represented | None = None
+    opponents: Bools | None = field(default=None, compare=False)
+
+    @property
+    def has_opponents(self) -> bool:
+        """Whether in some states opponents choose."""
+        return self.opponents is not None
+
+    @cached_property
+    def owners(self) -> Int32s:
+        """The player of each state of a game, numbered from 0; -1 where nothing can be done.
+
+        Raises:
+            InputError: two players can do something in a state, or nobody owns what can be done.
+        """
+        from symcheck.semantics.binding.players import owned_states, two_owners
+
+        owners = np.full(self.states, -1, np.int32)
+        for player, states in enumerate(owned_states(self.model)):
+            here = self.where(states)
+            if both := here & ArraySet(owners >= 0):
+                raise two_owners(self.model, next(self.valuations(both, 1)))
+            owners[here.members] = player
+        return owners
+
+    @cached_property
+    def _coalitions(self) -> dict[frozenset[int], ExplicitEngine]:
+        return {}
+
+    def playing(self, coalition: frozenset[int]) -> ExplicitEngine:
+        """The game of some players against all others.
+
+        Args:
+            coalition: the players who choose in the direction of what is asked.
+
+        Raises:
+            InputError: see `owners`.
+        """
+        if coalition not in self._coalitions:
+            opponents = ~np.isin(self.owners, list(coalition))
+            self._coalitions[coalition] = replace(self, opponents=opponents)
+        return self._coalitions[coalition]
 
     @property
     def is_rational(self) -> bool:
@@ -233,7 +275,7 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
         finite = self.graph.prob1(self.all, target, direction and direction.dual)
         infinite = self.system(finite - target, direction).infinite_rewards(reward)
         if infinite:
-            refuse_infinite_minimum(direction)
+            refuse_infinite_minimum(Direction.MIN if self.has_opponents else direction)
             finite = finite - self.graph.exists_until(~target, infinite)
         return finite
 
@@ -273,7 +315,15 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
         from symcheck.engines.explicit.product import product
 
         name = f"{self.name} product"
-        return product(self, letters, automaton, lambda pairs: ExplicitEngine(pairs, name))
+        theirs = self.opponents
+        return product(
+            self,
+            letters,
+            automaton,
+            lambda pairs: ExplicitEngine(
+                pairs, name, opponents=None if theirs is None else theirs[pairs.state]
+            ),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,6 +376,12 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
     def entry_error(self) -> float:
         """That of the engine."""
         return self.engine.entry_error
+
+    @property
+    def opponents(self) -> Bools | None:
+        """The states in which opponents choose against a direction; None: it is no game."""
+        theirs = self.engine.opponents
+        return None if theirs is None else theirs[self.states.members]
 
     @property
     def reward_sums(self) -> RewardSums:
@@ -408,7 +464,8 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
         low = self._spread(lower, rest)
         if self.engine.is_rational:
             assert upper is None or upper is lower, "rational values have no bounds"
-            assert all(isinstance(v, Fraction) or not isfinite(v) for v in low), "a float crept in"
+            exact = Fraction | RationalFunction
+            assert all(isinstance(v, exact) or not isfinite(v) for v in low), "a float crept in"
             return RationalValues(low)
         high = low if upper is None or upper is lower else self._spread(upper, rest)
         return ArrayValues(low, high, self.states.members if up_to_rounding else None)

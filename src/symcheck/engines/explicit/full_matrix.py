@@ -49,8 +49,10 @@ class FullMatrix:
         """Whether most states are unknown, and all their rows are used. Masks save memory of
         doubles only, and the solution has no strategy.
         """
-        if self.engine.weights.is_rational or (
-            settings.strategy and query.system.direction is not None
+        if (
+            self.engine.has_opponents
+            or self.engine.weights.is_rational
+            or (settings.strategy and query.system.direction is not None)
         ):
             return False
         if tuning.STATES_PER_UNKNOWN * query.n < len(self.unknown):

@@ -14,6 +14,7 @@ from symcheck.engines.explicit.base import ExplicitOwner
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Bools, spans
 from symcheck.numerics import graph
+from symcheck.numerics.game_graph import Arena
 
 __all__ = ["ExplicitGraph"]
 
@@ -74,11 +75,27 @@ class ExplicitGraph:
 
     def prob0(self, left: ArraySet, right: ArraySet, direction: Direction | None) -> ArraySet:
         """States whose (min/max) probability of left U right is 0."""
+        if self.engine.opponents is not None:
+            arena = self._arena(self.engine.opponents, direction)
+            rows = arena.into(right.members)
+            found, _ = arena.attract(rows, left.members & ~right.members)
+            return ~ArraySet(found | right.members)
         return ArraySet(graph.prob0(self._edges, left.members, right.members, direction))
 
     def prob1(self, left: ArraySet, right: ArraySet, direction: Direction | None) -> ArraySet:
         """States whose (min/max) probability of left U right is 1."""
+        if self.engine.opponents is not None:
+            arena = self._arena(self.engine.opponents, direction)
+            left, rows = left - right, arena.into(right.members)
+            found, _ = arena.almost_surely(
+                rows, arena.into((~(left | right)).members), left.members
+            )
+            return ArraySet(found) | right
         return ArraySet(graph.prob1(self._edges, left.members, right.members, direction))
+
+    def _arena(self, opponents: Bools, direction: Direction | None) -> Arena:
+        """The game of those who maximise against those who minimise."""
+        return Arena(self._edges, opponents ^ (direction is Direction.MIN))
 
     def bsccs(self) -> Iterator[ArraySet]:
         """Bottom strongly connected components."""

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import operator as op
+from collections.abc import Callable, Sequence
 from dataclasses import field
 from fractions import Fraction
 from functools import partial, reduce
 from math import inf, isfinite, nan, nextafter
+from typing import Any
 
 import numpy as np
 
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.errors import UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Rationals, rationals
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.expressions.evaluate import apply_exactly
 from symcheck.semantics.expressions.literals import LEAST_NORMAL, to_float
@@ -156,6 +160,8 @@ def _exactly(operation: Operator | Function, *values: Rational) -> Rational:
     Where that is an error, because an int is no infinity and no remainder by zero, the value
     is the operand or NaN: not every state is relevant.
     """
+    if any(isinstance(v, RationalFunction) for v in values):
+        return apply_to_functions(operation, *values)
     operands: Sequence[Value] = values
     if operation.signature is Signature.ROUNDING and not isfinite(values[0]):
         return values[0]
@@ -168,3 +174,24 @@ def _exactly(operation: Operator | Function, *values: Rational) -> Rational:
 
 def _rational(value: Value) -> Rational:
     return Fraction(value) if isinstance(value, int) else value
+
+
+_ON_FUNCTIONS: dict[Operation, Callable[..., Any]] = {
+    Operator.PLUS: op.add,
+    Operator.MINUS: op.sub,
+    Operator.TIMES: op.mul,
+    Operator.DIVIDE: op.truediv,
+    Function.MIN: min,
+    Function.MAX: max,
+}
+
+
+def apply_to_functions(operation: Operator | Function, *values: Any) -> Any:
+    """The value of an operator or function of rational functions. Raises UnsupportedError."""
+    if operation in (Function.MIN, Function.MAX) and len(values) == 1:
+        return values[0]
+    if operation in _ON_FUNCTIONS:
+        return _ON_FUNCTIONS[operation](*values)
+    if operation in (Operator.POWER, Function.POW) and values[1] == int(values[1]):
+        return values[0] ** int(values[1])
+    raise UnsupportedError(f"{operation!s} of a function of parameters is no rational function")

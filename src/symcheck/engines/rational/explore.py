@@ -22,6 +22,7 @@ from symcheck.errors import (
 )
 from symcheck.explicit import tuning
 from symcheck.explicit.initial import initial_states
+from symcheck.explicit.explored import RACE
 from symcheck.explicit.unbounded import growth
 from symcheck.lazy_dataclass import dataclass
 from symcheck.machine import available_memory, used_data
@@ -219,17 +220,18 @@ def _assemble(
     actions: list[int] = []
     number = {name: i for i, name in enumerate(model.actions)}
     per_row: list[list[Fraction | float]] = [[] for _ in model.rewards]
+    loop = RACE if model.type.immediate_choices else -1
     for state in table:
         rows = [
             (
                 sorted((index[t], p) for p, t in r.branches),
                 r.rewards,
-                number.get(r.action or "", -1),
+                RACE if r.is_race else number.get(r.action or "", -1),
             )
             for r in explored[state]
         ]
         for branches, rewards, action in rows or [
-            ([(index[state], Fraction(1))], (0,) * len(model.rewards), -1)
+            ([(index[state], Fraction(1))], (0,) * len(model.rewards), loop)
         ]:
             actions.append(action)
             columns.extend(c for c, _ in branches)

@@ -27,13 +27,13 @@ from symcheck.semantics.interpreter import value
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, Event
 from symcheck.syntax.ast import Expression, Literal, ModelType, Type
 
-__all__ = ["explore_in_whole_numbers"]
+__all__ = ["CompiledModel", "explore_in_whole_numbers"]
 
 _WHOLE = 2.0**53
 
 
 @dataclass(frozen=True, eq=False)
-class _CompiledModel(RationalModel):
+class CompiledModel(RationalModel):
     """A model whose states are packed, as the compiled search finds them."""
 
     def evaluate(self, expression: Expression) -> Numbers:
@@ -80,7 +80,7 @@ def explore_in_whole_numbers(model: BoundModel, options: Options) -> RationalMod
     pairs = zip(matrix.data.astype(np.int64).tolist(), each, strict=True)
     data = np.empty(matrix.entries, object)
     data[:] = [quotient(w, int(d)) for w, d in pairs]
-    return _CompiledModel(
+    return CompiledModel(
         model,
         found.states,
         replace(matrix, data=data),

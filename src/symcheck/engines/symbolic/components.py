@@ -17,7 +17,7 @@ from symcheck.engines import tuning
 from symcheck.engines.base import SystemOf
 from symcheck.engines.symbolic.diagrams import Diagrams, TransitionPart
 from symcheck.engines.symbolic.sets import SymbolicOwner, SymbolicSet, SymbolicValues
-from symcheck.engines.symbolic.steps import Steps
+from symcheck.engines.symbolic.steps import TransitionGraph
 from symcheck.matrices.rows import Bools, Int32s
 from symcheck.numerics import graph
 
@@ -38,9 +38,9 @@ class Components:
         return self.engine.diagrams
 
     @cached_property
-    def steps(self) -> Steps:
+    def steps(self) -> TransitionGraph:
         """Images, preimages and closures; `observer` is told of each set on the way."""
-        return Steps(self._d, self.observer)
+        return TransitionGraph(self._d, self.observer)
 
     def _set(self, bdd: Bdd) -> SymbolicSet:
         return SymbolicSet(self._d, bdd)

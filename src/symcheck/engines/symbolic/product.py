@@ -11,7 +11,7 @@ import numpy as np
 from symcheck.dd.odd import Odd
 from symcheck.engines.symbolic.diagrams import Diagrams, TransitionPart
 from symcheck.engines.symbolic.sets import Piece, SymbolicOwner, SymbolicSet, SymbolicValues, merged
-from symcheck.engines.symbolic.steps import Steps
+from symcheck.engines.symbolic.steps import TransitionGraph
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager
@@ -129,7 +129,7 @@ def product(base: Base, letters: Sequence[SymbolicSet], automaton: Automaton) ->
     draft = replace(
         d, rows=rows, columns=columns, steps=steps, loops=d.manager.false, states=d.states & entry
     )
-    states = Steps(draft).reachable(draft.states)
+    states = TransitionGraph(draft).reachable(draft.states)
     diagrams = replace(
         draft,
         states=states,

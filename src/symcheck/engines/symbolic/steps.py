@@ -13,7 +13,7 @@ from symcheck.engines import tuning
 from symcheck.engines.symbolic.diagrams import Diagrams
 from symcheck.errors import TimeLimitError
 
-__all__ = ["Steps", "TooSlowError", "look_ups"]
+__all__ = ["TooSlowError", "TransitionGraph", "look_ups"]
 
 
 class TooSlowError(Exception):
@@ -38,9 +38,10 @@ def look_ups(manager: DiagramManager, budget: int | None) -> Iterator[None]:
 
 
 @dataclass(frozen=True, eq=False)
-class Steps:
-    """The steps of a model. `observer` is told of each set on the way to a fixpoint, and what it
-    is.
+class TransitionGraph:
+    """The transition graph of a model on diagrams.
+
+    `observer` is told of each set on the way to a fixpoint, and what it is.
     """
 
     diagrams: Diagrams = field(repr=False)

@@ -55,6 +55,8 @@ def _states(model: ExplicitExport, start: int, stop: int, precision: int) -> Ite
     ]
     for i in range(stop - start):
         text = f"state {start + i}" + (f" !{rates[i]}" if rates is not None else "")
+        if model.observations is not None:
+            text += f" {{{model.observations[start + i]}}}"
         text += f" [{', '.join(r[0][i] for r in rewards)}]" if rewards else ""
         yield text + "".join(n for n, members in labels if members[i]) + "\n"
         for r in range(groups[i] - first, groups[i + 1] - first):

@@ -13,7 +13,7 @@ import numpy as np
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault
 from symcheck.exchange.column_reader import first_true, read_file
-from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards
+from symcheck.exchange.explicit_data import OBSERVATION, ExplicitData, ExplicitRewards
 from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.state_faults import SUM_TOLERANCE
@@ -22,7 +22,7 @@ from symcheck.syntax.ast import ModelType, Type
 __all__ = ["read_drn"]
 
 _STATE = re.compile(
-    r"state\s+(?P<number>\d+)(?:\s+!(?P<rate>\S+))?(?P<player>\s+<\S*>)?(?P<observation>\s+\{.*?\})?"
+    r"state\s+(?P<number>\d+)(?:\s+!(?P<rate>\S+))?(?P<player>\s+<\S*>)?(?:\s+\{(?P<observation>.*?)\})?"
     r"(?:\s+\[(?P<rewards>[^]]*)\])?(?P<labels>.*)"
 )
 _ACTION = re.compile(r"action\s+(?P<name>.*?)(?:\s+\[(?P<rewards>[^]]*)\])?")
@@ -53,6 +53,7 @@ class _Parts:
     state_rewards: list[list[float]] = field(default_factory=list)
     row_rewards: list[list[float]] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
+    observations: list[int] = field(default_factory=list)
 
 
 def read_drn(path: Path, kind: ModelType | None = None, *, check_sums: bool = True) -> ExplicitData:
@@ -119,9 +120,16 @@ class _Reader:
             contributions = Contributions(
                 state_of_row[row_of], targets.astype(np.int64), codes[row_of], values
             )
+        columns = [("x", Type.INT, np.arange(n))]
+        if model_type.partially_observed:
+            if len(parts.observations) != n:
+                raise self.fault(
+                    0, f"{len(parts.observations)} of the {n} states of a POMDP have an observation"
+                )
+            columns.append((OBSERVATION, Type.INT, np.array(parts.observations, np.int64)))
         return ExplicitData(
             model_type,
-            [("x", Type.INT, np.arange(n))],
+            columns,
             matrix,
             actions,
             row_actions,
@@ -215,8 +223,13 @@ class _Reader:
         match = _STATE.fullmatch(text)
         if match is None:
             raise self.fault(line, "a state is written as: state NUMBER [rewards] labels")
-        if match["observation"] is not None or match["player"] is not None:
-            raise self.fault(line, "observations and players are not supported", _hint())
+        if match["player"] is not None:
+            raise self.fault(line, "players are not supported", _hint())
+        observation = match["observation"]
+        if observation is not None:
+            if not observation.strip().isdigit():
+                raise self.fault(line, f"the observation '{observation}' is not a whole number")
+            parts.observations.append(int(observation))
         number = len(parts.first_rows)
         if int(match["number"]) != number or number >= n:
             raise self.fault(
@@ -345,4 +358,4 @@ def _members(states: list[int], n: int) -> Bools:
 
 
 def _hint() -> str:
-    return "DTMCs, CTMCs and MDPs are supported"
+    return "DTMCs, CTMCs, MDPs and POMDPs are supported"

@@ -19,6 +19,7 @@ from symcheck.direction import Direction
 from symcheck.errors import Diagnostic, UnsupportedError
 from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.expressions.literals import LARGEST_WHOLE
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, BoundUpdate, Event
 from symcheck.semantics.query import (
     CumulativeReward,
@@ -94,6 +95,7 @@ def jani_text(
         UnsupportedError: the model has no commands, or JANI has nothing for a property and
             `left_out` is None.
     """
+    require(model, Feature.JANI_FILES)
     if model.builder is not None:
         raise UnsupportedError(
             "a model without commands cannot be written as JANI: formats for lists of states are "

@@ -6,6 +6,10 @@ cdef enum Kind:
     DTMC = 0
     CTMC = 1
     MDP = 2
+    MA = 3
+
+cdef enum:
+    RACE = -2    # the action of a row of rates, beside rows of probabilities
 
 
 @cython.final
@@ -19,8 +23,8 @@ cdef class Expander:
     cdef object tables
     cdef readonly CsrBuilder rows
     # the model
-    cdef int kind, words, variables, structures
-    cdef bint check_sums
+    cdef int kind, words, variables, structures, markovian
+    cdef bint check_sums, grouped, separate
     cdef double tolerance
     cdef const int32_t[:, ::1] fields, program
     cdef const int64_t[::1] lows
@@ -62,6 +66,8 @@ cdef class Expander:
         self.tables = tables
         self.orbits = orbits
         self.kind = tables.kind
+        self.grouped = self.separate = self.kind == Kind.MDP or self.kind == Kind.MA
+        self.markovian = tables.markovian
         self.words = tables.words
         self.tolerance = tables.tolerance
         self.fields, self.lows, self.ranges = tables.fields, tables.lows, tables.ranges
@@ -223,12 +229,14 @@ cdef class Expander:
         cdef long long first = self.successor_count, i
         cdef int v, k, status
         cdef int32_t e
+        cdef bint racing = False
         cdef double earned
         for v in range(self.variables):
             self.r[v].i = self._unpack(source, v)
-        if self.kind != Kind.MDP and self._open_row():
+        if not self.grouped and self._open_row():
             return Status.MEMORY
         self.joint_choices = 0
+        self.separate = self.grouped
         self.row_action = -1
         self.candidate_count = 0
         self._collect_candidates(self.root)
@@ -236,6 +244,11 @@ cdef class Expander:
         k = self.candidate_count
         for v in range(k):
             e = self.candidates[v]
+            if e >= self.markovian and not racing:
+                if self.joint_choices:
+                    break  # maximal progress: time does not pass where there is a choice
+                racing = True
+                self.separate = self.kind == Kind.MDP
             if self.event_parts[e + 1] - self.event_parts[e] == 1:
                 status = self._expand_single(e, source)
             else:
@@ -254,14 +267,13 @@ cdef class Expander:
                 earned = (<double*> self.rows.rewards[v].data)[self.rows.opened - 1]
                 if fabs(earned) > self.joint_choices * 5e-324:
                     (<double*> self.rows.rewards[v].data)[self.rows.opened - 1] /= self.joint_choices
-        if self.kind != Kind.MDP:
-            self._end_row(self.row_action)
-            return 0
-        return Status.MEMORY if self.rows.end_group() else 0
+        if not self.separate:
+            self._end_row(RACE if self.grouped else self.row_action)
+        return Status.MEMORY if self.grouped and self.rows.end_group() else 0
 
     cdef int skip(self) noexcept nogil:
         """Give a state no choices, or an empty row."""
-        if self.kind == Kind.MDP:
+        if self.grouped:
             return Status.MEMORY if self.rows.end_group() else 0
         if self._open_row():
             return Status.MEMORY
@@ -273,7 +285,7 @@ cdef class Expander:
         cdef int v
         if reserve(&self.deadlocks, (self.deadlock_count + 1) * 8) or self._reserve_branches(1):
             return Status.MEMORY
-        if self.kind == Kind.MDP and self._open_row():
+        if self.grouped and self._open_row():
             return Status.MEMORY
         (<int64_t*> self.deadlocks.data)[self.deadlock_count] = state
         self.deadlock_count += 1
@@ -281,8 +293,8 @@ cdef class Expander:
                self.words * 8)
         (<double*> self.weights.data)[self.successor_count] = 1.0
         self.successor_count += 1
-        self._end_row(-1)
-        return Status.MEMORY if self.kind == Kind.MDP and self.rows.end_group() else 0
+        self._end_row(RACE if self.kind == Kind.MA else -1)
+        return Status.MEMORY if self.grouped and self.rows.end_group() else 0
 
     cdef int add_deadlocks(self, Expander other, long long first, long long end) noexcept nogil:
         """Append some deadlocks of another expander."""
@@ -304,7 +316,7 @@ cdef class Expander:
         (<int64_t*> self.ends.data)[self.row_count] = self.successor_count
         # A row has several joint choices only if it is the only one of its state.
         (<uint8_t*> self.distinct.data)[self.row_count] = (
-            self.is_distinct and (self.kind == Kind.MDP or self.joint_choices == 1))
+            self.is_distinct and (self.separate or self.joint_choices == 1))
         self.rows.set_action(action)
         self.row_count += 1
 
@@ -497,7 +509,7 @@ cdef class Expander:
                                                + 1] - self.enabled_begin[self.chosen[p]]
             total *= self.enabled_total[self.chosen[p]]
             status = status or self.enabled_status[self.chosen[p]]
-        if self.check_sums and not (-self.tolerance <= total - 1 <= self.tolerance):
+        if self.check_sums and event < self.markovian and not (-self.tolerance <= total - 1 <= self.tolerance):
             return Status.SUM
         if combinations == 0:
             return 0
@@ -509,7 +521,7 @@ cdef class Expander:
         if self.successor_count == first:
             return 0
         self.is_distinct = self.orbits is not None and self._updates_differ()
-        if self.kind == Kind.MDP and self._open_row():
+        if self.grouped and (self.separate or self.joint_choices == 0) and self._open_row():
             return Status.MEMORY
         if self.structures:
             status = self._add_rewards(event, first)
@@ -518,7 +530,7 @@ cdef class Expander:
         self.row_action = (self.event_action[event] if self.joint_choices == 0
                            or self.row_action == self.event_action[event] else -1)
         self.joint_choices += 1
-        if self.kind == Kind.MDP:
+        if self.separate:
             self._end_row(self.event_action[event])
         return 0
 

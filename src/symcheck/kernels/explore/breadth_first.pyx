@@ -354,7 +354,7 @@ cdef class Explorer:
     cdef int _number_block(self, StateBlock block, long long budget) noexcept nogil:
         """Number the successors in a block, batch by batch."""
         cdef BatchEnd before, end
-        cdef bint grouped = self.expander.kind == Kind.MDP
+        cdef bint grouped = self.expander.grouped
         cdef int outcome
         while block.next_batch < block.batches:
             if self.states.count >= budget:

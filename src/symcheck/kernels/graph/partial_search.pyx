@@ -12,7 +12,8 @@ from libc.stdint cimport int32_t, int64_t, uint8_t
 
 def search(const int64_t[::1] column_ptr, const int32_t[::1] column_rows,
            const int32_t[::1] row_state, uint8_t[::1] hit, misses: Int32s | None,
-           const uint8_t[::1] through, const int32_t[::1] found, uint8_t[::1] reached):
+           const uint8_t[::1] through, const int32_t[::1] found, uint8_t[::1] reached,
+           witness: Int64s | None = None):
     """Extend the reached states by the states of `through` that lead to new ones.
 
     Args:
@@ -22,8 +23,12 @@ def search(const int64_t[::1] column_ptr, const int32_t[::1] column_rows,
         through: uint8[states].
         found: int32[k], states that were reached since the last call.
         reached: uint8[states], with the states of `found`; extended.
+        witness: int64[states], receives the last hit row of each state that is reached; None: it is
+            not asked for.
     """
     cdef int32_t[::1] left
+    cdef int64_t[::1] rows = witness
+    cdef bint noted = witness is not None
     cdef bint every = misses is not None
     cdef int64_t head = 0, tail = found.shape[0], k, r
     cdef int32_t s, p
@@ -47,5 +52,7 @@ def search(const int64_t[::1] column_ptr, const int32_t[::1] column_rows,
                         continue
                 if through[p] and not reached[p]:
                     reached[p] = 1
+                    if noted:
+                        rows[p] = r
                     queue[tail] = p
                     tail += 1

@@ -7,7 +7,7 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.operators import BoundStep
-from symcheck.matrices.rows import Floats, Int64s, best_of_rows, first_best
+from symcheck.matrices.rows import Floats, Int64s, best_of_rows, first_best, per_row
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import (
@@ -45,7 +45,8 @@ class BellmanOperator:
 
     def best(self, rows: Floats) -> Floats:
         """The optimum over the rows of each state."""
-        return best_of_rows(rows, self.problem.choices, self.problem.direction)
+        p = self.problem
+        return best_of_rows(rows, p.choices, p.direction, p.opponents)
 
     def apply(self, x: Floats) -> Floats:
         """One application, rounded to nearest."""
@@ -97,6 +98,10 @@ class BellmanOperator:
         if groups is None:
             return None
         rows = self.product(x) + self.problem.constant
+        if self.problem.opponents is not None:
+            return first_best(
+                rows * per_row(groups, np.where(self.problem.maximises, 1, -1)), groups
+            )
         return first_best(rows if self.problem.direction == Direction.MAX else -rows, groups)
 
 

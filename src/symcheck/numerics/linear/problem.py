@@ -13,7 +13,7 @@ from symcheck.errors import NumericalError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, is_rational, sum_segments
 from symcheck.matrices.operators import SweepOperator
-from symcheck.matrices.rows import Int64s, SparseMatrix
+from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
 from symcheck.matrices.weights import Expectation
 from symcheck.numerics import tuning
 
@@ -63,6 +63,9 @@ class LinearProblem:
       given: the default, 1 minus the sum of the row, loses the digits of small probabilities and
       takes values below about 1e-15 for 0.
     direction: minimise or maximise over the choices; None without choices.
+    opponents: the states that choose against the direction, bool[n]; None: it is no game.
+    allow_stay: of a game, whether expected rewards are 0 where nothing is earned for ever; if not,
+      the states have to be left.
     probability: True for reachability probabilities (0 <= x <= 1), False for rewards.
     error: of A, b and `exit`, relative: numbers of a text are rounded. constant_error: of b alone,
       beyond the former.
@@ -83,6 +86,19 @@ class LinearProblem:
     groups: Int64s | None = None
     error: float = tuning.ENTRY_ERROR
     constant_error: float = 0.0
+    opponents: Bools | None = None
+    allow_stay: bool = False
+
+    @property
+    def maximises(self) -> Bools:
+        """The states of a game in which the greatest value is chosen."""
+        assert self.opponents is not None
+        return self.opponents ^ (self.direction is Direction.MAX)
+
+    @property
+    def least(self) -> bool:
+        """Whether the least solution of a game is wanted."""
+        return self.probability or self.allow_stay
 
     @property
     def rows(self) -> SparseMatrix:

@@ -16,6 +16,7 @@ import numpy as np
 
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, Rationals, rationals
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.matrices.rows import SparseMatrix, starts_of
 from symcheck.matrices.weights import F
 from symcheck.numerics import graph
@@ -49,7 +50,9 @@ Row = dict[int, F]
 
 
 def flint_number(value: Fraction) -> Number:
-    """The rational in FLINT's form."""
+    """The rational in FLINT's form; a rational function as it is."""
+    if isinstance(value, RationalFunction):
+        return value
     import flint
 
     return flint.fmpq(value.numerator, value.denominator)
@@ -57,7 +60,11 @@ def flint_number(value: Fraction) -> Number:
 
 def number_form(unknowns: int) -> Callable[[Fraction], Number]:
     """The conversion of Fractions to the numbers of a system of equations."""
-    return flint_number if unknowns > SMALL_SYSTEM else Fraction
+    return flint_number if unknowns > SMALL_SYSTEM else _fraction
+
+
+def _fraction(value: Fraction) -> Number:
+    return value if isinstance(value, RationalFunction) else Fraction(value)
 
 
 def number_rows(matrix: SparseMatrix, form: Callable[[Fraction], F]) -> list[Row[F]]:
@@ -87,7 +94,10 @@ def solve_chain(matrix: SparseMatrix, constant: Numbers) -> Rationals:
 
 def fractions(values: Sequence[Number]) -> Rationals:
     """Numbers as a vector of Fractions."""
-    return rationals(Fraction(int(v.numerator), int(v.denominator)) for v in values)
+    return rationals(
+        v if isinstance(v, RationalFunction) else Fraction(int(v.numerator), int(v.denominator))
+        for v in values
+    )
 
 
 def least_solution(rows: Sequence[Row[F]], constant: Sequence[F]) -> list[F | int]:
@@ -161,7 +171,9 @@ def _eliminate_and_lift(rows: list[Row[F]], right: list[F]) -> list[F]:
         if current > cost:
             heapq.heappush(queue, (current, k))
             continue
-        if cost > CHEAP_PIVOT:
+        if cost > CHEAP_PIVOT and not any(
+            isinstance(a, RationalFunction) for a in rows[k].values()
+        ):
             break
         remaining.discard(k)
         eliminated.append(k)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
 
-from symcheck.errors import InputError, Span
+from symcheck.errors import InputError, Span, UnsupportedError
 from symcheck.semantics.binding.composition import events
 from symcheck.semantics.binding.label_references import inline_labels
 from symcheck.semantics.binding.module_renaming import ModuleInstance
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable
+from symcheck.semantics.binding.parameters import Ranges, check_places, check_ranges
+from symcheck.semantics.binding.players import check_players
 from symcheck.semantics.binding.probability_sums import normalised_modules
 from symcheck.semantics.binding.static_checks import (
     CheckedProgram,
@@ -21,17 +24,20 @@ from symcheck.semantics.binding.static_checks import (
 from symcheck.semantics.diagnostics import DiagnosticCollector
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
 from symcheck.semantics.expressions.literals import format_value
+from symcheck.semantics.features import require_type
 from symcheck.semantics.model import (
     BoundCommand,
     BoundModel,
     BoundModule,
+    BoundPlayer,
     BoundReward,
     BoundRewards,
     BoundUpdate,
+    Event,
     Value,
     Variable,
 )
-from symcheck.syntax.ast import WITHOUT_KEYWORD, Expression, Literal, ModelType, Type
+from symcheck.syntax.ast import WITHOUT_KEYWORD, Expression, Literal, ModelType, Type, Weights
 from symcheck.syntax.declarations import Command, Constant, Program, RewardStructure, Update
 
 __all__ = ["bind", "check_constant_names", "exactly_bound", "undefined_constants"]
@@ -59,6 +65,7 @@ def bind(
     model_type: ModelType | None = None,
     exact: bool = False,
     normalise: bool | None = None,
+    parameters: Ranges | None = None,
 ) -> BoundModel:
     """Evaluate the constants of a program, expand its formulas, and check names and types.
 
@@ -71,8 +78,10 @@ def bind(
         exact: keep decimal constants as fractions.
         normalise: divide probabilities that almost sum to 1 by their sum, with a warning; by
             default unless `exact`, because the engine for rationals refuses them.
+        parameters: the range of each constant that is left open; then numbers are exact.
 
     Raises:
+        UnsupportedError: nothing is offered for models of this type.
         NameFault, TypeFault, InputError: all faults of the program, in the order of the text.
 
     Examples:
@@ -84,13 +93,28 @@ def bind(
     report = DiagnosticCollector()
     program = inline_labels(program, report)
     report.raise_all()
+    exact = exact or bool(parameters)
     table = SymbolTable(report, exact)
+    check_ranges(parameters or {}, program.constants, report)
+    table.parameters = (parameters or {}).keys()
     set_constants(table, program.constants, constants or {})
     check_values_given(table, program.constants)
     checked = check_program(program, table)
     report.raise_all()
     kind, divides = model_type or program.type or WITHOUT_KEYWORD, normalise
-    return _Builder(checked, constants or {}).build(kind, not exact if divides is None else divides)
+    require_type(kind)
+    check_players(checked, kind)
+    report.raise_all()
+    bound = _Builder(checked, constants or {}).build(
+        kind, not exact if divides is None else divides
+    )
+    if not parameters:
+        return bound
+    if bound.weights is not Weights.NUMBERS:
+        raise UnsupportedError("intervals of probabilities with parameters are not supported")
+    bound = replace(bound, parameters=dict(parameters), weights=Weights.PARAMETERS)
+    check_places(bound)
+    return bound
 
 
 class _Builder:
@@ -106,7 +130,8 @@ class _Builder:
 
     def build(self, kind: ModelType, normalise: bool) -> BoundModel:
         root = self.checked.root
-        constants = {c.name: v for c in self.program.constants if (v := self._value(c)) is not None}
+        known = (c for c in self.program.constants if not self.table.is_open(c.name))
+        constants = {c.name: v for c in known if (v := self._value(c)) is not None}
         self.report.raise_all()
         self.table.check_repeated()
         variables = tuple(
@@ -116,34 +141,75 @@ class _Builder:
             self._module(i, instance, scope)
             for i, (instance, scope) in enumerate(self.checked.modules)
         )
+        weights = self._weights(modules, kind)
         labels = {x.name: root.expand(x.expression) for x in self.program.labels}
+        observables = tuple(root.expand(x.expression) for x in self.program.observables)
+        labels |= {
+            x.name: seen
+            for x, seen in zip(self.program.observables, observables, strict=True)
+            if x.name is not None and root.typer().state(seen) is Type.BOOL
+        }
         rewards = tuple(self._rewards(r) for r in self.program.rewards)
         initial = None if self.program.initial is None else root.expand(self.program.initial)
         if initial is not None:
             self._check_enumerable(variables)
+        composed = events(modules, self.program.system)
+        self._check_markovian(kind, composed)
         self.report.raise_all()
+        self._check_clocks(kind, variables, modules)
         warnings: tuple[str, ...] = ()
         unchecked = False
-        if normalise and not kind.continuous_time:
+        if normalise and kind.has_probabilities:
             modules, warnings, unchecked = normalised_modules(modules, variables)
+            composed = events(modules, self.program.system)
         return BoundModel(
             program=self.program,
             type=kind,
             variables=variables,
             modules=modules,
-            events=events(modules, self.program.system),
+            events=composed,
             initial=initial,
             labels=labels,
             rewards=rewards,
             constants=constants,
             is_rational=self.table.exact,
+            players=tuple(
+                BoundPlayer(p.name, frozenset(p.modules), frozenset(p.actions))
+                for p in self.program.players
+            ),
             given=dict(self.given),
             system=self.program.system,
             warnings=warnings,
             sums_divided=bool(warnings),
             unchecked_sums=unchecked,
+            observables=observables,
             definitions={name: self.table.expression(name) for name in constants},
+            weights=weights,
         )
+
+    def _weights(self, modules: tuple[BoundModule, ...], kind: ModelType) -> Weights:
+        updates = (u for m in modules for c in m.commands for u in c.updates)
+        intervals = [u for u in updates if u.upper is not None]
+        if intervals and kind.has_own_syntax:
+            message = f"{kind.called} with intervals are not supported"
+            hint = "intervals of probabilities belong to a dtmc or an mdp"
+            self.report.input("interval", message, intervals[0].span, hint)
+        return Weights.INTERVALS if intervals else Weights.NUMBERS
+
+    def _check_clocks(
+        self, kind: ModelType, variables: tuple[Variable, ...], modules: tuple[BoundModule, ...]
+    ) -> None:
+        """Report clocks and invariants of a model that is no timed automaton."""
+        if kind.has_clocks:
+            return
+        hint = f"begin the text with pta, not {kind.value}"
+        for clock in (v for v in variables if v.clock):
+            message = f"{clock.name} is a clock, and only timed automata have clocks"
+            self.report.input("clock", message, clock.span, hint)
+        for condition in (m.invariant for m in modules if m.invariant is not None):
+            message = "only timed automata have invariants"
+            self.report.input("clock", message, condition.span, hint)
+        self.report.raise_all()
 
     # --------------------------------------------------------------------------------------- values
 
@@ -173,7 +239,8 @@ class _Builder:
                 "empty-range", f"variable {name} has no values: [{low}..{high}]", d.span
             )
         initial = self._initial(name, variable, low, high)
-        return Variable(name, d.type, low, high, initial, variable.module, span=d.span)
+        module = variable.module
+        return Variable(name, d.type, low, high, initial, module, d.clock, span=d.span)
 
     def _int(self, scope: Scope, expression: Expression) -> int | None:
         value = self._constant(scope, expression, Type.INT)
@@ -214,12 +281,28 @@ class _Builder:
         declared = self.checked.declared
         local = (i for name, i in self.index.items() if declared[name].module == instance.name)
         commands = (self._command(number, scope, c) for c in instance.base_module.commands)
-        return BoundModule(instance.name, tuple(local), tuple(commands))
+        given = instance.base_module.invariant
+        invariant = None if given is None else scope.expand(given)
+        return BoundModule(instance.name, tuple(local), tuple(commands), invariant)
 
     def _command(self, module: int, scope: Scope, command: Command) -> BoundCommand:
         action = None if command.action is None else scope.renamed(command.action)
         updates = tuple(self._update(scope, u, command.span) for u in command.updates)
-        return BoundCommand(module, action, scope.expand(command.guard), updates, span=command.span)
+        guard, has_rates = scope.expand(command.guard), command.is_markovian
+        return BoundCommand(module, action, guard, updates, has_rates, span=command.span)
+
+    def _check_markovian(self, kind: ModelType, composed: tuple[Event, ...]) -> None:
+        """Markovian commands are for Markov automata, and none of them synchronises."""
+        for event in composed:
+            for command in (c for p in event.participants for c in p if c.is_markovian):
+                if not kind.immediate_choices:
+                    message = f"a {kind.value} has no Markovian commands <>"
+                    hint = "the type of the model is ma, or write [] in place of <>"
+                    self.report.input("markovian", message, command.span, hint)
+                elif len(event.participants) > 1:
+                    message = f"Markovian commands cannot synchronise, here on {command.action}"
+                    hint = "let a command [] that follows it synchronise"
+                    self.report.input("markovian", message, command.span, hint)
 
     def _update(self, scope: Scope, update: Update, span: Span) -> BoundUpdate:
         probability = _ONE if update.probability is None else scope.expand(update.probability)
@@ -228,7 +311,8 @@ class _Builder:
             for a in update.assignments
         )
         position = update.span if update.span.source.text else span
-        return BoundUpdate(probability, tuple(assignments), span=position)
+        upper = None if update.upper is None else scope.expand(update.upper)
+        return BoundUpdate(probability, tuple(assignments), upper, span=position)
 
     def _rewards(self, structure: RewardStructure) -> BoundRewards:
         scope = self.checked.root

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
 from symcheck.lazy_dataclass import dataclass
-from symcheck.semantics.binding.bound_conditions import check_conditions
+from symcheck.semantics.binding.bound_conditions import check_conditions, for_one_player
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, undefined
 from symcheck.semantics.binding.property_references import PropertyReferences
 from symcheck.semantics.binding.static_checks import check_constants, check_label, set_constants
@@ -123,7 +123,11 @@ def needed_constants(program: Program, file: PropertiesFile) -> tuple[tuple[str,
     table = SymbolTable(report, exact=False)
     table.add(program.constants, program.formulas)
     table.add(file.constants, file.formulas)
-    texts = PropertyReferences(table, file, {x.name: x.expression for x in program.labels})
+    texts = PropertyReferences(
+        table,
+        file,
+        {x.name: x.expression for x in (*program.labels, *program.observables) if x.name},
+    )
     return tuple(texts.undefined(p.formula, program.constants) for p in file.properties)
 
 
@@ -272,7 +276,10 @@ def _table(model: BoundModel, report: DiagnosticCollector) -> SymbolTable:
     table = SymbolTable(report, exact=True)
     for constant in model.program.constants:
         name = constant.name
-        table.define(constant, model.constants[name], model.definitions.get(name))
+        if name in model.constants:
+            table.define(constant, model.constants[name], model.definitions.get(name))
+    table.parameters = model.parameters.keys()
+    table.constants.update({c.name: c for c in model.program.constants})
     table.formulas.update({f.name: f for f in model.program.formulas})
     table.variables.update({v.name: v.type for v in model.variables})
     return table
@@ -414,7 +421,9 @@ class _Properties:
         text = self.file.properties[number]
         needed = self.texts.undefined(text.formula, self.model.program.constants)
         missing = tuple(
-            n for n in needed if n not in self.table.given and n not in self.model.constants
+            n
+            for n in needed
+            if n not in self.table.given.keys() | self.model.constants | self.table.parameters
         )
         result: Type | None = None
         formula: Expression | None = None
@@ -427,7 +436,7 @@ class _Properties:
                 raise NameFault(*(undefined(self.table.constants[n]) for n in missing))
             for label in self.texts.used_labels(whole):
                 self.scope.expand(self.texts.label(label))
-            formula = self.scope.expand(whole)
+            formula = for_one_player(self.scope.expand(whole), self.model)
             check_conditions(formula, self.model)
         except InputError as error:
             fault = error

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from math import isfinite
 
-from symcheck.errors import InputError
+from symcheck.errors import Diagnostic, InputError
+from symcheck.semantics.binding.players import members
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.expressions.evaluate import evaluate, evaluate_constant
 from symcheck.semantics.expressions.literals import format_value, to_float
@@ -29,9 +31,9 @@ from symcheck.syntax.ast import (
     Unary,
     UnaryTemporal,
 )
-from symcheck.syntax.traversal import Tree, nodes
+from symcheck.syntax.traversal import Tree, nodes, transform
 
-__all__ = ["check_conditions"]
+__all__ = ["check_conditions", "for_one_player"]
 
 
 def check_conditions(formula: Expression, model: BoundModel) -> None:
@@ -54,6 +56,36 @@ def _shown(value: Value) -> str:
     return format_value(to_float(value) if isinstance(value, Fraction) else value)
 
 
+def for_one_player(formula: Expression, model: BoundModel) -> Expression:
+    """The formula without coalitions, which only games have: others have one player, or chance.
+
+    A bound without a direction must hold under all strategies; under some strategy if the player
+    takes part in <<…>>, or does not in [[…]].
+
+    Raises:
+        InputError: a player is named.
+    """
+    if model.type.players > 1 or not any(
+        isinstance(n, Measure) and n.coalition is not None for n in nodes(formula)
+    ):
+        return formula
+
+    def alone(node: Tree) -> Tree:
+        if not isinstance(node, Measure) or node.coalition is None:
+            return node
+        coalition, direction = node.coalition, node.direction
+        if coalition.players:
+            message = f"named players belong to stochastic games, and these are {model.type.called}"
+            hint = "<<*>> is some strategy, <<>> are all strategies"
+            raise InputError(Diagnostic(message, coalition.span, "model-type", hint))
+        takes_part = coalition.players is None
+        if direction is None and node.bound is not None and takes_part != coalition.against:
+            direction = "max" if node.bound.operator.is_lower_bound else "min"
+        return replace(node, direction=direction, coalition=None)
+
+    return transform(formula, alone)
+
+
 class _Conditions:
     """Checks the nodes of one formula."""
 
@@ -65,6 +97,7 @@ class _Conditions:
         match node:
             case Measure():
                 self._direction(node)
+                self._coalition(node)
                 self._threshold(node)
                 if isinstance(node, RewardOperator):
                     self._structure(node.structure, node)
@@ -110,6 +143,13 @@ class _Conditions:
                 node.span,
                 hint,
             )
+
+    def _coalition(self, node: Measure) -> None:
+        if node.coalition is not None:
+            try:
+                members(node.coalition, self.model)
+            except InputError as fault:
+                self.report.absorb(fault)
 
     def _unbounded(self, node: Measure, until: PathFormula | RewardQuery) -> None:
         """Refuse an expectation until a bounded formula: runs that miss the bound have none."""

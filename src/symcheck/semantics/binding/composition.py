@@ -44,14 +44,15 @@ def events(modules: Sequence[BoundModule], system: Composition | None = None) ->
         system: the composition; None: all modules in parallel, synchronised on shared actions.
 
     Returns:
-        The unlabelled events in the order of the modules and commands, then the events by action.
+        The unlabelled events in the order of the modules and commands, then the events by action;
+        those that take time in a Markov automaton after all others.
     """
     named = {m.name: m for m in modules}
     if system is None:
         system = Parallel(tuple(ModuleReference(m.name) for m in modules))
     whole = _flatten(system, named)
     order: dict[str | None, int] = {None: -1} | {a: i for i, a in enumerate(whole.alphabet)}
-    return tuple(sorted(whole.events, key=lambda e: order[e.action]))
+    return tuple(sorted(whole.events, key=lambda e: (e.is_markovian, order[e.action])))
 
 
 def _flatten(node: Composition, modules: Mapping[str, BoundModule]) -> _Process:
@@ -83,11 +84,11 @@ def _flatten(node: Composition, modules: Mapping[str, BoundModule]) -> _Process:
 def _module(module: BoundModule) -> _Process:
     alphabet = dict.fromkeys(c.action for c in module.commands if c.action is not None)
     unlabelled = [Event(None, ((c,),)) for c in module.commands if c.action is None]
-    grouped: dict[str, list[BoundCommand]] = {action: [] for action in alphabet}
+    grouped: dict[tuple[str, bool], list[BoundCommand]] = {}
     for command in module.commands:
         if command.action is not None:
-            grouped[command.action].append(command)
-    labelled = [Event(action, (tuple(commands),)) for action, commands in grouped.items()]
+            grouped.setdefault((command.action, command.is_markovian), []).append(command)
+    labelled = [Event(action, (tuple(commands),)) for (action, _), commands in grouped.items()]
     return _Process(alphabet, (*unlabelled, *labelled))
 
 

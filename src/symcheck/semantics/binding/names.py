@@ -47,6 +47,7 @@ class SymbolTable:
         labels: the names of the labels, for a hint at forgotten quotes.
         given: values for constants that the text leaves undefined.
         repeated: values for constants that the text defines; they must agree with the definition.
+        parameters: constants that are left open: they have no value, and remain names.
         exact: values are fractions. A constant without a rational value has a double near it; where
             it is used, its definition counts.
     """
@@ -60,6 +61,7 @@ class SymbolTable:
         self.labels: Set[str] = frozenset()
         self.given: dict[str, ConstantValue] = {}
         self.repeated: dict[str, ConstantValue] = {}
+        self.parameters: Set[str] = frozenset()
         self._values: dict[str, Value | InputError] = {}
         self._expressions: dict[str, Expression] = {}
 
@@ -174,11 +176,24 @@ class SymbolTable:
         """An expression without names for the exact value of a constant: a literal if that has a
         fraction of moderate length. Raises InputError if the constant has no value.
         """
+        if self.is_open(name):
+            definition = self.constants[name].value
+            return (
+                Name(name, span=span)
+                if definition is None
+                else simplify(self._without_variables(definition))
+            )
         value = self.value(name)
         known = self._expressions.get(name)
         if isinstance(known, Literal):
             return Literal(known.value, known.type, span=span)
         return as_expression(value, self.constants[name].type, span) if known is None else known
+
+    def is_open(self, name: str) -> bool:
+        """Whether a constant is a parameter, or defined by some."""
+        if not self.parameters:
+            return False
+        return name in self.parameters or not self.parameters.isdisjoint(self.used_by(Name(name)))
 
     def check_repeated(self) -> None:
         """Report given values that differ from the definitions in the text.
@@ -196,6 +211,10 @@ class SymbolTable:
                 self.report.name("constant-defined", message, constant.span, hint)
 
     def _compute(self, constant: Constant) -> Value:
+        if self.is_open(constant.name):
+            message = f"constant {constant.name} has no value: it is a parameter, or defined by one"
+            hint = "ranges of variables and bounds of properties need numbers: -const gives them"
+            raise NameFault(Diagnostic(message, constant.span, "parameter", hint))
         if constant.name in self.given:
             return self._read_given(constant, self.given[constant.name])
         if constant.value is None:

@@ -112,8 +112,12 @@ class _Search:
 
     def normalised(self, command: BoundCommand) -> BoundCommand:
         """The command, with probabilities that sum to 1 where they almost do."""
+        if any(u.upper is not None for u in command.updates):
+            return command
         probabilities = [u.probability for u in command.updates]
         read = set().union(*map(names, probabilities))
+        if command.is_markovian:
+            return command
         if not read:
             return self._constant(command, probabilities)
         table = self._tabulate(command.guard, probabilities, read)

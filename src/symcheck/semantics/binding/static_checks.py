@@ -22,6 +22,7 @@ from symcheck.syntax.declarations import (
     Hiding,
     Label,
     ModuleReference,
+    Observable,
     Program,
     Renaming,
     Synchronised,
@@ -118,12 +119,17 @@ def _check(checked: CheckedProgram) -> None:
     for variable in checked.declared.values():
         _check_variable(checked, variable)
     for instance, scope in checked.modules:
+        if instance.base_module.invariant is not None:
+            scope.typer().boolean(instance.base_module.invariant, "an invariant")
         for command in instance.base_module.commands:
             _check_command(checked, instance, scope, command)
     taken: set[str] = set()
     for label in program.labels:
         check_label(checked.table, label, taken)
         typer.boolean(label.expression, f'label "{label.name}"')
+    for observable in program.observables:
+        check_label(checked.table, observable, taken)
+        typer.state(observable.expression)
     if program.initial is not None:
         typer.boolean(program.initial, "the condition on initial states")
     _check_system(checked)
@@ -169,7 +175,7 @@ def check_constants(scope: Scope, constants: Iterable[Constant]) -> None:
 def check_values_given(table: SymbolTable, constants: Iterable[Constant]) -> None:
     """Report the constants that have no value."""
     for constant in constants:
-        if constant.value is None and constant.name not in table.given:
+        if constant.value is None and constant.name not in table.given.keys() | table.parameters:
             table.report.absorb(NameFault(undefined(constant)))
 
 
@@ -189,8 +195,10 @@ def check_assignable(
     )
 
 
-def check_label(table: SymbolTable, label: Label, taken: set[str]) -> None:
+def check_label(table: SymbolTable, label: Label | Observable, taken: set[str]) -> None:
     """Check that the name of a label is not taken or reserved, and add it to those taken."""
+    if label.name is None:
+        return
     name, report = label.name, table.report
     if name in RESERVED_LABELS:
         message = f'label "{name}" is predefined and cannot be redefined'
@@ -233,6 +241,8 @@ def _check_command(
     for update in command.updates:
         if update.probability is not None:
             typer.numeric(update.probability, "a probability or rate")
+        if update.upper is not None:
+            typer.numeric(update.upper, "a probability")
         written: set[str] = set()
         for assignment in update.assignments:
             _check_assignment(checked, instance, scope, command, assignment)

@@ -22,6 +22,7 @@ from symcheck.syntax.ast import (
     Expression,
     ExpressionNode,
     Filter,
+    EndedReward,
     InstantaneousReward,
     LabelReference,
     Literal,
@@ -417,6 +418,8 @@ class Typer:
             case DiscountedReward(bound, discount):
                 self._limits(bound)
                 self.numeric(discount, "the discount")
+            case EndedReward(_, target):
+                self.boolean(target, "what Fc or F0 reaches")
             case InstantaneousReward(time):
                 self.numeric(time, "the time of I=")
             case TotalReward() | SteadyStateReward():

@@ -23,6 +23,7 @@ import numpy as np
 
 from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
+from symcheck.semantics.features import Feature, offers
 from symcheck.semantics.model import (
     BoundCommand,
     BoundModel,
@@ -74,7 +75,9 @@ class Symmetry:
 def observed_symmetries(model: BoundModel) -> tuple[Symmetry, ...]:
     """The symmetries that what is asked of a model does not see; none if all may be asked."""
     observations = model.observations
-    return () if observations is None else find_symmetries(model, observations)
+    if observations is None or not offers(model, Feature.SYMMETRY):
+        return ()
+    return find_symmetries(model, observations)
 
 
 def find_symmetries(model: BoundModel, observed: Observations) -> tuple[Symmetry, ...]:

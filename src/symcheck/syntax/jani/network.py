@@ -45,7 +45,9 @@ __all__ = [
     "read_network",
 ]
 
-_TYPES = {kind.value: kind for kind in ModelType} | {"lts": WITHOUT_KEYWORD}
+_TYPES = {
+    kind.value: kind for kind in ModelType if kind.players < 2 and not kind.partially_observed
+} | {"lts": WITHOUT_KEYWORD}
 _OTHER_TYPES = {
     "ma": "Markov automata",
     "ctmdp": "continuous-time Markov decision processes",

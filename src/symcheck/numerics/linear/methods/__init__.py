@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from symcheck.errors import UnsupportedError
+from symcheck.numerics.linear import games
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.methods import (
@@ -55,6 +56,10 @@ def solve_linear(
         bounds = problem.constant - error, problem.high + error
         problem = replace(problem.with_constant(*bounds), constant_error=0.0)
     method = _select(problem, settings.method)
+    if problem.opponents is not None and problem.n > 0 and (method.sound or not problem.least):
+        if not method.sound:
+            raise UnsupportedError(f"method '{method.name}' does not solve such rewards of games")
+        return games.solve(problem, settings, observer, solve_linear)
     if problem.n == 0:
         none = problem.constant[:0]
         return Solution(

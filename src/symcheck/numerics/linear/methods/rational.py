@@ -16,10 +16,12 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
-from symcheck.matrices.numbers import doubles
+from symcheck.matrices.numbers import doubles, rationals
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.matrices.weights import O
 from symcheck.numerics import graph
+from symcheck.numerics.linear.functions import least_functions
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.linear.rational import (
     Row,
@@ -50,6 +52,8 @@ def solve(
     chooser: Chooser,
 ) -> Solution:
     """The exact least solution. Raises NumericalError where it is not unique or not finite."""
+    if _is_parametric(problem):
+        return _solve_functions(problem, observer, chooser)
     form = number_form(problem.n)
     rows, constant = number_rows(problem.rows, form), [form(c) for c in problem.constant]
     if problem.mode == 0:
@@ -60,6 +64,24 @@ def solve(
         x, rounds = _policy_iteration(problem, rows, constant, policy, observer)
         note = f"{counted(problem.n, 'state')}: rational policy iteration, {rounds} policies"
     values = fractions(x)
+    return Solution(values, values, "rational", True, True, rounds, note, strategy=policy)
+
+
+def _is_parametric(problem: LinearProblem) -> bool:
+    return any(isinstance(v, RationalFunction) for v in (*problem.rows.data, *problem.constant))
+
+
+def _solve_functions(
+    problem: LinearProblem, observer: Observer | None, chooser: Chooser
+) -> Solution:
+    """The solution over functions of parameters; comparisons are those at the sample point."""
+    if problem.mode == 0:
+        x, policy, rounds = least_functions(problem.rows, problem.constant), None, 1
+    else:
+        rows = number_rows(problem.rows, lambda function: function)
+        policy = _first_policy(problem, chooser)
+        x, rounds = _policy_iteration(problem, rows, problem.constant, policy, observer)
+    values, note = rationals(x), f"{counted(problem.n, 'state')}: elimination over functions"
     return Solution(values, values, "rational", True, True, rounds, note, strategy=policy)
 
 
@@ -115,8 +137,10 @@ def _first_policy(problem: LinearProblem, chooser: Chooser) -> Int64s:
     groups = problem.choices
     assert groups is not None
     # Beyond doubles, constants are divided by the largest one: the best policy is the same.
-    largest = np.abs(problem.constant).max(initial=0)
-    scale = largest if _LARGE < largest < inf else 1
+    scale = 1
+    if not _is_parametric(problem):
+        largest = np.abs(problem.constant).max(initial=0)
+        scale = largest if _LARGE < largest < inf else 1
     rounded = replace(
         problem,
         matrix=problem.rows.doubles(),

@@ -1,0 +1,337 @@
+"""Bounds on values of partially observed models, from both sides.
+
+What strategies attain is bounded from one side by those that follow beliefs as far as these were
+explored, and then a strategy with little memory. From the other side, beliefs beyond those that
+are kept exactly are replaced by convex combinations of points of a grid, and where the grid ends,
+states are assumed to be seen: what is known more can only help. No round makes bounds worse.
+Whether they meet is undecidable.
+
+Sources: Lovejoy (1991); Norman, Parker & Zou (2017), 'Verification and control of partially
+observable probabilistic systems'; Bork, Katoen & Quatmann (2022), 'Under-approximating expected
+total rewards in POMDPs'; Madani, Hanks & Condon (2003), 'On the undecidability of probabilistic
+planning and related stochastic optimization problems'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import inf
+
+import numpy as np
+
+from symcheck.check import tuning
+from symcheck.check.beliefs.engine import belief_context, engine_of, rows_matrix
+from symcheck.check.beliefs.model import ObservedModel
+from symcheck.check.beliefs.policies import Policies, Policy
+from symcheck.check.context import Context
+from symcheck.check.measures.reachability import reach_reward, until
+from symcheck.direction import Direction
+from symcheck.engines.base import ROUNDING
+from symcheck.engines.explicit.array_values import ArraySet
+from symcheck.errors import NumericalError
+from symcheck.matrices.numbers import Numbers, doubles, full
+from symcheck.matrices.rows import Bools, Floats, Int64s
+from symcheck.numerics import graph
+from symcheck.numerics.beliefs.exploration import Exploration
+from symcheck.numerics.beliefs.memory import Memory
+from symcheck.numerics.beliefs.observed import GOAL, SINK, Observed
+from symcheck.semantics.rewards import Reward, Structure
+
+__all__ = ["Found", "Problem", "search"]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Reaching observable states through others, or what is earned on the way.
+
+    Attributes:
+        model: the model.
+        left, right: the states to go through, and those to be reached; bool[states].
+        reward: None: the probability is asked for.
+        direction: whether it should be small or large.
+    """
+
+    model: ObservedModel = field(repr=False)
+    left: Bools = field(repr=False)
+    right: Bools = field(repr=False)
+    reward: Reward | None
+    direction: Direction
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Bounds on the values of some states that are known to be the current one.
+
+    Attributes:
+        lower, upper: per state, float64 or Fractions; they are equal if the value is exact up to
+            rounding.
+        rounded: whether equal bounds carry rounding errors.
+        complete: whether all beliefs were explored.
+        text: what was explored.
+        beliefs: their number.
+        plan: what a strategy that attains the value is made of; None if there is none.
+    """
+
+    lower: Numbers = field(repr=False)
+    upper: Numbers = field(repr=False)
+    rounded: bool
+    complete: bool
+    text: str
+    beliefs: int
+    plan: Plan | None = field(default=None, repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a strategy does: it follows beliefs, or one with little memory.
+
+    Attributes:
+        points: the beliefs (or memory values, if there are no beliefs) at the beginning.
+        beliefs: those that are kept exactly; None: there are none.
+        policies: what is done beyond them, and on which memory; None: they have no end.
+    """
+
+    points: Int64s = field(repr=False)
+    beliefs: Exploration | None = field(repr=False)
+    policies: Policies | None = field(repr=False)
+
+
+Enough = Callable[[Floats, Floats], bool]
+"""Whether bounds, each float64[k], are close enough."""
+
+
+def search(context: Context, problem: Problem, starts: Int64s, enough: Enough) -> Found:
+    """Bounds on the values from some states, each of which is known at the beginning.
+
+    Args:
+        context: the engine, the options and the log.
+        problem: what is asked for.
+        starts: the states.
+        enough: ends the search.
+    """
+    return _Search(context, problem, starts).run(enough)
+
+
+class _Search:
+    def __init__(self, context: Context, problem: Problem, starts: Int64s) -> None:
+        self.context, self.problem, self.starts = context, problem, starts
+        self.maximum = problem.direction is Direction.MAX
+        self.base = problem.model.engine
+        self.rational = self.base.is_rational
+        goal, sink = self._settled()
+        self.arrays: Observed = problem.model.arrays.settled(goal, sink)
+        reward = problem.reward
+        self.earned = None if reward is None else problem.model.earned(reward)
+        self.exact = Exploration(self.arrays, self.earned, rational=self.rational)
+        self.points = self.exact.points(starts)
+        self.lower = np.zeros(len(starts))
+        self.upper = np.full(len(starts), 1.0 if reward is None else inf)
+        self.policies: Policies | None = None
+
+    def _settled(self) -> tuple[Bools, Bools]:
+        """The states whose value does not depend on the strategy: 1 (nothing more), and 0 (never).
+
+        That is so whatever a strategy may see.
+        """
+        p = self.problem
+        edges = graph.Incidence(self.base.matrix)
+        if p.reward is None:
+            sure = graph.prob1(edges, p.left, p.right, Direction.MIN)
+            return sure, graph.prob0(edges, p.left, p.right, Direction.MAX)
+        every = np.ones(len(p.right), np.bool_)
+        return p.right, ~graph.prob1(edges, every, p.right, Direction.MAX)
+
+    # --------------------------------------------------------------------------------------- rounds
+
+    def run(self, enough: Enough) -> Found:
+        by_sets = self._by_supports()
+        if by_sets is not None:
+            return by_sets
+        given = self.context.options.grid_resolution
+        limits = tuning.BELIEFS
+        if self.context.options.beliefs is not None:
+            limits = tuple(n for n in limits if n < self.context.options.beliefs)
+            limits = (*limits, self.context.options.beliefs)
+        for i, limit in enumerate(limits):
+            self.exact.run(limit)
+            if not len(self.exact.pending):
+                return self._complete()
+            if self.rational:
+                continue
+            self._observed()
+            self._inner()
+            steps = tuning.GRID_RESOLUTIONS
+            resolution = given or steps[min(i, len(steps) - 1)]
+            points = self._outer(resolution, tuning.GRID_BELIEFS * limit + 1000)
+            if enough(self.lower, self.upper):
+                break
+        text = f"{len(self.exact):,} beliefs"
+        if self.rational:
+            raise NumericalError(
+                f"more than {text}: only finitely many beliefs have exact values",
+                hint="without -exact there are bounds; -beliefs explores more",
+            )
+        text += f", and {points:,} points of a grid with resolution {resolution}"
+        plan = Plan(self.points, self.exact, self.policies)
+        return Found(self.lower, self.upper, True, False, text, len(self.exact), plan)
+
+    def _complete(self) -> Found:
+        """The values, as all beliefs are known."""
+        lower, upper, rounded = self._values(self.exact, None)
+        text = f"all {len(self.exact):,} beliefs"
+        plan = Plan(self.points, self.exact, None)
+        return Found(lower, upper, rounded, True, text, len(self.exact), plan)
+
+    def _values(self, found: Exploration, cut: Numbers | None) -> tuple[Numbers, Numbers, bool]:
+        """Bounds at the beginning, where beliefs that were not expanded have the values `cut`, and
+        whether equal ones are rounded.
+        """
+        part = found.rows()
+        reward = self.problem.reward is not None
+        matrix, earned = rows_matrix(part, cut, reward=reward)
+        engine = engine_of(self.base, matrix, self.points, earned)
+        goal, relevant = np.zeros((2, len(found)), np.bool_)
+        goal[GOAL] = relevant[self.points] = True
+        members, direction = ArraySet(relevant), self.problem.direction
+        inner = belief_context(self.context, engine, relevant)
+        if reward:
+            values = reach_reward(inner, Structure(0), ArraySet(goal), direction)
+        else:
+            values = until(inner, inner.engine.all, ArraySet(goal), direction)
+        at = np.searchsorted(np.flatnonzero(relevant), self.points)
+        low, high = values.at(members)
+        return low[at], high[at], values.rounded(members)
+
+    def _narrow(self, lower: Floats | None, upper: Floats | None) -> None:
+        """Bounds never become worse, and rounding does not exclude the value."""
+        if lower is not None:
+            self.lower = np.maximum(self.lower, lower * (1 - ROUNDING))
+        if upper is not None:
+            raised = upper * (1 + ROUNDING)
+            self.upper = np.minimum(self.upper, raised)
+        self.lower = np.minimum(self.lower, self.upper)
+
+    # ------------------------------------------------------------------------------ from both sides
+
+    def _observed(self) -> None:
+        """The values with full observation, which bound all others, once."""
+        if self.policies is not None:
+            return
+        p, base = self.problem, self.base
+        everywhere = np.ones(base.states, np.bool_)
+        inner = belief_context(self.context, base, everywhere)
+        if p.reward is None:
+            values = until(inner, ArraySet(p.left), ArraySet(p.right), p.direction)
+        else:
+            values = reach_reward(inner, p.reward, ArraySet(p.right), p.direction)
+        low, high = values.at(inner.engine.all)
+        self.seen: Floats = high * (1 + ROUNDING) if self.maximum else low * (1 - ROUNDING)
+        self._narrow(
+            *((None, self.seen[self.starts]) if self.maximum else (self.seen[self.starts], None))
+        )
+        search, memory, usable = self.supports
+        earned = None if self.earned is None else doubles(self.earned)
+        self.policies = Policies(base, search, memory, usable, earned, p.direction, self.seen)
+        points = (
+            search.points(self.starts)
+            if search.keeps_supports
+            else search.memory_of(self.exact.beliefs, self.points[self.points > SINK])
+        )
+        self.policies.improve(self.context, points[points > SINK])
+
+    def _inner(self) -> None:
+        """What a strategy attains that follows the beliefs that are kept exactly."""
+        assert self.policies is not None
+        beliefs = self.exact.beliefs
+        cut = np.zeros(len(beliefs))
+        ends = self.exact.pending
+        cut[ends] = self.policies.bounds(beliefs, ends)[0]
+        low, high, _ = self._values(self.exact, cut)
+        self._narrow(*((low, None) if self.maximum else (None, high)))
+
+    def _outer(self, resolution: int, most: int) -> int:
+        """What beliefs are worth at best. Returns the number of points of the grid."""
+        wider = self.exact.clone()
+        wider.run(len(self.exact) + most, resolution)
+        cut = wider.beliefs.mean(self.seen)
+        low, high, _ = self._values(wider, cut)
+        self._narrow(*((None, high) if self.maximum else (low, None)))
+        return len(wider) - len(self.exact)
+
+    # ------------------------------------------------------------------------------ sets of states
+
+    def _explored_supports(self, starts: Int64s) -> tuple[Exploration, Int64s] | None:
+        found = Exploration(self.arrays, supports=True)
+        points = found.points(starts)
+        found.run(tuning.SUPPORTS)
+        few = len(found.beliefs.states) <= tuning.SUPPORT_PAIRS and not len(found.pending)
+        return (found, points) if few else None
+
+    def _by_supports(self) -> Found | None:
+        """The value where the sets of possible states decide it: 0, 1 or infinite."""
+        p = self.problem
+        known = self._explored_supports(self.starts)
+        usable: Bools | None = None
+        if known is not None:
+            found, points = known
+            memory = Memory(self.arrays, found.beliefs, found.rows())
+            sure, rows = memory.almost_surely()
+            safe, safe_rows = memory.surely_safe()
+            if not self.maximum and p.reward is not None:
+                usable = rows
+            if p.reward is None and self.maximum and sure[points].all():
+                return self._decided(1.0, self._plan(found, memory, rows, points))
+            if p.reward is not None and not self.maximum and not sure[points].any():
+                return self._decided(inf)
+            if p.reward is None and not self.maximum and safe[points].all():
+                return self._decided(0.0, self._plan(found, memory, safe_rows, points))
+        else:
+            found = Exploration(self.arrays, supports=True)
+            found.by_observation()
+            found.run(len(found))
+            memory = Memory(self.arrays, found.beliefs, found.rows())
+            if not self.maximum and p.reward is not None:
+                usable = memory.almost_surely()[1]
+        if usable is None:
+            usable = np.ones(len(memory.rows.row_of_belief), np.bool_)
+        self.supports = found, memory, usable
+        if self.maximum == (p.reward is not None):
+            misses = self._may_miss()
+            if p.reward is None and misses is False:
+                return self._decided(1.0)
+            if p.reward is not None and misses is True:
+                return self._decided(inf)
+        return None
+
+    def _may_miss(self) -> bool | None:
+        """Whether some strategy may miss the target, if that is known.
+
+        If so, it goes to a state from which it surely misses it, betting that it is there.
+        """
+        edges = graph.Incidence(self.base.matrix)
+        sources = np.zeros(self.base.states, np.bool_)
+        sources[self.starts] = True
+        classes = self.arrays.classes
+        reached = graph.forward_reachable(edges, sources, classes > SINK)
+        if (reached & (classes == SINK)).any():
+            return True
+        singles = np.flatnonzero(reached & (classes > SINK))
+        known = self._explored_supports(singles)
+        if known is None:
+            return None
+        found, points = known
+        safe, _ = Memory(self.arrays, found.beliefs, found.rows()).surely_safe()
+        return bool(safe[points].any())
+
+    def _decided(self, value: float, plan: Plan | None = None) -> Found:
+        text = "sets of possible states decide"
+        array = full(len(self.starts), value, rational=self.rational)
+        return Found(array, array, False, True, text, 0, plan)
+
+    def _plan(self, found: Exploration, memory: Memory, rows: Bools, points: Int64s) -> Plan:
+        """A strategy that takes each of some rows with the same probability."""
+        earned = np.zeros(0)
+        policies = Policies(self.base, found, memory, rows, None, self.problem.direction, earned)
+        policies.found.append(Policy(policies.uniform, earned))
+        return Plan(points, None, policies)

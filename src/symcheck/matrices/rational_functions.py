@@ -1,0 +1,379 @@
+"""Rational functions of parameters, as weights of transitions: elements of a field.
+
+A function is a polynomial over Q divided by a product of known factors. Sums multiply by missing
+factors only, and a numerator is divided by a factor again where that is exact, so that there are
+few greatest common divisors (Jansen et al., 2014, 'Accelerating parametric probabilistic
+verification').
+
+Functions have no order, and algorithms that compare them (policy iteration, signs of rewards) are
+executed symbolically: a comparison is decided at a sample point, and the sign that was found is
+noted as a condition. A result holds wherever all conditions do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
+from typing import Any
+
+__all__ = ["FunctionField", "Polynomial", "RationalFunction"]
+
+Polynomial = Any
+"""A flint.fmpq_mpoly (FLINT has no types)."""
+
+Denominator = tuple[tuple[int, int], ...]
+"""Numbers of factors, in order, and their exponents."""
+
+_LARGEST_FACTORED = 40
+"""Denominators up to this degree are factored completely; beyond, that may take seconds."""
+
+
+class FunctionField:
+    """The rational functions of some parameters, and what is known about the region of interest.
+
+    Attributes:
+        names: the parameters.
+        factors: the polynomials that divide.
+        conditions: products of polynomials that were compared with 0, and the signs that they have
+            at the sample point (0: the sample lies on a border), by their texts.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        import flint
+
+        self.names = tuple(names)
+        self.ring = flint.fmpq_mpoly_ctx.get(self.names, "degrevlex")
+        self.factors: list[Polynomial] = []
+        self.conditions: dict[str, tuple[tuple[Polynomial, ...], int]] = {}
+        self._point: tuple[Any, ...] = ()
+        self._at_point: dict[int, Fraction] = {}
+        self.epoch = 0
+
+    def __repr__(self) -> str:
+        return f"<FunctionField of {', '.join(self.names)}>"
+
+    def sample(self, point: Mapping[str, Fraction]) -> None:
+        """Choose another sample point, and forget the conditions."""
+        import flint
+
+        values = (point[name] for name in self.names)
+        self._point = tuple(flint.fmpq(v.numerator, v.denominator) for v in values)
+        self._at_point.clear()
+        self.conditions.clear()
+        self.epoch += 1
+
+    def constant(self, value: Fraction | int) -> RationalFunction:
+        """A number as a function."""
+        return RationalFunction(self, self.polynomial(value), ())
+
+    def polynomial(self, value: Fraction | int) -> Polynomial:
+        """A number as a polynomial."""
+        import flint
+
+        return self.ring.constant(flint.fmpq(value.numerator, value.denominator))
+
+    def parameter(self, name: str) -> RationalFunction:
+        """A parameter as a function."""
+        return RationalFunction(self, self.ring.gen(self.names.index(name)), ())
+
+    def at_sample(self, polynomial: Polynomial) -> Fraction:
+        """The value of a polynomial at the sample point."""
+        return _fraction(polynomial(*self._point))
+
+    def factor_value(self, number: int) -> Fraction:
+        """The value of a factor at the sample point."""
+        if number not in self._at_point:
+            self._at_point[number] = self.at_sample(self.factors[number])
+        return self._at_point[number]
+
+    def factored(self, polynomial: Polynomial) -> tuple[Any, Denominator]:
+        """A polynomial other than 0 as a number times factors."""
+        exponents: dict[int, int] = {}
+        for i, factor in enumerate(self.factors):
+            polynomial, exponent = divide_out(polynomial, factor)
+            if exponent:
+                exponents[i] = exponent
+        if polynomial.is_constant():
+            return polynomial.leading_coefficient(), tuple(exponents.items())
+        if polynomial.total_degree() <= _LARGEST_FACTORED:
+            scale, parts = polynomial.factor()
+        else:
+            scale, parts = 1, [(polynomial, 1)]
+        for part, exponent in parts:
+            leading = part.leading_coefficient()
+            scale *= leading ** int(exponent)
+            exponents[len(self.factors)] = int(exponent)
+            self.factors.append(part / leading)
+        return scale, tuple(exponents.items())
+
+    def product(self, denominator: Denominator) -> Polynomial:
+        """The product of factors."""
+        out = self.ring.constant(1)
+        for i, exponent in denominator:
+            out *= self.factors[i] ** exponent
+        return out
+
+    def note(self, parts: Iterable[Polynomial], sign: int) -> None:
+        """Take note of the sign of a product of polynomials."""
+        parts = tuple(p for p in parts if not p.is_constant())
+        if parts:
+            self.conditions[" * ".join(map(str, parts))] = parts, sign
+
+
+class RationalFunction:
+    """A rational function of parameters: an element of a `FunctionField`, and immutable.
+
+    `f(p=Fraction(1, 3))` evaluates it; `derivative`, `numerator` and `denominator` are polynomials
+    or functions, and `to_sympy` gives an expression. `+ - * / **` and `==` are those of the field.
+    `<` and `>` compare at the field's sample point, and note the condition.
+    """
+
+    __slots__ = ("_value", "bottom", "field", "top")
+
+    def __init__(self, field: FunctionField, top: Polynomial, bottom: Denominator) -> None:
+        self.field = field
+        self.top = top
+        self.bottom = bottom
+        self._value: tuple[int, Fraction] | None = None
+
+    # ------------------------------------------------------------------------------------ the field
+
+    def __bool__(self) -> bool:
+        return not self.top.is_zero()
+
+    def _other(self, other: object) -> RationalFunction | None:
+        if isinstance(other, RationalFunction):
+            return other
+        if isinstance(other, int | Fraction):
+            return self.field.constant(other)
+        if isinstance(other, float) and other.is_integer():
+            return self.field.constant(int(other))
+        if type(other).__name__ == "fmpq":
+            return self.field.constant(_fraction(other))
+        return None
+
+    def __add__(self, other: object) -> RationalFunction:
+        g = self._other(other)
+        if g is None:
+            return NotImplemented
+        if not g.top:
+            return self
+        if not self.top:
+            return g
+        if self.bottom == g.bottom:
+            return _reduced(self.field, self.top + g.top, self.bottom)
+        a, b = dict(self.bottom), dict(g.bottom)
+        common = tuple((i, max(a.get(i, 0), b.get(i, 0))) for i in sorted(a.keys() | b.keys()))
+        missing = self.field.product([(i, n - a.get(i, 0)) for i, n in common if n > a.get(i, 0)])
+        others = self.field.product([(i, n - b.get(i, 0)) for i, n in common if n > b.get(i, 0)])
+        return _reduced(self.field, self.top * missing + g.top * others, common)
+
+    __radd__ = __add__
+
+    def __neg__(self) -> RationalFunction:
+        return RationalFunction(self.field, -self.top, self.bottom)
+
+    def __sub__(self, other: object) -> RationalFunction:
+        g = self._other(other)
+        return NotImplemented if g is None else self + -g
+
+    def __rsub__(self, other: object) -> RationalFunction:
+        return -self + other
+
+    def __mul__(self, other: object) -> RationalFunction:
+        g = self._other(other)
+        if g is None:
+            return NotImplemented
+        if not self.bottom and not g.bottom:
+            return RationalFunction(self.field, self.top * g.top, ())
+        f = _reduced(self.field, self.top, g.bottom)
+        h = _reduced(self.field, g.top, self.bottom)
+        exponents = dict(f.bottom)
+        for i, n in h.bottom:
+            exponents[i] = exponents.get(i, 0) + n
+        return RationalFunction(self.field, f.top * h.top, tuple(sorted(exponents.items())))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: object) -> RationalFunction:
+        g = self._other(other)
+        return NotImplemented if g is None else self * g.inverse()
+
+    def __rtruediv__(self, other: object) -> RationalFunction:
+        return self.inverse() * other
+
+    def __pow__(self, exponent: int) -> RationalFunction:
+        if exponent < 0:
+            return self.inverse() ** -exponent
+        bottom = tuple((i, n * exponent) for i, n in self.bottom) if exponent else ()
+        return RationalFunction(self.field, self.top**exponent, bottom)
+
+    def inverse(self) -> RationalFunction:
+        """One divided by the function. Raises ZeroDivisionError if it is 0."""
+        if not self.top:
+            raise ZeroDivisionError("division by the function 0")
+        scale, factors = self.field.factored(self.top)
+        return RationalFunction(
+            self.field, self.field.product(self.bottom) / scale, tuple(sorted(factors))
+        )
+
+    # ------------------------------------------------------------------------------------ the order
+
+    @property
+    def value(self) -> Fraction:
+        """The value at the field's sample point."""
+        if self._value is None or self._value[0] != self.field.epoch:
+            found = self.field.at_sample(self.top)
+            for i, n in self.bottom:
+                found /= self.field.factor_value(i) ** n
+            self._value = self.field.epoch, found
+        return self._value[1]
+
+    def __eq__(self, other: object) -> bool:
+        g = self._other(other)
+        if g is None:
+            return False
+        return (self.bottom == g.bottom and self.top == g.top) or not (self - g).top
+
+    def __hash__(self) -> int:
+        return hash(self.value)
+
+    def _sign(self, other: object) -> int:
+        """The sign of the difference at the sample point, which becomes a condition."""
+        if isinstance(other, float) and not other.is_integer():
+            return -1 if other > 0 else 1  # an infinity
+        difference = self - other
+        sign = (difference.value > 0) - (difference.value < 0)
+        if difference.top:
+            odd = (self.field.factors[i] for i, n in difference.bottom if n % 2)
+            self.field.note((difference.top, *odd), sign)
+        return sign
+
+    def __lt__(self, other: object) -> bool:
+        return self._sign(other) < 0
+
+    def __gt__(self, other: object) -> bool:
+        return self._sign(other) > 0
+
+    def __le__(self, other: object) -> bool:
+        return self._sign(other) <= 0
+
+    def __ge__(self, other: object) -> bool:
+        return self._sign(other) >= 0
+
+    def __abs__(self) -> RationalFunction:
+        return -self if self < 0 else self
+
+    def __float__(self) -> float:
+        return float(self.value)
+
+    # ------------------------------------------------------------------------------------- analysis
+
+    @property
+    def numerator(self) -> Polynomial:
+        """The numerator, with integer coefficients without common divisor (a FLINT polynomial)."""
+        return self._whole()[0]
+
+    @property
+    def denominator(self) -> Polynomial:
+        """The denominator, with integer coefficients without common divisor."""
+        return self._whole()[1]
+
+    def _whole(self) -> tuple[Polynomial, Polynomial]:
+        """Both with integer coefficients; the leading one of the denominator is positive."""
+        import math
+
+        below = self.field.product(self.bottom)
+        parts = [[_fraction(c) for c in p.coeffs()] for p in (self.top, below)]
+        scale = math.lcm(*(c.denominator for part in parts for c in part))
+        divisor = math.gcd(*(int(c * scale) for part in parts for c in part)) or 1
+        factor = Fraction(scale, divisor)
+        if parts[1] and parts[1][0] < 0:
+            factor = -factor
+        unit = self.field.polynomial(factor)
+        return self.top * unit, below * unit
+
+    def __call__(self, **values: Fraction | float | str) -> Fraction:
+        """The exact value at a point: `f(p=0.25, q="1/3")`; decimals are what they look like.
+
+        Raises ZeroDivisionError where the denominator is 0.
+        """
+        import flint
+
+        exact = [Fraction(str(values[name])) for name in self.field.names]
+        point = [flint.fmpq(v.numerator, v.denominator) for v in exact]
+        out = _fraction(self.top(*point))
+        for i, n in self.bottom:
+            out /= _fraction(self.field.factors[i](*point)) ** n
+        return out
+
+    def derivative(self, name: str) -> RationalFunction:
+        """The partial derivative by a parameter."""
+        field, by = self.field, self.field.names.index(name)
+        out = RationalFunction(field, self.top.derivative(by), self.bottom)
+        for i, n in self.bottom:
+            inner = _reduced(field, field.factors[i].derivative(by) * -n, ((i, 1),))
+            out = out + self * inner
+        return out
+
+    def to_sympy(self) -> Any:
+        """The function as an expression of sympy, which has to be installed."""
+        import sympy
+
+        return sympy.sympify(
+            str(self).replace("^", "**"), {n: sympy.Symbol(n) for n in self.field.names}
+        )
+
+    def __str__(self) -> str:
+        above, below = (str(p).replace(" ", "") for p in self._whole())
+        if below == "1":
+            return above
+        above = f"({above})" if "+" in above or "-" in above[1:] else above
+        return f"{above}/{below}" if below.isalnum() else f"{above}/({below})"
+
+    def __repr__(self) -> str:
+        return f"<RationalFunction {self}>"
+
+    def __format__(self, spec: str) -> str:
+        return format(str(self), spec)
+
+
+def _fraction(value: Any) -> Fraction:
+    return Fraction(int(value.numerator), int(value.denominator))
+
+
+def divide_out(polynomial: Polynomial, factor: Polynomial) -> tuple[Polynomial, int]:
+    """A polynomial without a factor, and how often it had it."""
+    from flint.utils.flint_exceptions import DomainError
+
+    exponent = 0
+    if not polynomial:
+        return polynomial, 0
+    try:
+        while True:
+            polynomial = polynomial / factor
+            exponent += 1
+    except DomainError:
+        return polynomial, exponent
+
+
+def _reduced(
+    field: FunctionField, top: Polynomial, bottom: Iterable[tuple[int, int]]
+) -> RationalFunction:
+    """A quotient without the factors that both sides have."""
+    from flint.utils.flint_exceptions import DomainError
+
+    if not top:
+        return RationalFunction(field, top, ())
+    left = []
+    for i, exponent in bottom:
+        rest = exponent
+        try:
+            while rest:
+                top = top / field.factors[i]
+                rest -= 1
+        except DomainError:
+            pass
+        if rest:
+            left.append((i, rest))
+    return RationalFunction(field, top, tuple(left))

@@ -1,0 +1,370 @@
+"""Exploration of beliefs: the states of a decision process without hidden ones.
+
+Beliefs are kept exactly, as whole numbers without a common divisor, so that equal beliefs are found
+to be equal: cycles of the beliefs are those of the model, and no rounding leaves them.
+
+Sources: Kaelbling, Littman & Cassandra (1998); Norman, Parker & Zou (2017), 'Verification and
+control of partially observable probabilistic systems'; Bork, Junges, Katoen & Quatmann (2020),
+'Verification of indefinite-horizon POMDPs'.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.errors import NumericalError
+from symcheck.matrices.numbers import Numbers, doubles, sum_segments
+from symcheck.matrices.rows import Int64s, spans, starts_of
+from symcheck.numerics.beliefs.observed import GOAL, LARGEST, SINK, Observed, Whole
+from symcheck.numerics.beliefs.triangulation import reduced, totals, triangulate
+
+__all__ = ["Beliefs", "Exploration", "Rows"]
+
+_PRIME = 2**62 - 57
+_BATCH = 1 << 20
+"""Entries of successors that are found at once."""
+
+
+class _Growing:
+    """An array that grows at its end."""
+
+    def __init__(self, first: NDArray[Any]) -> None:
+        self._data, self._n = first, len(first)
+
+    def extend(self, part: NDArray[Any]) -> None:
+        if part.dtype == object and self._data.dtype != object:
+            self._data = self._data.astype(object)
+        size = self._n + len(part)
+        if size > len(self._data):
+            self._data = np.resize(self._data, 2 * size)
+        self._data[self._n : size] = part
+        self._n = size
+
+    @property
+    def array(self) -> NDArray[Any]:
+        return self._data[: self._n]
+
+
+@dataclass(frozen=True, eq=False)
+class Beliefs:
+    """Beliefs by number: `states[starts[i]:starts[i+1]]` with `values` in proportion.
+
+    The beliefs GOAL and SINK, of which no state matters, are empty. States are in the order of
+    their classes.
+    """
+
+    starts: Int64s
+    states: Int64s
+    values: Whole
+
+    def __len__(self) -> int:
+        return len(self.starts) - 1
+
+    def first(self, count: int) -> Beliefs:
+        """The first beliefs."""
+        end = self.starts[count]
+        return Beliefs(self.starts[: count + 1], self.states[:end], self.values[:end])
+
+    def mean(self, of_states: Numbers) -> Numbers:
+        """The expectation of a number per state under each belief; 0 of the empty ones."""
+        rational = of_states.dtype == object
+        filled = np.diff(self.starts) > 0
+        starts = self.starts[:-1][filled]
+        if rational:
+            terms = self.values.astype(object) * of_states[self.states]
+            out = sum_segments(terms, self.starts)
+            out[filled] = out[filled] / np.add.reduceat(self.values.astype(object), starts)
+            return out
+        means = np.zeros(len(self))
+        means[filled] = np.add.reduceat(self.shares * of_states[self.states], starts)
+        return means
+
+    @cached_property
+    def shares(self) -> NDArray[np.float64]:
+        """The probability of each state of each belief."""
+        filled = np.diff(self.starts) > 0
+        sums = np.add.reduceat(self.values, self.starts[:-1][filled])
+        of_entry = np.repeat(sums, np.diff(self.starts)[filled])
+        return np.asarray(self.values / of_entry, np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The rows of beliefs that were expanded, in the order of their expansion.
+
+    Attributes:
+        first: of each belief, the number of its first row; -1 if it was not expanded.
+        row, target, weight: the transitions. `observed`: the class of the target.
+        row_of_belief: the belief of each row. earned: the expected reward of each row.
+    """
+
+    first: Int64s
+    row_of_belief: Int64s
+    earned: Numbers
+    row: Int64s
+    target: Int64s
+    observed: Int64s
+    weight: Numbers = field(repr=False)
+
+
+class Exploration:
+    """The beliefs that are found from those given, and their rows.
+
+    Args:
+        model: the model.
+        earned: the reward of each of its rows; None: none.
+        rational: whether weights are rationals.
+        supports: keep which states are possible, and forget how likely they are.
+    """
+
+    def __init__(
+        self,
+        model: Observed,
+        earned: Numbers | None = None,
+        *,
+        rational: bool = False,
+        supports: bool = False,
+    ) -> None:
+        self.model, self._earned, self._rational = model, earned, rational
+        self.keeps_supports = self._supports = supports
+        self._starts = _Growing(np.zeros(3, np.int64))
+        self._states = _Growing(np.zeros(0, np.int64))
+        self._values = _Growing(np.zeros(0, np.int64))
+        self._known: dict[int, int] = {}
+        self._first = _Growing(np.full(2, -1, np.int64))
+        self._belief_of_row: list[Int64s] = []
+        self._earned_by_row: list[Numbers] = []
+        self._entries: list[tuple[Int64s, Int64s, Int64s, Numbers]] = []
+        self._row_count = 0
+        self._fixed = np.full(len(model.choices) + 2, -1, np.int64)
+        self._fixed[GOAL], self._fixed[SINK] = GOAL, SINK
+
+    def __len__(self) -> int:
+        return len(self._starts.array) - 1
+
+    @property
+    def beliefs(self) -> Beliefs:
+        """The beliefs found so far."""
+        return Beliefs(self._starts.array, self._states.array, self._values.array)
+
+    @property
+    def pending(self) -> Int64s:
+        """The beliefs that were not expanded."""
+        return np.flatnonzero(self._first.array[2:] < 0) + 2
+
+    def points(self, states: Int64s) -> Int64s:
+        """The numbers of the beliefs that are certain of a state."""
+        fixed = self._fixed[self.model.classes[states]]
+        out, free = fixed.copy(), fixed < 0
+        count = int(free.sum())
+        ones = np.ones(count, np.int64)
+        out[free] = self._numbers(np.arange(count + 1), states[free], ones)
+        return out
+
+    def by_observation(self) -> None:
+        """Remember nothing but the last observation: its belief has all states of the class."""
+        self.keeps_supports = False
+        states = self.model.by_class
+        classes = self.model.classes[states]
+        states, classes = states[classes > SINK], classes[classes > SINK]
+        present, starts = np.unique(classes, return_index=True)
+        if len(present):
+            ends = np.append(starts, len(states))
+            self._fixed[present] = self._numbers(ends, states, np.ones(len(states), np.int64))
+
+    def memory_of(self, beliefs: Beliefs, numbers: Int64s) -> Int64s:
+        """The numbers of the known supports of some beliefs, or of their observations."""
+        begin, end = beliefs.starts[numbers], beliefs.starts[numbers + 1]
+        out = self._fixed[self.model.classes[beliefs.states[begin]]]
+        free = np.flatnonzero(out < 0)
+        starts = starts_of((end - begin)[free])
+        states = beliefs.states[spans(begin[free], end[free])]
+        out[free] = self._numbers(starts, states, np.ones(len(states), np.int64))
+        return out
+
+    def clone(self) -> Exploration:
+        """The same beliefs and rows, to be explored further in another way."""
+        other = copy(self)
+        other._known = dict(self._known)
+        for name in ("_starts", "_states", "_values", "_first"):
+            setattr(other, name, _Growing(getattr(self, name).array.copy()))
+        for name in ("_belief_of_row", "_earned_by_row", "_entries"):
+            setattr(other, name, list(getattr(self, name)))
+        return other
+
+    def run(self, limit: int, resolution: int | None = None, levels: int | None = None) -> None:
+        """Expand beliefs in the order in which they were found.
+
+        Args:
+            limit: stop when there are more beliefs.
+            resolution: replace successors by points of a grid; None: keep them.
+            levels: expand so many generations at most; None: all.
+        """
+        size_of_state = np.add.reduceat(self.model.matrix.lengths, self.model.groups[:-1])
+        while levels is None or levels > 0:
+            pending = self.pending
+            if not len(pending):
+                return
+            beliefs = self.beliefs
+            sizes = np.add.reduceat(size_of_state[beliefs.states], beliefs.starts[:-1][pending])
+            batch = np.cumsum(sizes) // _BATCH
+            ends = np.flatnonzero(np.diff(batch, append=-1)) + 1
+            begin = 0
+            for end in ends.tolist():
+                if len(self) > limit:
+                    return
+                self._expand(pending[begin:end], resolution)
+                begin = end
+            levels = None if levels is None else levels - 1
+
+    def rows(self, beliefs: int | None = None, rows: int | None = None) -> Rows:
+        """The rows found so far; only the first ones of the first beliefs if that is asked for."""
+        rows = self._row_count if rows is None else rows
+        first = self._first.array[:beliefs].copy()
+        first[first >= rows] = -1
+        empty = np.zeros(0, np.int64)
+        number = np.zeros(0, object if self._rational else np.float64)
+        parts = zip(*self._entries, strict=True) if self._entries else ([empty],) * 4
+        row, target, observed, weight = (np.concatenate(p) for p in parts)
+        kept = slice(None, int(np.searchsorted(row, rows)))
+        owners = np.concatenate((empty, *self._belief_of_row))[:rows]
+        earned = np.concatenate((number, *self._earned_by_row))[:rows]
+        return Rows(first, owners, earned, row[kept], target[kept], observed[kept], weight[kept])
+
+    @property
+    def row_count(self) -> int:
+        """The number of rows found so far."""
+        return self._row_count
+
+    # ------------------------------------------------------------------------------------ internals
+
+    def _numbers(self, starts: Int64s, states: Int64s, values: Whole) -> Int64s:
+        """The numbers of beliefs; those that are new are added."""
+        if len(starts) == 1:
+            return np.zeros(0, np.int64)
+        key = _mixed(states.astype(np.uint64) ^ _mixed((values % _PRIME).astype(np.uint64)))
+        keys = np.add.reduceat(key, starts[:-1])
+        each, where, of = np.unique(keys, return_index=True, return_inverse=True)
+        listed = each.tolist()
+        numbers = np.array([self._known.get(k, -1) for k in listed], np.int64)
+        fresh = np.flatnonzero(numbers < 0)
+        if len(fresh):
+            fresh = fresh[np.argsort(where[fresh])]  # in the order in which they come
+            numbers[fresh] = len(self) + np.arange(len(fresh))
+            self._known.update(zip(listed, numbers.tolist(), strict=True))
+            begin, end = starts[:-1][where[fresh]], starts[1:][where[fresh]]
+            entries = spans(begin, end)
+            last = self._starts.array[-1]
+            self._states.extend(states[entries])
+            self._values.extend(values[entries])
+            self._starts.extend(last + np.cumsum(end - begin))
+            self._first.extend(np.full(len(fresh), -1, np.int64))
+        numbers = numbers[of]
+        stored = self.beliefs
+        begin, end = stored.starts[numbers], stored.starts[numbers + 1]
+        same = np.array_equal(end - begin, np.diff(starts))
+        entries = spans(begin, end) if same else starts
+        if not (
+            same
+            and np.array_equal(stored.states[entries], states)
+            and bool((stored.values[entries] == values).all())
+        ):
+            raise NumericalError("two beliefs have the same hash")
+        return numbers
+
+    def _expand(self, nodes: Int64s, resolution: int | None) -> None:
+        model, beliefs = self.model, self.beliefs
+        begin, end = beliefs.starts[nodes], beliefs.starts[nodes + 1]
+        observation = model.observation[beliefs.states[begin]]
+        choices = model.choices[observation]
+        of_node = np.repeat(np.arange(len(nodes)), choices)
+        position = spans(np.zeros(len(nodes), np.int64), choices)
+        slot = model.first_slot[observation][of_node] + position
+        entries = spans(begin[of_node], end[of_node])
+        pair = np.repeat(np.arange(len(of_node)), (end - begin)[of_node])
+        row = model.groups[beliefs.states[entries]] + position[pair]
+        # Whole numbers: the belief times the numerators, over its sum times the denominator.
+        parts = beliefs.values[spans(begin, end)]
+        sums = totals(starts_of(end - begin), parts)
+        largest = int(max(sums)) * int(max(model.denominators)) * (resolution or 1)
+        kind = np.int64 if largest < LARGEST else object
+        value, numerators = beliefs.values[entries].astype(kind), model.numerators
+        first, last = model.matrix.indptr[row], model.matrix.indptr[row + 1]
+        below = (sums.astype(kind)[of_node]) * model.denominators.astype(kind)[slot]
+        steps = spans(first, last)
+        product = np.repeat(value, last - first) * numerators[steps].astype(kind)
+        keys = (
+            np.repeat(pair, last - first) * model.states + model.rank[model.matrix.indices[steps]]
+        )
+        order = np.argsort(keys, kind="stable")
+        keys = keys[order]
+        starts = np.flatnonzero(np.diff(keys, prepend=-1))
+        value = np.add.reduceat(product[order], starts)
+        pair2, rank = np.divmod(keys[starts], model.states)
+        states = model.by_class[rank]
+        classes = model.classes[states]
+        change = np.flatnonzero(np.diff(pair2 * len(self._fixed) + classes, prepend=-1))
+        bounds = np.append(change, len(value))
+        mass, of_pair, observed = np.add.reduceat(value, change), pair2[change], classes[change]
+        value = np.ones(len(value), np.int64) if self._supports else reduced(bounds, value)
+        target = self._fixed[observed]
+        free = np.flatnonzero(target < 0)
+        inside = spans(bounds[free], bounds[free + 1])
+        bounds = starts_of(bounds[free + 1] - bounds[free])
+        states, value = states[inside], value[inside]
+        share: Whole | None = None
+        if resolution is None:
+            target[free] = self._numbers(bounds, states, value)
+        elif len(free):
+            whole = totals(bounds, value)
+            owner, part, bounds, states, value = triangulate(bounds, states, value, resolution)
+            keep = np.concatenate((np.flatnonzero(target >= 0), free[owner]))
+            count = len(keep) - len(owner)
+            target = np.concatenate((target[keep[:count]], self._numbers(bounds, states, value)))
+            share = np.concatenate((np.ones(count), np.asarray(part / whole[owner], np.float64)))
+            order = np.argsort(of_pair[keep], kind="stable")
+            keep, target, share = keep[order], target[order], share[order]
+            mass, of_pair, observed = mass[keep], of_pair[keep], observed[keep]
+        if self._rational:
+            weight: Numbers = np.array(
+                [Fraction(int(a), int(b)) for a, b in zip(mass, below[of_pair], strict=True)],
+                object,
+            )
+        else:
+            weight = np.asarray(mass / below[of_pair], np.float64)
+        if share is not None:
+            weight = weight * share
+        number = self._row_count + np.arange(len(of_node))
+        self._first.array[nodes] = self._row_count + starts_of(choices)[:-1]
+        self._belief_of_row.append(nodes[of_node])
+        self._earned_by_row.append(self._reward(pair, row, beliefs.values[entries]))
+        self._entries.append((number[of_pair], target, observed, weight))
+        self._row_count += len(of_node)
+
+    def _reward(self, pair: Int64s, row: Int64s, values: Whole) -> Numbers:
+        """The expected reward of each row; `row`: those of the states of each belief."""
+        starts = np.flatnonzero(np.diff(pair, prepend=-1))
+        if self._earned is None:
+            zero = Fraction(0) if self._rational else 0.0
+            return np.full(len(starts), zero, object if self._rational else np.float64)
+        sums = np.add.reduceat(values, starts)
+        if self._rational:
+            whole = np.add.reduceat(values.astype(object) * self._earned[row], starts)
+            return np.asarray(whole / sums.astype(object), object)
+        share = np.asarray(values / np.repeat(sums, np.diff(np.append(starts, len(pair)))), float)
+        return np.add.reduceat(share * doubles(self._earned)[row], starts)
+
+
+def _mixed(x: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Well mixed bits (the finaliser of SplitMix64; Steele, Lea & Flood 2014)."""
+    x = x * np.uint64(0x9E3779B97F4A7C15) + np.uint64(0x7F4A7C15F39CC060)
+    x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    x = (x ^ (x >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return np.asarray(x ^ (x >> np.uint64(31)))

@@ -1,0 +1,191 @@
+"""Problems x = opt(best expectation of x + b) over intervals of probabilities.
+
+A player chooses a row in each state, and then nature a distribution of the row, to minimise or
+maximise as well. Both need no memory, so that strategy iteration over the rationals ends with the
+value; in doubles, bounds are iterated.
+
+Sources: Givan, Leach & Dean (2000); Nilim & El Ghaoui (2005); Hoffman & Karp (1966).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from symcheck.direction import Direction
+from symcheck.errors import UnsupportedError
+from symcheck.kernels.solve.intervals import Iteration
+from symcheck.lazy_dataclass import dataclass
+from symcheck.matrices.interval_rows import IntervalRows
+from symcheck.matrices.numbers import Numbers, doubles, full, numbers
+from symcheck.matrices.rows import SparseMatrix
+from symcheck.numerics import graph
+from symcheck.numerics.linear.mec_quotient import MecQuotient, collapse
+from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
+from symcheck.numerics.settings import Settings
+from symcheck.tables import counted
+
+__all__ = ["IntervalProblem", "solve_intervals"]
+
+_WORK = 1 << 20
+"""Updates of states between two reports to the observer."""
+_FINER = 64.0
+"""Each component aims at a width that is smaller by this factor, as widths add up."""
+_ROUNDS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class IntervalProblem:
+    """x_s = opt over the rows r of s of (constant[r] + best expectation of x by r).
+
+    Attributes:
+        rows: their first columns are the n unknown states, whose groups are the choices.
+        known: the values of the other columns.
+        constant: per row.
+        direction: the player minimises or maximises over the rows.
+        probability: whether the solution consists of probabilities; else of expected rewards.
+    """
+
+    rows: IntervalRows
+    known: Numbers
+    constant: Numbers
+    direction: Direction
+    probability: bool
+
+    @property
+    def n(self) -> int:
+        """Number of unknown states."""
+        return self.rows.lower.states
+
+    def against(self, matrix: SparseMatrix) -> LinearProblem:
+        """The problem in which nature has chosen `matrix` (with all columns)."""
+        outside = np.arange(matrix.columns) >= self.n
+        index = np.where(outside, -1, np.arange(matrix.columns)).astype(np.int32)
+        inner = matrix.select(np.arange(matrix.rows), index, self.n, matrix.groups)
+        values = np.concatenate([full(self.n, 0, rational=matrix.is_rational), self.known])
+        flat, everywhere = replace(matrix, groups=None), np.ones(matrix.rows, np.bool_)
+        return LinearProblem(
+            self.constant + flat.sums(everywhere, outside, values),
+            inner,
+            None,
+            flat.sums(everywhere, outside),
+            self.direction,
+            self.probability,
+        )
+
+
+def solve_intervals(
+    problem: IntervalProblem, settings: Settings, observer: Observer | None = None
+) -> Solution:
+    """Solve a problem over intervals, by strategy iteration over the rationals or by bounds.
+
+    Args:
+        problem: the equations; all lower ends are positive, so that nature cannot change the graph.
+        settings: accuracy and limits.
+        observer: receives the progress.
+
+    Raises:
+        UnsupportedError: a reward is negative, in doubles.
+    """
+    if problem.rows.is_rational:
+        return _strategy_iteration(problem, settings, observer)
+    if len(problem.constant) and problem.constant.min() < 0.0:
+        raise UnsupportedError(
+            "negative rewards with intervals of probabilities are not supported in floating point",
+            hint="use -exact",
+        )
+    structure = problem.against(problem.rows.lower)
+    quotient = collapse(structure)
+    if quotient is None:
+        return _bounds(problem, graph.sccs(structure.rows), settings, observer)
+    parts = graph.sccs(quotient.problem.rows)
+    return quotient.expand(_bounds(_on_quotient(problem, quotient), parts, settings, observer))
+
+
+def _on_quotient(problem: IntervalProblem, quotient: MecQuotient) -> IntervalProblem:
+    """The problem in which each end component is one state."""
+    n = quotient.problem.n
+    column_of = np.concatenate([quotient.index, n + np.arange(len(problem.known))])
+    return replace(
+        problem,
+        rows=problem.rows.choose(
+            quotient.kept,
+            quotient.problem.rows.groups,
+            column_of.astype(np.int32),
+            n + len(problem.known),
+        ),
+        constant=problem.constant[quotient.kept],
+    )
+
+
+def _bounds(
+    problem: IntervalProblem,
+    parts: graph.Components,
+    settings: Settings,
+    observer: Observer | None,
+) -> Solution:
+    """Bounds by optimistic value iteration, component by component."""
+    n, lower = problem.n, problem.rows.lower
+    limit = 1.0 if problem.probability else np.inf
+    values = np.zeros(n + len(problem.known)), np.full(n + len(problem.known), limit)
+    for bounds in values:
+        bounds[n:] = problem.known
+    rows, maximise = problem.rows.compiled, problem.direction is Direction.MAX
+    epsilon, sweeps = settings.epsilon / _FINER, 0
+    for _ in range(_ROUNDS):
+        relative = epsilon if settings.relative else epsilon / max(1.0, float(values[0].max()))
+        iteration = Iteration(
+            *(rows, lower.groups, problem.constant, problem.constant, parts.order, parts.start),
+            *(*values, maximise, limit, max(relative, 1e-15), settings.max_iterations),
+        )
+        while not iteration.run(_WORK):
+            if observer is not None:
+                observer(Progress("optimistic", sweeps + iteration.total, np.inf, n, values[0][:n]))
+        sweeps += iteration.total
+        note = f"{counted(n, 'state')}: optimistic, {counted(parts.count, 'component')}, {sweeps} sweeps"
+        solution = Solution(
+            *(values[0][:n], np.maximum(values[0][:n], values[1][:n])),
+            *("optimistic", False, True, sweeps, note, iteration.policy()),
+        )
+        if iteration.failed or solution.width(settings.relative) <= settings.epsilon:
+            break
+        epsilon /= _FINER
+    return solution
+
+
+def _strategy_iteration(
+    problem: IntervalProblem, settings: Settings, observer: Observer | None
+) -> Solution:
+    """Nature improves its choice against the best answers of the player, until no row is better."""
+    from symcheck.numerics.linear.methods import solve_linear
+
+    rows, sign = problem.rows, 1 if problem.rows.nature is Direction.MAX else -1
+    values = numbers(_guess(problem, settings, observer), rational=True)
+    chosen, rounds = rows.chosen(np.concatenate([values, problem.known])), 0
+    while True:
+        solution = solve_linear(problem.against(chosen), settings, observer)
+        values, rounds = np.concatenate([solution.lower, problem.known]), rounds + 1
+        better = rows.chosen(values)
+        improved = sign * (better.multiply(values) - chosen.multiply(values)) > 0
+        if not improved.any():
+            note = f"{solution.explanation}; {counted(rounds, 'choice')} of nature"
+            return replace(solution, explanation=note, iterations=rounds)
+        entries = improved.astype(np.bool_)[rows.lower.row_of_entry]
+        chosen = replace(chosen, data=np.where(entries, better.data, chosen.data))
+
+
+def _guess(problem: IntervalProblem, settings: Settings, observer: Observer | None) -> Numbers:
+    """Values in doubles, for a good first choice of nature."""
+    known: Sequence[Numbers] = (problem.known, problem.constant)
+    if any(np.any(doubles(v) < 0) for v in known):
+        return np.zeros(problem.n)
+    rounded = replace(
+        problem,
+        rows=problem.rows.doubles(),
+        known=doubles(problem.known),
+        constant=doubles(problem.constant),
+    )
+    found = solve_intervals(rounded, settings, observer).lower
+    return np.where(np.isfinite(found), found, 0.0)

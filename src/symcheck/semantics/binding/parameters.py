@@ -1,0 +1,107 @@
+"""Parameters: constants of type double that are left open, and where they may stand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from fractions import Fraction
+
+from symcheck.errors import NO_SPAN, Diagnostic, NameFault, TypeFault, UnsupportedError
+from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Name, Type, Unary
+from symcheck.syntax.declarations import Constant
+from symcheck.syntax.operators import Function, Operator
+from symcheck.syntax.traversal import children, nodes
+
+__all__ = ["Ranges", "check_places", "check_ranges"]
+
+Ranges = Mapping[str, tuple[Fraction, Fraction]]
+"""The range of each parameter, whose ends do not belong to it."""
+
+_FIELD = {Operator.PLUS, Operator.MINUS, Operator.TIMES, Operator.DIVIDE}
+_POWERS = {Operator.POWER, Function.POW}
+
+
+def check_ranges(
+    parameters: Ranges, declared: Iterable[Constant], report: DiagnosticCollector
+) -> None:
+    """Report parameters that are no open constants of type double, and empty ranges."""
+    known = {c.name: c for c in declared}
+    for name, (low, high) in parameters.items():
+        constant = known.get(name)
+        if constant is None or constant.value is not None:
+            why = "is defined in the text" if constant else "is not declared in the model"
+            hint = suggest(name, known) or f"declare it there: const double {name};"
+            span = constant.span if constant else NO_SPAN
+            report.absorb(NameFault(Diagnostic(f"parameter {name} {why}", span, "parameter", hint)))
+        elif constant.type is not Type.DOUBLE:
+            message = f"{name} is of type {constant.type.value}: a parameter is a real number"
+            hint = f"-const {name}=VALUE gives it a value"
+            report.absorb(TypeFault(Diagnostic(message, constant.span, "parameter", hint)))
+        elif not low < high:
+            message = f"the range {low}:{high} of parameter {name} is empty"
+            report.absorb(NameFault(Diagnostic(message, constant.span, "parameter")))
+
+
+def check_places(model: BoundModel) -> None:
+    """Refuse parameters where graphs would depend on them, or values would be no functions.
+
+    Raises:
+        UnsupportedError: a parameter stands in a guard, an assignment, a condition or a label, or
+            in an operation that gives no rational function.
+    """
+    for what, expression in _without_parameters(model):
+        _refuse(model.parameters, expression, f"in {what}")
+    for command in {c for e in model.events for part in e.participants for c in part}:
+        for update in command.updates:
+            _check_function(model.parameters, update.probability)
+    for structure in model.rewards:
+        for item in structure.items:
+            _check_function(model.parameters, item.value)
+
+
+def _without_parameters(model: BoundModel) -> Iterator[tuple[str, Expression]]:
+    for command in {c for e in model.events for part in e.participants for c in part}:
+        yield "a guard", command.guard
+        for update in command.updates:
+            yield from (("an assignment", value) for _, value in update.assignments)
+    yield from (("the guard of a reward", i.guard) for r in model.rewards for i in r.items)
+    yield from (("a label", expression) for expression in model.labels.values())
+    if model.initial is not None:
+        yield "the condition on initial states", model.initial
+
+
+def _refuse(parameters: Ranges, expression: Expression, where: str) -> None:
+    for node in nodes(expression):
+        if isinstance(node, Name) and node.name in parameters:
+            place = f"{node.span}: " if node.span.source.text else ""
+            raise UnsupportedError(
+                f"{place}parameter {node.name} stands {where}",
+                hint="only probabilities, rates and rewards depend on parameters, as rational "
+                f"functions; -const {node.name}=VALUE gives it a value",
+            )
+
+
+def _check_function(parameters: Ranges, expression: Expression) -> None:
+    """Refuse what is no rational function of the parameters in each state."""
+    match expression:
+        case Binary(operator, left, right) if operator in _FIELD:
+            _check_function(parameters, left)
+            _check_function(parameters, right)
+        case Binary(operator, base, exponent) if operator in _POWERS:
+            _check_function(parameters, base)
+            _refuse(parameters, exponent, "in an exponent")
+        case Call(function, (base, exponent)) if function in _POWERS:
+            _check_function(parameters, base)
+            _refuse(parameters, exponent, "in an exponent")
+        case Unary(_, operand):
+            _check_function(parameters, operand)
+        case Conditional(condition, then, otherwise):
+            _refuse(parameters, condition, "in a condition")
+            _check_function(parameters, then)
+            _check_function(parameters, otherwise)
+        case _:
+            for part in children(expression):
+                if isinstance(part, Expression):
+                    called = expression.function if isinstance(expression, Call) else "an operator"
+                    _refuse(parameters, part, f"under {called!s}, which is no rational function")

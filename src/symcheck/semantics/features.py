@@ -1,0 +1,181 @@
+"""What symcheck offers for a class of models: one table, and the refusal of what is not in it.
+
+A class of models is a type together with the kind of its probabilities. What is asked for a model
+passes a gate, `require`, before it is computed. A new class begins with an empty row: all of its
+gates are closed, and each feature is opened together with its tests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import Enum
+
+from symcheck.errors import UnsupportedError
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import ModelType, Weights
+
+__all__ = ["Feature", "class_name", "offers", "require", "require_type"]
+
+
+class Feature(Enum):
+    """What a class of models may offer. The value is its name in messages, in the plural."""
+
+    # Representations of the states.
+    ROWS = "explicit states"
+    DIAGRAMS = "decision diagrams"
+    RATIONALS = "exact computations"
+    PARTS = "computations on a cluster"
+
+    # Quantities.
+    REACHABILITY = "probabilities of reaching states without a bound"
+    BOUNDED_REACHABILITY = "probabilities of reaching states within a bound"
+    LTL = "probabilities of LTL formulas"
+    REWARD_BOUNDS = "probabilities with bounds on rewards"
+    CONDITIONAL = "conditional probabilities"
+    LONG_RUN = "long-run averages"
+    REACH_REWARDS = "expected rewards until states are reached"
+    TOTAL_REWARDS = "total rewards"
+    CUMULATIVE_REWARDS = "rewards up to a bound"
+    INSTANTANEOUS_REWARDS = "rewards at a time"
+    DISCOUNTED_REWARDS = "discounted rewards"
+    ENDED_REWARDS = "the rewards Fc and F0"
+    MULTI_OBJECTIVE = "multi-objective queries"
+    SOME_OR_ALL_PATHS = "the operators A and E"
+    DISTRIBUTIONS = "distributions over states"
+    QUANTILES = "quantiles"
+    FAIRNESS = "fair strategies"
+
+    # What explains, proves or estimates values.
+    STRATEGIES = "strategies"
+    COUNTEREXAMPLES = "counterexamples"
+    CERTIFICATES = "certificates"
+    SIMULATION = "estimates from random paths"
+    STEPPING = "random paths"
+    PAGES = "pages"
+    COMPARISON = "comparisons with other model checkers"
+
+    # Transformations and files.
+    BISIMULATION = "quotients by bisimulation"
+    REDUCTION = "reductions of the text"
+    SYMMETRY = "reductions by symmetry"
+    EXPLICIT_FILES = "files with explicit states"
+    JANI_FILES = "JANI files"
+
+
+_ALL = frozenset(Feature)
+_NONE: frozenset[Feature] = frozenset()
+
+_OF_TYPE: dict[ModelType, frozenset[Feature]] = {
+    ModelType.DTMC: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.CTMC: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.MDP: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.PTA: frozenset(
+        {
+            Feature.ROWS,
+            Feature.DIAGRAMS,
+            Feature.RATIONALS,
+            Feature.REACHABILITY,
+            Feature.BOUNDED_REACHABILITY,
+            Feature.REACH_REWARDS,
+        }
+    ),
+    ModelType.SMG: frozenset(
+        {
+            *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
+            *(Feature.REACH_REWARDS, Feature.TOTAL_REWARDS, Feature.CUMULATIVE_REWARDS),
+            *(Feature.INSTANTANEOUS_REWARDS, Feature.ENDED_REWARDS, Feature.STRATEGIES),
+        }
+    ),
+    ModelType.POMDP: frozenset(
+        {
+            *(Feature.ROWS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
+            *(Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES),
+        }
+    ),
+}
+"""Per type what it offers; nothing where it has no row."""
+
+_OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {
+    Weights.NUMBERS: _ALL,
+    Weights.INTERVALS: frozenset(
+        {
+            *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
+            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
+            *(Feature.REACH_REWARDS, Feature.CUMULATIVE_REWARDS, Feature.INSTANTANEOUS_REWARDS),
+            *(Feature.LONG_RUN, Feature.SOME_OR_ALL_PATHS),
+        }
+    ),
+    Weights.PARAMETERS: frozenset(
+        {
+            Feature.ROWS,
+            Feature.RATIONALS,
+            Feature.REACHABILITY,
+            Feature.BOUNDED_REACHABILITY,
+            Feature.LTL,
+            Feature.LONG_RUN,
+            Feature.REACH_REWARDS,
+            Feature.TOTAL_REWARDS,
+            Feature.CUMULATIVE_REWARDS,
+            Feature.INSTANTANEOUS_REWARDS,
+            Feature.CONDITIONAL,
+        }
+    ),
+}
+"""Per kind of probabilities what can be computed with it; nothing where it has no row."""
+
+_WITH_WEIGHTS = {
+    Weights.NUMBERS: "",
+    Weights.INTERVALS: " with intervals of probabilities",
+    Weights.PARAMETERS: " with parameters",
+}
+
+
+def class_name(model: BoundModel) -> str:
+    """The class of a model in messages, such as 'Markov automata'."""
+    return model.type.called + _WITH_WEIGHTS[model.weights]
+
+
+def require_type(kind: ModelType) -> None:
+    """Refuse a type of models for which nothing is offered. Raises UnsupportedError."""
+    if not _OF_TYPE.get(kind):
+        offered = ", ".join(k.value for k in _OF_TYPE)
+        raise UnsupportedError(
+            f"models of type {kind.value} ({kind.called}) are not supported",
+            hint=f"those of type {offered} are",
+        )
+
+
+def offers(model: BoundModel, feature: Feature) -> bool:
+    """Whether a feature is offered for the class of a model.
+
+    Examples:
+        >>> import symcheck
+        >>> offers(symcheck.load("models/die/die.pm").bound, Feature.LTL)
+        True
+    """
+    if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
+        return False  # the rows of the two tables were opened, and tested, apart
+    of_type = _OF_TYPE.get(model.type, _NONE)
+    return feature in of_type and feature in _OF_WEIGHTS.get(model.weights, _NONE)
+
+
+def require(model: BoundModel, *features: Feature, instead: Iterable[Feature] = ()) -> None:
+    """Refuse what is not offered for the class of a model.
+
+    Args:
+        model: the bound model.
+        features: what is asked for.
+        instead: features of the same kind; those that are offered are named as a hint.
+
+    Raises:
+        UnsupportedError: one of the features is not offered.
+    """
+    for feature in features:
+        if not offers(model, feature):
+            others = [f.value for f in instead if offers(model, f)]
+            hint = f"; {', '.join(others)} are" if others else ""
+            raise UnsupportedError(
+                f"{feature.value} are not available for {class_name(model)}{hint}"
+            )

@@ -1,0 +1,1 @@
+"""Timed automata: constraints on clocks, and the digital clocks that count whole time units."""

@@ -1,0 +1,343 @@
+"""Digital clocks: a timed automaton as a Markov decision process whose clocks count time units.
+
+If all constraints are closed (they admit their limits) and none compares two clocks, then
+probabilities of reaching locations, and expected rewards until then, are those of the automaton.
+Time passes by an action in which all modules take part. All constants are divided by their greatest
+common divisor, and a clock stops one unit beyond the largest constant that it is compared with.
+Source: Kwiatkowska, Norman, Parker & Sproston, Performance analysis of probabilistic timed automata
+using digital clocks, FMSD 29 (2006).
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from dataclasses import field, replace
+from fractions import Fraction
+from functools import partial, reduce
+from math import gcd
+
+from symcheck.errors import Diagnostic, UnsupportedError
+from symcheck.lazy_dataclass import dataclass
+from symcheck.semantics.expressions.literals import as_expression
+from symcheck.semantics.expressions.simplify import simplify
+from symcheck.semantics.model import (
+    BoundCommand,
+    BoundModel,
+    BoundReward,
+    BoundRewards,
+    BoundUpdate,
+    Event,
+    Variable,
+)
+from symcheck.semantics.timed.constraints import (
+    ClockConstraint,
+    clock_constraints,
+    clocks_of,
+    constraint,
+    possible_values,
+)
+from symcheck.syntax.ast import Binary, Call, Expression, Literal, ModelType, Name, Type, Unary
+from symcheck.syntax.operators import Function, Operator, UnaryOperator
+from symcheck.syntax.traversal import Tree, substitute, transform
+
+__all__ = ["Asked", "DigitalClocks", "NotDigital", "digital_clocks"]
+
+_TRUE = Literal(True, Type.BOOL)
+_FALSE = Literal(False, Type.BOOL)
+_ONE = Literal(Fraction(1), Type.DOUBLE)
+
+
+class NotDigital(UnsupportedError):
+    """A constraint for which digital clocks would give other values than the automaton has."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a property needs of the clocks.
+
+    Attributes:
+        conditions: state formulas without labels, each with whether it, or else its negation, is
+            required: that one has to be closed.
+        horizon: the largest time with which a property compares the time since the beginning; None
+            if there is none.
+        ticks: it tells whether the last step let time pass, so that it can ask whether time goes
+            on for ever.
+    """
+
+    conditions: tuple[tuple[Expression, bool], ...] = ()
+    horizon: tuple[Fraction, ...] = ()
+    ticks: bool = False
+
+
+@dataclass(frozen=True)
+class DigitalClocks:
+    """How a timed automaton is read on the decision process that counts time units.
+
+    Attributes:
+        automaton: the automaton.
+        unit: the time that a step of time takes.
+        time: the action of such a step, and the name of its reward structure.
+        now: the variable that counts the units since the beginning; None if nothing asks for it.
+        tick: the variable that tells whether the last step let time pass; None if nothing asks.
+        can_wait: the states in which time may pass.
+        asked: what the property needs for which the model was made; None: it was made for none.
+    """
+
+    automaton: BoundModel = field(repr=False)
+    unit: Fraction
+    time: str
+    now: str | None
+    tick: str | None
+    can_wait: Expression = field(repr=False)
+    asked: Asked | None = field(default=None, repr=False)
+
+    def __str__(self) -> str:
+        """How time is treated, in words."""
+        return "digital clocks" + (f" with units of {self.unit}" if self.unit != 1 else "")
+
+    def condition(self, expression: Expression) -> Expression:
+        """A condition over clocks as one over counters of units."""
+        return _in_units(expression, clocks_of(self.automaton), self.unit)
+
+    def time_is(self, operator: Operator, time: Fraction) -> Expression:
+        """The comparison of the time since the beginning with a number."""
+        assert self.now is not None
+        return Binary(operator, Name(self.now), _number(time / self.unit))
+
+
+def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundModel:
+    """The decision process with digital clocks.
+
+    Its variables are those of the automaton in their order, then those that a property asks for.
+    Who observes what is not changed. A command without effect is left out where time may pass: it
+    would only let an infinite number of steps happen at one instant.
+
+    Args:
+        automaton: a bound model whose variables include clocks, checked by `check_clocks`.
+        asked: what a property needs; None: there is none.
+
+    Raises:
+        NotDigital: a constraint is strict or diagonal.
+        UnsupportedError: the bound of a clock depends on too many values.
+        InputError: a clock is reset to a negative number.
+    """
+    for_property, asked = asked, asked or Asked()
+    clocks = clocks_of(automaton)
+    variables = {v.name: v for v in automaton.variables}
+    limits: dict[str, set[Fraction]] = defaultdict(set)
+    for found, holds in _constraints(automaton, asked, clocks):
+        if found.other is not None:
+            raise _refused(f"{found.clock}-{found.other}", "compares two clocks", found)
+        if not found.is_closed(holds):
+            raise _refused(found.clock, "does not admit its limit", found)
+        limits[found.clock].update(possible_values(found.bound, variables))
+    for label in automaton.labels.values() if for_property is None else ():
+        for found in _comparisons(label, clocks):
+            if found.other is None:
+                limits[found.clock].update(possible_values(found.bound, variables))
+    for command in _commands(automaton):
+        for update in command.updates:
+            for i, value in update.assignments:
+                if automaton.variables[i].clock:
+                    limits[automaton.variables[i].name].update(possible_values(value, variables))
+    unit = _common_unit([*(c for values in limits.values() for c in values), *asked.horizon])
+    taken = {*variables, *automaton.actions, *(r.name for r in automaton.rewards)}
+    time, tick, now = _free("time", taken), _free("tick", taken), _free("now", taken)
+    top = {name: int(max(limits[name], default=Fraction(0)) / unit) + 1 for name in clocks}
+    counters = [
+        replace(v, low=0, high=max(top[v.name], 1), initial=0, clock=False) if v.clock else v
+        for v in automaton.variables
+    ]
+    place = len(counters)
+    if asked.horizon:
+        counters.append(Variable(now, Type.INT, 0, int(max(asked.horizon) / unit) + 1, 0, None))
+    if asked.ticks:
+        counters.append(Variable(tick, Type.BOOL, 0, 1, False, None))
+    growing = {i for i, v in enumerate(automaton.variables) if v.clock}
+    growing |= {place} if asked.horizon else set()
+    grown: dict[str, Expression] = {counters[i].name: _after(counters[i]) for i in growing}
+    in_units = partial(_in_units, clocks=clocks, unit=unit)
+    waits: list[BoundCommand] = []
+    for k, module in enumerate(automaton.modules):
+        own = {i for i in growing if i in module.variables}
+        own |= {i for i in growing if k == 0 and counters[i].module is None}
+        guard = _TRUE if module.invariant is None else in_units(module.invariant)
+        later = substitute(guard, grown)
+        if guard != later:
+            guard = Binary(Operator.AND, guard, later)
+        updates = [(i, grown[counters[i].name]) for i in sorted(own)]
+        if k == 0 and asked.ticks:
+            updates.append((len(counters) - 1, _TRUE))
+        span = automaton.program.span if module.invariant is None else module.invariant.span
+        update = BoundUpdate(_ONE, tuple(updates), span=span)
+        waits.append(BoundCommand(k, time, guard, (update,), span=span))
+    can_wait = simplify(reduce(partial(Binary, Operator.AND), (c.guard for c in waits)))
+    noted = ((len(counters) - 1, _FALSE),) if asked.ticks else ()
+    rewarded = {i.action for r in automaton.rewards for i in r.items if not i.on_states}
+
+    def converted(
+        command: BoundCommand, further: tuple[tuple[int, Expression], ...]
+    ) -> BoundCommand:
+        updates = (
+            replace(
+                u,
+                assignments=(
+                    *((i, _in_time(v, unit) if i in growing else v) for i, v in u.assignments),
+                    *further,
+                ),
+            )
+            for u in command.updates
+        )
+        return replace(command, guard=in_units(command.guard), updates=tuple(updates))
+
+    def event(given: Event) -> Event | None:
+        first, *others = given.participants
+        idle = not any(u.assignments for p in given.participants for c in p for u in c.updates)
+        commands = [converted(c, noted) for c in first]
+        if idle and given.action not in rewarded:
+            if can_wait == _TRUE:
+                return None
+            stuck = Unary(UnaryOperator.NOT, can_wait)
+            commands = [replace(c, guard=Binary(Operator.AND, c.guard, stuck)) for c in commands]
+        rest = (tuple(converted(c, ()) for c in p) for p in others)
+        return replace(given, participants=(tuple(commands), *rest))
+
+    events = [e for e in map(event, automaton.events) if e is not None]
+    events.append(Event(time, tuple((c,) for c in waits)))
+    per_unit = as_expression(unit, Type.DOUBLE)
+    rewards = [replace(r, items=tuple(_rates(r.items, time, per_unit))) for r in automaton.rewards]
+    rewards.append(BoundRewards(time, (BoundReward(False, time, _TRUE, per_unit),)))
+    own_kind = automaton.type
+    kind = ModelType.with_properties(
+        has_choices=True,
+        several_players=own_kind.players > 1,
+        partially_observed=own_kind.partially_observed,
+    )
+    modules = tuple(
+        replace(m, commands=tuple(converted(c, ()) for c in m.commands), invariant=None)
+        for m in automaton.modules
+    )
+    labels = {
+        name: in_units(label)
+        for name, label in automaton.labels.items()
+        if all(c.other is None for c in _comparisons(label, clocks))
+    }
+    return replace(
+        automaton,
+        type=kind,
+        variables=tuple(counters),
+        modules=modules,
+        events=tuple(events),
+        labels=labels,
+        rewards=tuple(rewards),
+        derivation=partial(digital_clocks, asked=for_property),
+        clocks=DigitalClocks(
+            automaton,
+            unit,
+            time,
+            now if asked.horizon else None,
+            tick if asked.ticks else None,
+            can_wait,
+            for_property,
+        ),
+    )
+
+
+def _commands(model: BoundModel) -> Iterator[BoundCommand]:
+    return (c for m in model.modules for c in m.commands)
+
+
+def _constraints(
+    model: BoundModel, asked: Asked, clocks: frozenset[str]
+) -> Iterator[tuple[ClockConstraint, bool]]:
+    for command in _commands(model):
+        yield from clock_constraints(command.guard, clocks)
+    for module in model.modules:
+        if module.invariant is not None:
+            yield from clock_constraints(module.invariant, clocks)
+    for condition, holds in asked.conditions:
+        yield from clock_constraints(condition, clocks, holds)
+
+
+def _comparisons(condition: Expression, clocks: frozenset[str]) -> Iterator[ClockConstraint]:
+    return (c for c, _ in clock_constraints(condition, clocks))
+
+
+def _refused(what: str, why: str, found: ClockConstraint) -> NotDigital:
+    message = f"digital clocks cannot be used: this constraint on {what} {why}"
+    hint = "-ptamethod backwards (zones) takes it"
+    return NotDigital(Diagnostic(message, found.span, "digital", hint))
+
+
+def _common_unit(constants: Iterable[Fraction]) -> Fraction:
+    """The greatest number of which all of these are multiples; 1 if all are 0."""
+    above, below = 0, 1
+    for value in constants:
+        above, below = (
+            gcd(above * value.denominator, value.numerator * below),
+            below * value.denominator,
+        )
+        common = gcd(above, below)
+        above, below = above // common, below // common
+    return Fraction(above, below) if above else Fraction(1)
+
+
+def _free(name: str, taken: set[str | None]) -> str:
+    """A name that is not taken, which begins with this one."""
+    while name in taken:
+        name += "_"
+    return name
+
+
+def _number(value: Fraction) -> Literal:
+    whole = value.denominator == 1
+    return Literal(int(value), Type.INT) if whole else Literal(value, Type.DOUBLE)
+
+
+def _in_units(expression: Expression, clocks: frozenset[str], unit: Fraction) -> Expression:
+    """The expression with clocks that count units."""
+    if unit == 1:
+        return expression
+
+    def convert(node: Tree) -> Tree:
+        if not isinstance(node, Binary) or not node.operator.is_comparison:
+            return node
+        found = constraint(node, clocks)
+        if found is None:
+            return node
+        left: Expression = Name(found.clock)
+        if found.other is not None:
+            left = Binary(Operator.MINUS, left, Name(found.other))
+        if isinstance(found.bound, Literal):
+            bound: Expression = _number(Fraction(found.bound.value) / unit)
+        else:
+            left, bound = Binary(Operator.TIMES, _number(unit), left), found.bound
+        return Binary(found.operator, left, bound, span=node.span)
+
+    return transform(expression, convert)
+
+
+def _in_time(value: Expression, unit: Fraction) -> Expression:
+    """The value of a reset in units."""
+    if isinstance(value, Literal):
+        return _number(Fraction(value.value) / unit)
+    if unit == 1:
+        return value
+    return Call(Function.FLOOR, (Binary(Operator.DIVIDE, value, _number(unit)),), span=value.span)
+
+
+def _after(counter: Variable) -> Expression:
+    assert counter.high is not None
+    following = Binary(Operator.PLUS, Name(counter.name), Literal(1, Type.INT))
+    return Call(Function.MIN, (following, Literal(counter.high, Type.INT)))
+
+
+def _rates(items: Iterable[BoundReward], time: str, unit: Expression) -> Iterator[BoundReward]:
+    """Rewards of states, which are earned per unit of time, as rewards of the steps of time."""
+    for item in items:
+        if item.on_states:
+            value = simplify(Binary(Operator.TIMES, item.value, unit))
+            yield replace(item, on_states=False, action=time, value=value)
+        else:
+            yield item
