@@ -154,7 +154,7 @@ def _bounds(
     core: Bools,
     logarithm: Floats,
     drift: Floats,
-    rate_error: float,
+    rate_error: float = 0.0,
 ) -> CoreBounds:
     """The bounds by h and w.
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import replace
 from functools import reduce
 
 import numpy as np
@@ -42,7 +40,7 @@ def transient_values(
     observer: Observer | None = None,
     leave: Floats | None = None,
     limit: Callable[[], Floats] | None = None,
-    error: float = tuning.ENTRY_ERROR,
+    error: float = 0.0,
 ) -> Transient:
     """Bounds on x(time) for every state. All arrays are non-negative, float64[n].
 
@@ -69,7 +67,7 @@ def transient_values(
     """
     rates, exit_rates = kernel.weights, kernel.exit_rates
     assert exit_rates is not None, "time is continuous"
-    horizon = Horizon(rates, exit_rates, time, settings, interest, observer, leave, limit)
+    horizon = Horizon(rates, exit_rates, time, settings, interest, observer, leave, limit, error)
     starts = [
         (start, source)
         for start, source in ((terminal, False), (reward_rate, True))
@@ -83,24 +81,7 @@ def transient_values(
     if is_squared(horizon):
         return squared(horizon, terminal, reward_rate, error)
     total = reduce(Transient.plus, (computed(Part(horizon, *start)) for start in starts))
-    found = _perturbed(total, horizon.steps, rates.longest, error)
-    return found.widened(tuning.UNDERFLOW_BOUND)
-
-
-def _perturbed(found: Transient, steps: float, longest: int, error: float) -> Transient:
-    """Bounds for rates that have this relative error, beyond what all methods include.
-
-    The weight of a path with k jumps changes by a factor within exp(±error (k + q t)); that there
-    are more jumps than `most` has a probability below 1e-300.
-    """
-    of_steps = max(error - tuning.ENTRY_ERROR, 0.0)
-    of_exits = max(error - (longest + 2) * tuning.UNIT_ROUNDOFF, 0.0)
-    if of_steps + of_exits == 0.0:
-        return found
-    most = steps + 40.0 * math.sqrt(steps) + 1_000.0
-    relative = math.expm1(min(of_steps * most + of_exits * steps, 700.0))
-    lower, upper = found.lower * max(1.0 - relative, 0.0), found.upper * (1.0 + relative)
-    return replace(found, lower=lower, upper=upper)
+    return total.widened(tuning.UNDERFLOW_BOUND)
 
 
 def transient_distribution(
@@ -108,7 +89,7 @@ def transient_distribution(
     initial: Floats,
     time: float,
     settings: Settings,
-    error: float = tuning.ENTRY_ERROR,
+    error: float = 0.0,
 ) -> Transient:
     """Bounds on the probability of each state at a time.
 
@@ -129,8 +110,7 @@ def transient_distribution(
         found = squared.distribution(1 << halvings, initial)
         text = f"{found.squarings} squarings of a matrix"
         return Transient(found.lower, found.upper, found.squarings, text)
-    chain = uniformize(rates, exit_rates, transposed=True)
+    chain = uniformize(rates, exit_rates, transposed=True, error=error)
     series = sum_series(chain, initial, time, False, settings, None, None, mass=True)
-    series = _perturbed(series, steps, rates.longest, error)
     series.upper[:] = np.minimum(series.upper, 1.0)
     return series
