@@ -147,6 +147,8 @@ def expression_error(
         variables: those of the model.
         table_bits: as for `entry_error`.
     """
+    from symcheck.semantics.reduction.live_variables import int_bounds
+
     types = {v.name: v.type for v in variables}
 
     def type_of(node: Expression) -> Type:
@@ -163,11 +165,7 @@ def expression_error(
 
     def error(node: Expression) -> float:
         if type_of(node) is not Type.DOUBLE:
-            if isinstance(node, Name):
-                return 0.0
-            if isinstance(node, Literal):
-                return 0.0 if abs(Fraction(node.value)) <= LARGEST_WHOLE else UNIT
-            return UNIT
+            return 0.0 if max(map(abs, int_bounds(node, variables))) <= LARGEST_WHOLE else UNIT
         if not names(node) and not isinstance(node, Literal):
             return _constant_error(node)
         match node:
