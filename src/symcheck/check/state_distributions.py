@@ -275,8 +275,9 @@ def steady_state(
             continue
         solution = stationary_distribution(component, options, error=engine.entry_error)
         certified &= solution.certified
-        lower[part] = solution.lower * float(low) * (1.0 - 4.0 * UNIT_ROUNDOFF)
-        upper[part] = np.minimum(solution.upper * float(high) * (1.0 + 4.0 * UNIT_ROUNDOFF), 1.0)
+        rounding = 0.0 if low == 1 else 4.0 * UNIT_ROUNDOFF
+        lower[part] = solution.lower * float(low) * (1.0 - rounding)
+        upper[part] = np.minimum(solution.upper * float(high) * (1.0 + rounding), 1.0)
         largest = solution.explanation if len(part) > 1 else largest
     if engine.is_rational:
         upper, largest = lower, "rational elimination"
