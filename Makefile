@@ -31,7 +31,7 @@ check: $(STAMP)-check
 	$(BIN)/ruff check $(SOURCES) notebooks
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy
-	$(BIN)/mypy verify/symcheck_verify.py
+	$(BIN)/mypy verify/symcheck_verify.py verify/symcheck_verify_derived.py
 	$(BIN)/lint-imports
 	$(BIN)/mkdocs build
 	$(BIN)/python -m pytest -n auto -q --cov --cov-report=term:skip-covered

@@ -117,6 +117,16 @@ def orders() -> Any:
     )
 
 
+def parameters() -> Any:
+    """A function of two parameters, and the regions of a threshold."""
+    zeroconf = symcheck.load(ROOT / "models" / "parameters" / "zeroconf.pm").parametric("p,q")
+    _, axes = pyplot.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
+    function = zeroconf.check('P=? [ F "wrong" ]').function
+    view.plot_function(function, zeroconf.parameters, axes[0])
+    regions = zeroconf.check('P<=0.1 [ F "wrong" ]').regions
+    return view.plot_regions(regions, axes[1])
+
+
 def page(folder: Path) -> None:
     """A page at an iteration of the interval method, as a browser shows it."""
     chromium = shutil.which("chromium")
@@ -145,7 +155,9 @@ def page(folder: Path) -> None:
         )
 
 
-FIGURES = {f.__name__: f for f in (die_states, die_diagrams, search, bounds, blocks, orders)}
+FIGURES = {
+    f.__name__: f for f in (die_states, die_diagrams, search, bounds, blocks, orders, parameters)
+}
 
 
 def main(folder: Path) -> None:

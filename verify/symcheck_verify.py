@@ -12,10 +12,11 @@ import json
 import operator
 import re
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache, partial
+from itertools import islice
 from math import lcm
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -36,9 +37,10 @@ class Row(NamedTuple):
 
 
 class Reward(NamedTuple):
-    """What a state earns (in a ctmc, per unit of time), and the transitions of a row on average."""
+    """What a state earns (in a ctmc, per unit of time), a transition, and a row on average."""
 
     of_state: dict[int, Fraction]
+    of_step: dict[tuple[int, int], Fraction]  # by row and target
     of_row: dict[int, Fraction]
 
 
@@ -76,7 +78,7 @@ _Number = Callable[[str], Fraction]
 _NUMBER = re.compile(r"-?([0-9]+/[0-9]+|([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,4})?)")
 
 
-def _number(text: Any, *, double: bool = False) -> Fraction:
+def number_of(text: Any, *, double: bool = False) -> Fraction:
     """What a text stands for: the number that its digits say, or the nearest double."""
     if type(text) is not str or not _NUMBER.fullmatch(text):
         raise Rejected(f"not the text of a number: {text!a:.60}")
@@ -86,15 +88,12 @@ def _number(text: Any, *, double: bool = False) -> Fraction:
 def read_model(path: Path, kind: str, numbers: str, wanted: Collection[str] | None = None) -> Model:
     """The model of FILE.tra; FILE.lab, FILE.srew, FILE1.srew, … beside it are read, too.
 
-    Args:
-        path: the file of transitions.
-        kind: dtmc, ctmc or mdp.
-        numbers: rational, or double for the nearest doubles of what the files say.
-        wanted: the digests of the files of rewards that are read; None: all of them.
+    It is a dtmc, ctmc or mdp; its numbers are rational, or double for the nearest doubles of what
+    the files say. Files of rewards are read if their digests are wanted (None: all of them).
     """
     if kind not in ("dtmc", "ctmc", "mdp") or numbers not in ("rational", "double"):
         raise Rejected(f"unknown type of models or kind of numbers: {kind}, {numbers}")
-    model, known = Model(kind), cache(partial(_number, double=numbers == "double"))
+    model, known = Model(kind), cache(partial(number_of, double=numbers == "double"))
     _read_transitions(model, _lines(model, path.read_text("utf-8"), ".tra"), known)
     if (labels := path.with_suffix(".lab")).exists():
         _read_labels(model, _lines(model, labels.read_text("utf-8"), ".lab"))
@@ -115,15 +114,15 @@ def _lines(model: Model, text: str, name: str) -> Iterator[list[str]]:
 
 
 def _read_transitions(model: Model, lines: Iterator[list[str]], number: _Number) -> None:
-    counts = [int(word) for word in next(lines, [])]
-    columns, states = (3 if model.kind == "mdp" else 2), counts[0]
+    counts, columns = [int(word) for word in next(lines, [])], 3 if model.kind == "mdp" else 2
     found: dict[tuple[int, ...], tuple[list[int], list[Fraction]]] = {}
+    whole = cache(int)  # the same number is stored once
     for words in lines:
-        *place, target = map(int, words[:columns])
+        *place, target = map(whole, words[:columns])
         targets, values = found.setdefault(tuple(place), ([], []))
         targets.append(target)
         values.append(number(words[columns]))
-        if not (0 <= place[0] < states and 0 <= target < states and values[-1] > 0):
+        if not (0 <= place[0] < counts[0] and 0 <= target < counts[0] and values[-1] > 0):
             raise Rejected(f"transition {' '.join(words)}: no such state, or not positive")
     transitions = sum(len(targets) for targets, _ in found.values())
     of_file = [len({place[0] for place in found}), len(found), transitions]
@@ -164,7 +163,7 @@ def _read_rewards(model: Model, suffix: str, text: str, number: _Number) -> None
     name = found.group(1) if found else ""
     lines = _lines(model, text, f"{suffix} {name}".strip())
     next(lines, None)
-    reward = model.rewards.setdefault(name, Reward({}, {}))
+    reward = model.rewards.setdefault(name, Reward({}, {}, {}))
     columns = 1 if suffix == ".srew" else 3 if model.kind == "mdp" else 2
     seen: set[tuple[int, ...]] = set()
     for *words, value in lines:
@@ -177,8 +176,10 @@ def _read_rewards(model: Model, suffix: str, text: str, number: _Number) -> None
             continue
         row = model.rows[index := model.rows_of(place[0])[place[1] if columns == 3 else 0]]
         weight = sum(w for w, t in zip(row.weights, row.targets, strict=True) if t == place[-1])
-        earned = Fraction(weight, row.denominator) * number(value)
-        reward.of_row[index] = reward.of_row.get(index, Fraction(0)) + earned
+        reward.of_step[index, place[-1]] = earned = number(value)
+        reward.of_row[index] = (
+            reward.of_row.get(index, 0) + Fraction(weight, row.denominator) * earned
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,14 +203,16 @@ class Vector:
         value = self.numerators[state]
         return None if value is None else Fraction(value, self.denominator)
 
-    def excess(self, state: int, row: Row, earned: Fraction) -> int:
-        """A number with the sign of `x(state) - earned - P x`, where all of these are finite."""
+    def excess(self, state: int, row: Row, earned: Fraction, num: int = 1, den: int = 1) -> int:
+        """A number with the sign of `x(state) - earned - num/den P x`, where these are finite."""
         values = map(self.numerators.__getitem__, row.targets)
-        left: int = self.numerators[state] * row.denominator
-        left -= sum(map(operator.mul, row.weights, values))
+        left: int = self.numerators[state] * row.denominator * den
+        left -= sum(map(operator.mul, row.weights, values)) * num
         if not earned:
             return left
-        return left * earned.denominator - earned.numerator * row.denominator * self.denominator
+        return (
+            left * earned.denominator - earned.numerator * row.denominator * self.denominator * den
+        )
 
 
 Rows = Callable[[int], Iterable[int]]  # the rows of a state that inequalities are about
@@ -217,7 +220,7 @@ Earned = Callable[[int, int], Fraction]  # what a step from a state by a row ear
 Proved = Callable[[int], Fraction | None]  # the bound of each state; None: infinity
 Proofs = tuple[Proved, Proved]  # the lower and the upper bounds
 States = Collection[int]
-_WORD = {1: ">=", -1: "<="}
+_WORD, _ZERO = {1: ">=", -1: "<="}, Fraction(0)
 
 
 class Side(NamedTuple):
@@ -358,107 +361,95 @@ def _require(
 ) -> None:
     """Require x >= r + P x, or <= for a lower bound, of these rows of a state."""
     for row in rows:
-        gained = Fraction(0) if earned is None else earned(state, row)
-        infinite = any(x.numerators[t] is None for t in model.rows[row].targets)
-        if infinite or gained < 0 or x.excess(state, model.rows[row], gained) * side.sign < 0:
+        gained = _ZERO if earned is None else earned(state, row)
+        try:
+            holds = x.excess(state, model.rows[row], gained) * side.sign >= 0 <= gained.numerator
+        except TypeError:  # a value is infinite
+            holds = False
+        if not holds:
             text = f"x {_WORD[side.sign]} {'r + P x, with r >= 0,' if earned else 'P x'}"
             raise Rejected(f"{model.where(state, row)}: {text} does not hold")
 
 
-_ONE = 1 << 96  # values within steps are integers over it: a step moves a bound by 2**-96
+def discounted(model: Model, evidence: Any, side: Side, earned: Earned, factor: Fraction) -> Vector:
+    """A bound x of the reward r of all steps, where step i counts factor**i times.
 
-
-def after_steps(
-    model: Model, steps: int, start: Sequence[Any], earned: Earned | None, free: States, best: Any
-) -> Proofs:
-    """Bounds of what steps `v := best of (earned + P v)` in the free states make of `start`."""
-    sides = []
-    for up in (False, True):
-        values = [_scaled(Fraction(value), up=up) for value in start]
-        gains = {r: _scaled(earned(s, r), up=up) for s in free for r in model.rows_of(s) if earned}
-        for _ in range(steps):
-            new = values.copy()
-            for s in free:
-                rows = model.rows_of(s)
-                new[s] = best(_mean(model.rows[r], values, up=up) + gains.get(r, 0) for r in rows)
-            values = new
-        sides.append(values)
-    return lambda s: Fraction(sides[0][s], _ONE), lambda s: Fraction(sides[1][s], _ONE)
-
-
-def until_in_time(model: Model, time: Fraction, left: States, right: States) -> Proofs:
-    """Bounds of the probability that a ctmc satisfies `left U<=time right`, by uniformisation.
-
-    The chain steps at the greatest exit rate q, and some steps stay; their number has a Poisson
-    distribution with mean q time (Jensen 1953). What more steps add is between 0 and their weight.
+    x >= r + factor P x (for a lower bound, <=). Added over n steps, it bounds their rewards, up to
+    the mean of x after them times factor**n, which vanishes.
     """
-    if model.exit_rates is None or time < 0:
-        raise Rejected("a ctmc and a time of at least 0 are needed")
-    free = [s for s in left if s not in right]
-    rate = max((model.exit_rates[s] for s in free), default=Fraction(1))
-    shares = [model.exit_rates[s] / rate for s in free]
-    weights, later = _poisson(rate * time)
-    sides = []
-    for up in (False, True):
-        values = [_ONE if s in right else 0 for s in range(model.states)]
-        sums = [_scaled(later, up=True) * _ONE if up else 0] * model.states
-        for k, weight in enumerate(weights):
+    if not 0 <= factor < 1:
+        raise Rejected("a discount is at least 0 and less than 1")
+    x, word = Vector.read(evidence["vector"], model), f"x {_WORD[side.sign]} r + factor P x"
+    rows = _rows(model, evidence, side)
+    for state in range(model.states):
+        for row in rows(state):
+            ratio, given = factor.as_integer_ratio(), earned(state, row)
+            if x.excess(state, model.rows[row], given, *ratio) * side.sign < 0:
+                raise Rejected(f"{model.where(state, row)}: {word} does not hold")
+    return x
+
+
+ONE = 1 << 96  # values within steps are integers over it: a step moves a bound by 2**-96
+BUDGET = 10**9  # transitions that are taken in all steps: some minutes
+
+
+class Steps(NamedTuple):
+    """Steps v := best of (gains + factor P v) in the free states of a model."""
+
+    model: Model
+    free: States
+    best: Any = min
+    gains: Mapping[int, Fraction] = {}
+    factor: Fraction = Fraction(1)
+
+    def values(self, start: Iterable[Any], *, up: bool) -> Iterator[list[int]]:
+        """The values after 0, 1, … steps, times 2**96, rounded; the last change is repeated."""
+        values = [scaled(Fraction(v), up=up) for v in start]
+        gains = {row: scaled(gain, up=up) for row, gain in self.gains.items()}
+        model, (num, den), settled, work = self.model, self.factor.as_integer_ratio(), False, 0
+        while True:
+            yield values
+            if settled:
+                continue
+            if work > BUDGET:
+                raise Rejected(f"the steps take more than the budget of {BUDGET} transitions")
             new = values.copy()
-            for s, share in zip(free if k else [], shares, strict=False):
-                moved = share.numerator * (_mean(model.rows[s], values, up=up) - values[s])
-                new[s] += _divided(moved, share.denominator, up=up)
-            values, w = new, _scaled(weight[up], up=up)
-            sums = [total + w * value for total, value in zip(sums, values, strict=True)]
-        sides.append(sums)
-    one = _ONE * _ONE
-    return lambda s: Fraction(sides[0][s], one), lambda s: Fraction(min(sides[1][s], one), one)
+            for s in self.free:
+                of_rows = []
+                for row in range(model.first[s], model.first[s + 1]):
+                    weights, targets, denominator = model.rows[row]
+                    total = sum(map(operator.mul, weights, map(values.__getitem__, targets)))
+                    mean = divided(num * total, den * denominator, up=up)
+                    of_rows.append(mean + gains.get(row, 0))
+                    work += len(targets)
+                new[s] = of_rows[0] if len(of_rows) == 1 else self.best(of_rows)
+            values, settled = new, new == values
+
+    def after(self, count: int, start: Sequence[Any]) -> Proofs:
+        """Bounds of the values after a number of steps."""
+        low, high = (next(islice(self.values(start, up=up), count, None)) for up in (False, True))
+        return Vector(low, ONE).at, Vector(high, ONE).at
 
 
-def _poisson(mean: Fraction) -> tuple[list[tuple[Fraction, Fraction]], Fraction]:
-    """Bounds of the probabilities of 0, 1, … events, and an upper one of all that are left out.
-
-    The terms mean**k / k! are computed relative to the greatest one, until they are below
-    2**-96 of it; geometric series bound what follows on both sides. Their sum divides them.
-    """
-    k = mode = int(mean)
-    low, high = {mode: _ONE}, {mode: _ONE}
-    while k > 0 and low[k] > 0:
-        ratio = k / mean
-        low[k - 1] = low[k] * ratio.numerator // ratio.denominator
-        high[k - 1] = _divided(high[k] * ratio.numerator, ratio.denominator, up=True)
-        k -= 1
-    first, k = k, mode
-    while low[k] > 0:
-        k, ratio = k + 1, mean / (k + 1)
-        low[k] = low[k - 1] * ratio.numerator // ratio.denominator
-        high[k] = _divided(high[k - 1] * ratio.numerator, ratio.denominator, up=True)
-    rising = mean / (k + 1)
-    above = high[k] * rising / (1 - rising)
-    falling = first / mean if first else Fraction(0)
-    below = high[first] * falling / (1 - falling)
-    least, most = sum(low.values()), sum(high.values()) + above + below
-    weights = [(low[i] / most, Fraction(high[i], least)) for i in range(first, k + 1)]
-    return [(Fraction(0), below / least)] * first + weights, above / least
-
-
-def _mean(row: Row, values: Sequence[int], *, up: bool) -> int:
-    total: int = sum(map(operator.mul, row.weights, map(values.__getitem__, row.targets)))
-    return _divided(total, row.denominator, up=up)
-
-
-def _divided(value: int, by: int, *, up: bool) -> int:
+def divided(value: int, by: int, *, up: bool) -> int:
+    """The quotient, rounded up or down."""
     return -(-value // by) if up else value // by
 
 
-def _scaled(value: Fraction, *, up: bool) -> int:
-    return _divided(value.numerator * _ONE, value.denominator, up=up)
+def scaled(value: Fraction, *, up: bool) -> int:
+    """The number times 2**96, rounded up or down."""
+    return divided(value.numerator * ONE, value.denominator, up=up)
 
 
+_SETS = "left negated right"
+_WITHIN = "least left negated reward right", "left most negated reward right"
 _ABOUT = {  # what else a statement has, in alphabetic order, after its measure
-    "until": ("left negated right", "left negated right steps", "left negated right time"),
+    "until": (_SETS, f"{_SETS} steps", f"{_SETS} time", *_WITHIN),
+    "ltl": ("atoms formula negated",),
+    "conditional": ("atoms condition formula",),
     "reward": ("reward target",),
-    "cumulative": ("reward steps",),
-    "instantaneous": ("reward steps", "states steps"),
+    "cumulative": ("reward steps", "reward time", "factor reward", "factor reward steps"),
+    "instantaneous": ("reward steps", "reward time", "states steps"),
     "average": ("reward", "states"),
 }
 _OPERATORS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
@@ -475,10 +466,10 @@ def check(model: Model, certificate: Any) -> list[str]:
     statement = certificate["statement"]
     if statement["optimum"] not in (("min", "max") if model.kind == "mdp" else (None,)):
         raise Rejected("an mdp needs the optimum min or max, and other models have none")
-    lower, upper = _proved(model, statement, certificate["evidence"])
+    lower, upper = _proved(model, statement, certificate["evidence"], notes := list[str]())
     proved, verdicts, given = [], set(), statement.get("comparison")
     for text, ends in statement["bounds"].items():
-        state, (low, high) = int(text), [None if e == "Infinity" else _number(e) for e in ends]
+        state, (low, high) = int(text), [None if e == "Infinity" else number_of(e) for e in ends]
         if not 0 <= state < model.states:
             raise Rejected(f"there is no state {state}")
         found_low, found_high = lower(state), upper(state)
@@ -488,7 +479,7 @@ def check(model: Model, certificate: Any) -> list[str]:
             raise Rejected(f"state {state}: the value is not proved to be at most {ends[1]}")
         proved.append(f"state {state}: the value is from {ends[0]} to {ends[1]}")
         if given is not None:
-            compare, threshold = _OPERATORS[given["operator"]], _number(given["threshold"])
+            compare, threshold = _OPERATORS[given["operator"]], number_of(given["threshold"])
             of_ends = {compare(float("inf") if e is None else e, threshold) for e in (low, high)}
             if len(of_ends) > 1:
                 raise Rejected(f"state {state}: the bounds do not decide the comparison")
@@ -500,62 +491,70 @@ def check(model: Model, certificate: Any) -> list[str]:
             raise Rejected("the verdict of the comparison is not what the bounds say")
         text = f"{given['operator']} {given['threshold']} in each of these states"
         proved.append(f"{given['holds']}: the value is {text}")
-    return proved
+    return proved + notes
 
 
-def _proved(model: Model, statement: Any, evidence: Any) -> Proofs:
+def _proved(model: Model, statement: Any, evidence: Any, notes: list[str]) -> Proofs:
     """The lower and the upper bounds that are proved of the measure of a statement."""
     optimum, steps, everywhere = statement["optimum"], statement.get("steps"), range(model.states)
     about = sorted(statement.keys() - {"measure", "optimum", "bounds", "comparison"})
     known = " ".join(about) in _ABOUT.get(statement["measure"], ())
     if not known or type(statement.get("negated", False)) is not bool:
         raise Rejected(f"no measure that is known: {statement['measure']} of {', '.join(about)}")
-    reward: Any = None  # the time
+    whole = "steps" not in statement or (type(steps) is int and steps >= 0)
+    if not whole or ({"steps", "factor"} & statement.keys() and model.exit_rates is not None):
+        raise Rejected("a whole number of steps in discrete time is needed")
+    factor, reward = number_of(statement.get("factor", "1")), Reward({}, {}, {})
     if "states" in statement:
-        reward = Reward(dict.fromkeys(_states(model, statement["states"]), Fraction(1)), {})
+        reward.of_state.update(dict.fromkeys(states_of(model, statement["states"]), Fraction(1)))
     elif statement.get("reward") is not None:
         reward = model.rewards[statement["reward"]]
+    elif "reward" in statement:  # the time
+        reward.of_state.update(dict.fromkeys(everywhere, Fraction(1)))
 
     def earned(state: int, row: int) -> Fraction:
-        if reward is None:
-            return model.stay(row)
-        of_row: Fraction = reward.of_row.get(row, Fraction(0))
-        given = reward.of_state.get(state)
-        return of_row if given is None else model.stay(row) * given + of_row
+        of_row, of_state = reward.of_row.get(row, _ZERO), reward.of_state.get(state)
+        if of_state is None:
+            return of_row
+        staying = of_state if model.exit_rates is None else of_state / model.exit_rates[row]
+        return staying + of_row if of_row else staying
 
     def by_rule(rule: Callable[..., Vector], *about: Any) -> Proofs:
         low = rule(model, evidence["lower"], Side(optimum, -1), *about)
         return low.at, rule(model, evidence["upper"], Side(optimum, 1), *about).at
 
-    def repeated(start: list[Any], earned: Earned | None, free: States) -> Proofs:
-        if model.exit_rates is not None or type(steps) is not int or steps < 0:
-            raise Rejected("a whole number of steps in discrete time is needed")
-        return after_steps(model, steps, start, earned, free, min if optimum == "min" else max)
+    def repeated(start: list[Any], free: States, gains: Mapping[int, Fraction]) -> Proofs:
+        taken = Steps(model, free, min if optimum == "min" else max, gains, factor)
+        return taken.after(steps, start)
 
+    left, right = (states_of(model, statement.get(side, "all")) for side in ("left", "right"))
     match statement["measure"]:
+        case _ if {"atoms", "least", "most", "time"} & statement.keys():
+            from symcheck_verify_derived import proved
+
+            found = proved(model, statement, evidence, reward, earned, notes)
+        case "until" if steps is None:
+            found = by_rule(until_bound, left, right)
         case "until":
-            left, right = _states(model, statement["left"]), _states(model, statement["right"])
-            if "time" in statement:
-                found = until_in_time(model, _number(statement["time"]), left, right)
-            elif "steps" not in statement:
-                found = by_rule(until_bound, left, right)
-            else:
-                found = repeated([int(s in right) for s in everywhere], None, left - right)
-            if statement["negated"]:  # the optimum is that of the until formula
-                low, high = (lambda s, side=side: 1 - side(s) for side in found)
-                return high, low
-            return found
+            found = repeated([int(s in right) for s in everywhere], left - right, {})
         case "reward":
-            return by_rule(reach_reward_bound, earned, _states(model, statement["target"]))
+            found = by_rule(reach_reward_bound, earned, states_of(model, statement["target"]))
+        case "cumulative" if "steps" in statement:
+            gains = {row: earned(s, row) for s in everywhere for row in model.rows_of(s)}
+            found = repeated([0] * model.states, everywhere, gains)
         case "cumulative":
-            return repeated([0] * model.states, earned, everywhere)
+            found = by_rule(discounted, earned, factor)
         case "instantaneous":
-            return repeated([reward.of_state.get(s, 0) for s in everywhere], None, everywhere)
+            found = repeated([reward.of_state.get(s, 0) for s in everywhere], everywhere, {})
         case _:
-            return by_rule(average_bound, earned)
+            found = by_rule(average_bound, earned)
+    if statement.get("negated"):  # the optimum is that of the formula that is negated
+        low, high = (lambda s, side=side: 1 - side(s) for side in found)
+        return high, low
+    return found
 
 
-def _states(model: Model, data: Any) -> frozenset[int]:
+def states_of(model: Model, data: Any) -> frozenset[int]:
     """A set of states: "all", numbers, a label, or what `not`, `and` and `or` make of sets."""
     everywhere = frozenset(range(model.states))
     match list(data.items()) if isinstance(data, dict) else data:
@@ -566,15 +565,16 @@ def _states(model: Model, data: Any) -> frozenset[int]:
         case [("label", name)]:
             return everywhere & model.labels[name]
         case [("not", inner)]:
-            return everywhere - _states(model, inner)
+            return everywhere - states_of(model, inner)
         case [("or", parts)]:
-            return frozenset[int]().union(*(_states(model, part) for part in parts))
+            return frozenset[int]().union(*(states_of(model, part) for part in parts))
         case _:
             raise Rejected(f"unknown set of states: {data!a:.60}")
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Check a certificate; the exit status is 0 if it is accepted, 1 if not, 2 for wrong usage."""
+    sys.modules.setdefault("symcheck_verify", sys.modules[__name__])  # also if it is run as a file
     words = sys.argv[1:] if arguments is None else arguments
     if len(words) != 2:
         print("usage: symcheck-verify MODEL.tra CERTIFICATE", file=sys.stderr)

@@ -175,6 +175,33 @@ def combinations(values: Mapping[str, Sequence[V]]) -> Iterator[dict[str, V]]:
         yield dict(zip(values, choice, strict=True))
 
 
+def parameter_ranges(
+    parameters: Mapping[str, tuple[object, object]] | str, source: str = "parametric"
+) -> dict[str, tuple[Fraction, Fraction]]:
+    """The ranges of parameters, from a mapping or a text such as "p=0.1:0.9,q" (q=0:1).
+
+    Raises UsageError.
+    """
+    try:
+        given: dict[str, Sequence[object]]
+        if isinstance(parameters, str):
+            items = (item.partition("=") for item in parameters.split(",") if item.strip())
+            given = {
+                name.strip(): text.split(":") if sign else (0, 1) for name, sign, text in items
+            }
+        else:
+            given = {name: list(ends) for name, ends in parameters.items()}
+        ranges = {n: (Fraction(str(low)), Fraction(str(high))) for n, (low, high) in given.items()}
+    except (ValueError, TypeError, ZeroDivisionError):
+        raise UsageError(
+            f"{source}: {parameters!r} is not NAME=LOW:HIGH,…", hint="such as p=0.1:0.9,q"
+        ) from None
+    empty = [name for name, (low, high) in ranges.items() if not low < high]
+    if empty or not ranges:
+        raise UsageError(f"{source}: the range of {empty or 'parameters'} is empty")
+    return ranges
+
+
 def _items(text: str) -> Iterator[str]:
     """The parts between the commas outside of brackets."""
     depth, start = 0, 0

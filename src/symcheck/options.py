@@ -272,6 +272,20 @@ class Options:
         "Width of the certified interval, relative to the value (absolute below 1e-300).",
         _switch("epsilon e", "width of the certified interval (default: 1e-6)"),
     )
+    regions: float = _option(
+        0.99,
+        _FRACTION,
+        "method",
+        "Share of the volume of parameters that is to be decided.",
+        _switch("regions", "share of the ranges of -param to be decided (default: 0.99)"),
+    )
+    lifting: bool = _option(
+        False,
+        _FLAG,
+        "method",
+        "Whether thresholds are decided over boxes of parameters by parameter lifting.",
+        _switch("lifting", "decide regions of -param by lifting, not by functions", True),
+    )
     relative: bool = _option(
         True,
         _FLAG,
@@ -339,7 +353,7 @@ class Options:
         None,
         _POSITIVE,
         "method",
-        "Partially observed models: the most beliefs that are kept exactly. None: 64,000.",
+        "Partially observed models: the most beliefs that are kept exactly. None: 32,000.",
         _switch("beliefs", "the most beliefs of a POMDP that are kept exactly"),
     )
     ltl2da: str | None = _option(
@@ -463,6 +477,8 @@ class OptionValues(TypedDict, total=False):
     timed_method: TimedMethodName
     exact: bool
     epsilon: float
+    regions: float
+    lifting: bool
     relative: bool
     max_iterations: int
     certify: bool

@@ -91,6 +91,8 @@ SWITCHES = [
     ("-exact", "exact", True),
     ("-ptamethod backwards", "timed_method", "backwards"),
     ("-e 1e-3", "epsilon", 1e-3),
+    ("-regions 0.9", "regions", 0.9),
+    ("-lifting", "lifting", True),
     ("-abs", "relative", False),
     ("-maxiters 1e3", "max_iterations", 1000),
     ("-estimate", "certify", False),

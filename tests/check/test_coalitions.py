@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import symcheck
-from symcheck.errors import SyntaxFault
+from symcheck.errors import InputError
 
 MODEL = """
 mdp
@@ -40,7 +40,7 @@ def test_queries_name_their_direction(coalition: str):
 
 @pytest.mark.parametrize("named", ["<<1>>", "<<a,b>>", "[[p]]"])
 def test_named_players_are_refused(named: str):
-    with pytest.raises(SyntaxFault, match="named players belong to stochastic games"):
+    with pytest.raises(InputError, match="named players belong to stochastic games"):
         symcheck.loads(MODEL).check(f"{named} P>=0.3 [ F s=1 ]")
 
 

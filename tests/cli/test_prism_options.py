@@ -63,8 +63,8 @@ def test_switches_without_effect_are_taken_and_named(words, queue, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["-param", "p=0:1"], "parametric model checking is not supported"),
-        (["-paramelimorder", "fw"], "-paramelimorder: parametric model checking is not"),
+        (["-param", "p=0.5"], "-param: 'p=0.5' is not NAME=LOW:HIGH"),
+        (["-paramelimorder", "fw"], "-paramelimorder: functions of parameters are exact"),
         (["-settings", "prism.settings"], "-settings: files of settings are not read"),
         (["-importpepa"], "PEPA is not supported"),
         (["-exportmrmc"], "-exportmodel writes"),

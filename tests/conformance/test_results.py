@@ -15,6 +15,7 @@ RUNS = [
     ("choices.nm", "choices.pctl", {}),
     ("queue.sm", "queue.csl", {}),
     ("many.pm", "many.pctl", {}),
+    ("game.prism", "game.pctl", {}),
 ]
 
 

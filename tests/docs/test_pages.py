@@ -156,7 +156,7 @@ def test_the_models_are_as_their_index_says() -> None:
     found = {
         p.relative_to(ROOT / "models").as_posix()
         for p in (ROOT / "models").glob("*/*")
-        if p.suffix in (".pm", ".sm", ".nm", ".jani")
+        if p.suffix in (".pm", ".sm", ".nm", ".ma", ".prism", ".jani")
     }
     assert {name for name, *_ in rows} == found
     for name, kind, constants, states in rows:

@@ -58,22 +58,22 @@ class Hidden:
 
 
 def drawn(random: Random) -> Hidden:
-    """A small random process."""
-    n, kinds = random.randint(2, 6), random.randint(1, 3)
-    observation = [random.randrange(kinds + 1) for _ in range(n)]
-    observation[0] = 0
-    actions = [random.randint(1, 3) for _ in range(kinds + 1)]
-    rows = [[_row(random, n) for _ in range(actions[o])] for o in observation]
-    if random.random() < 0.5:  # what is earned there is never lost
-        for s in range(n):
-            if observation[s] == kinds:
-                rows[s] = [{s: Fraction(1)} for _ in rows[s]]
+    """A small random process: most have states in which all is won, and others in which all is lost."""
+    inner, kinds = random.randint(2, 5), random.randint(1, 2)
+    observation = [0, *(random.randrange(kinds) for _ in range(inner - 1)), kinds, kinds + 1]
+    n = len(observation)
+    actions = [random.randint(1, 3) for _ in range(kinds)]
+    rows = [[_row(random, n) for _ in range(actions[o])] for o in observation[:inner]]
+    rows += [[{inner: Fraction(1)}], [{inner + 1: Fraction(1)}]]
+    if random.random() < 0.2:  # from there, too
+        rows[inner + 1] = [_row(random, n)]
     rewards = [[Fraction(random.randint(0, 3)) for _ in r] for r in rows]
     return Hidden(observation, rows, frozenset({kinds}), rewards)
 
 
 def _row(random: Random, n: int) -> Row:
-    targets = random.sample(range(n), random.randint(1, min(3, n)))
+    targets = set(random.sample(range(n), random.randint(1, min(3, n))))
+    targets |= {t for t in (n - 2, n - 1) if random.random() < 0.3}
     weights = [random.choice((1, 1, 2, 3)) for _ in targets]
     return {t: Fraction(w, sum(weights)) for t, w in zip(targets, weights, strict=True)}
 

@@ -48,6 +48,28 @@ def test_engines_write_certificates_of_published_values(
     assert symcheck_verify.main([files[1], files[0]]) == 0
 
 
+@pytest.mark.parametrize("engine", ["explicit", "mtbdd", "exact"])
+@pytest.mark.parametrize(
+    ("model", "formula", "value"),
+    [
+        ("die/die.pm", "P=? [ F (d=1 | d=2) & G !(s=2) ]", Fraction(1, 3)),
+        ("die/die.pm", "P=? [ F d=6 || X s=2 ]", Fraction(1, 3)),
+        ("die/die.pm", "P=? [ F G d=6 ]", Fraction(1, 6)),
+        ("die/die.pm", "R=? [ C discount=1/2 ]", Fraction(9, 5)),
+        ("die/die.pm", 'P=? [ F^{rew{"tosses"}<=3} s=7 ]', Fraction(3, 4)),
+    ],
+)
+def test_engines_write_certificates_of_products(
+    engine: str, model: str, formula: str, value: Fraction, tmp_path: Path
+) -> None:
+    loaded = symcheck.load(MODELS / model, engine=engine)  # type: ignore[arg-type]
+    proof = loaded.check(formula).certificate()
+    ((low, high),) = proof.bounds.values()
+    assert low <= value <= high
+    files = symcheck.save_certificate(proof, tmp_path / "proof.json")
+    assert symcheck_verify.main([files[1], files[0]]) == 0
+
+
 def test_bounds_are_about_rationals_and_not_about_doubles(tmp_path: Path) -> None:
     """0.1 and 0.9 are no doubles, and 0.1+0.2 is 0.3."""
     text = "dtmc module m s:[0..2]; [] s=0 -> 0.1:(s'=1)+0.2:(s'=1)+0.7:(s'=2); [] s>0 -> true;"
@@ -147,16 +169,39 @@ def test_averages_have_certificates_where_rates_differ_much(tmp_path: Path) -> N
         assert symcheck_verify.main([files[1], files[0]]) == 0
 
 
-def test_a_value_at_the_threshold_is_refused() -> None:
-    """The checker would say that the bounds do not decide the comparison."""
-    die = symcheck.load(MODELS / "die/die.pm")
+@pytest.mark.parametrize(
+    ("model", "formula", "holds"),
+    [
+        ("die/die.pm", "P<0.5 [ F s=7 & d<=3 ]", False),
+        ("die/die.pm", "P>=1/6 [ F d=6 ]", True),
+        ("die/die.pm", "P<=5/6 [ G !(d=6) ]", True),
+        ("die/die.pm", "R<=11/3 [ F s=7 ]", True),
+        ("die/die.pm", "P>=1/6 [ F G d=6 ]", True),
+        ("gambler/stakes.nm", 'Pmax<32/125 [ F "rich" ]', False),
+        ("gambler/stakes.nm", 'R{"bets"}min>=1.64 [ F "rich" | "ruined" ]', True),
+    ],
+)
+def test_values_at_a_threshold_are_proved_as_rationals(
+    model: str, formula: str, holds: bool, tmp_path: Path
+) -> None:
+    proof = symcheck.load(MODELS / model).check(formula).certificate()
+    ((low, high),) = proof.bounds.values()
+    assert low == high
+    assert proof.statement["comparison"]["holds"] is holds
+    files = symcheck.save_certificate(proof, tmp_path / "proof.json")
+    assert symcheck_verify.main([files[1], files[0]]) == 0
+
+
+def test_a_value_at_the_threshold_is_refused_where_the_checker_rounds() -> None:
+    """It would say that the bounds do not decide the comparison."""
+    text = "dtmc module m s:[0..1]; [] s=0 -> 1/3:(s'=1)+2/3:(s'=0); [] s=1 -> true; endmodule"
     with pytest.raises(NumericalError, match="near to the threshold"):
-        die.check("P<0.5 [ F s=7 & d<=3 ]").certificate()
+        symcheck.loads(text).check("P<=5/9 [ F<=2 s=1 ]").certificate()
 
 
 @pytest.mark.parametrize(
     "formula",
-    ["P=? [ F<=2 d=6 || F d>0 ]", "P=? [ G F d=6 ]", "R=? [ C discount=0.5 ]", "d=6", "1/3"],
+    ["R=? [ C ]", "R=? [ F (s=3 & X s=7) ]", "P=? [ d=6 ]", "d=6", "1/3"],
 )
 def test_other_quantities_are_refused_by_name(formula: str) -> None:
     result = symcheck.load(MODELS / "die/die.pm").check(formula)
@@ -181,3 +226,24 @@ def test_the_file_is_json(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"a certificate is a \.json file"):
         symcheck.save_certificate(proof, tmp_path / "proof.txt")
     assert not list(tmp_path.iterdir())
+
+
+def test_stiff_chains_are_refused_where_the_checker_would_not_end() -> None:
+    text = "ctmc module m s:[0..1]; [] s=0 -> 1e6:(s'=0)+1e-3:(s'=1); [] s=1 -> true; endmodule"
+    model = symcheck.loads(text)
+    with pytest.raises(UnsupportedError, match=r"at most 1E\+09 jumps"):
+        model.check("P=? [ F<=10000 s=1 ]").certificate()
+
+
+def test_a_bias_has_more_digits_than_doubles(tmp_path: Path) -> None:
+    """A policy leaves two states after 1e12 steps, and so its bias is 1e15 times its gain."""
+    slow = "1/1000001:(s'=s+1)+1000000/1000001:(s'=0)"
+    text = f"dtmc module m s:[0..3]; [] s=0|s=1 -> {slow}; [] s=2 -> 1/3:(s'=2)+2/3:(s'=3);"
+    model = symcheck.loads(
+        f'{text} [] s=3 -> (s\'=2); endmodule rewards "r" s=0:7; s=1:1/3; s=2:1000; endrewards'
+    )
+    proof = model.check('R{"r"}=? [ S ]').certificate()
+    ((low, high),) = proof.bounds.values()
+    assert low <= 600 <= high <= low + Fraction(1, 1000)
+    files = symcheck.save_certificate(proof, tmp_path / "proof.json")
+    assert symcheck_verify.main([files[1], files[0]]) == 0

@@ -65,7 +65,7 @@ class CheckedModel(Stages):
         exchanges = options.symmetry and only_values and bool(instances)
         if not (options.reduce or stops or exchanges):
             return self
-        if options.fairness or self.bound.builder is not None:
+        if options.fairness or self.parameters or self.bound.builder is not None:
             return self
         key = tuple((p.file, p.index, *p.constants.items(), all_states) for p in instances)
         if key not in self._reduced_models:
@@ -299,6 +299,12 @@ class CheckedModel(Stages):
 
             return check_timed(timed.engine, instance, options or self.options, observer)
         bound, labels = instance.bind(self.bound)
+        if self.parameters:
+            from symcheck.check.parametric import check_parametric
+
+            return check_parametric(
+                self.engine, bound.formula, options or self.options, labels=labels
+            )
         return check(
             self.engine,
             bound.formula,

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple, Self
 
 from symcheck.api.arguments import single_property
 from symcheck.api.checking import CheckedModel
 from symcheck.api.stages import limited
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
-from symcheck.constant_values import GivenConstants, constant_values
+from symcheck.constant_values import GivenConstants, constant_values, parameter_ranges
+from symcheck.direction import Direction
 from symcheck.engines.states import Named, States
-from symcheck.errors import UsageError
+from symcheck.errors import NumericalError, UsageError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers
 from symcheck.semantics.model import Value, Variable
@@ -27,6 +30,8 @@ if TYPE_CHECKING:
     from networkx import DiGraph
     from scipy.sparse import csr_array
 
+    from symcheck.check.parametric import Search
+    from symcheck.check.regions import Extremum
     from symcheck.check.state_distributions import Distribution
     from symcheck.engines.transition_table import TransitionTable
     from symcheck.parallel.dask import Cluster
@@ -70,7 +75,79 @@ class Model(CheckedModel):
         given_type: read the model as this type, whatever its keyword says.
         observer: is told of the progress of building, and of the choice of an engine.
         smaller: what is built in place of the model, for some properties (see `reduced_for`).
+        parameters: the ranges of the constants that are left open (see `parametric`).
     """
+
+    def parametric(self, parameters: Mapping[str, tuple[object, object]] | str) -> Self:
+        """The model with constants that are left open: its values are functions of them.
+
+        Args:
+            parameters: their open ranges: a mapping, or a text such as "p=0.1:0.9,q", in which a
+                range that is not given is 0:1.
+
+        Returns:
+            A model whose `check` gives rational functions, and truth values by regions
+            (`Result.regions`).
+
+        Raises:
+            InputError: there is no such open constant, or a parameter stands where it may not.
+            UsageError: a range is faulty.
+
+        Examples:
+            >>> import symcheck
+            >>> coin = symcheck.loads(
+            ...     "dtmc const double p;"
+            ...     "module m x:[0..2]; [] x=0 -> p:(x'=1) + 1-p:(x'=2); endmodule"
+            ... )
+            >>> print(coin.parametric("p=0.1:0.9").check("P=? [ F x=2 ]").value)
+            -p+1
+        """
+        return replace(self, parameters=parameter_ranges(parameters)).checked()
+
+    @limited
+    def feasible(
+        self, formula: str, constants: GivenConstants | str | None = None
+    ) -> Mapping[str, Fraction] | None:
+        """A point of the parameters at which a formula holds exactly; None if there is none.
+
+        Raises NumericalError: none was found in the decided part of the ranges (see `regions`).
+        """
+        regions = self._search(formula, constants).regions(self.options.regions, feasible=True)
+        for case in regions.cases:
+            if case.value is True:
+                return case.sample
+        if regions.undecided:
+            raise NumericalError(f"at no point that was tried, {regions.share:.2%} are decided")
+        return None
+
+    @limited
+    def extremum(
+        self,
+        formula: str,
+        direction: Literal["min", "max"],
+        gap: float = 0.001,
+        constants: GivenConstants | str | None = None,
+    ) -> Extremum:
+        """The least or greatest value of a numeric formula over the ranges of the parameters.
+
+        Returns:
+            A value that is attained at a point, and a proved bound of all values, up to `gap` from
+            it.
+
+        Raises:
+            NumericalError: the bounds do not come so close.
+        """
+        search = self._search(formula, constants)
+        return search.extremum(Direction(direction), Fraction(repr(gap)))
+
+    def _search(self, formula: str, constants: GivenConstants | str | None) -> Search:
+        from symcheck.check.parametric import Search
+
+        if not self.parameters:
+            raise UsageError("the model has no parameters", hint='model.parametric("p=0.1:0.9")')
+        file = single_property(formula)
+        bound, labels = PropertyInstance(file, 0, constant_values(constants)).bind(self.bound)
+        return Search(self.engine, bound.formula, self.options, labels)
 
     # ------------------------------------------------------------------ the built model
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import field, replace
 from functools import cached_property, wraps
 from typing import TYPE_CHECKING, Concatenate, NamedTuple, ParamSpec, Self, TypeVar, Unpack
 
@@ -14,6 +14,7 @@ from symcheck.engines.base import Engine
 from symcheck.lazy_dataclass import dataclass
 from symcheck.options import Options, OptionValues, make_options
 from symcheck.semantics.binding.bind import bind, check_constant_names, undefined_constants
+from symcheck.semantics.binding.parameters import Ranges
 from symcheck.semantics.expressions.literals import as_expression
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import WITHOUT_KEYWORD, ModelType
@@ -70,6 +71,7 @@ class Stages:
     given_type: ModelType | None = None
     observer: Observer | None = None
     smaller: Smaller | None = None
+    parameters: Ranges = field(default_factory=dict)
 
     def __repr__(self) -> str:
         given = "".join(f", {n}={v}" for n, v in self.given_constants.items())
@@ -110,6 +112,7 @@ class Stages:
             model_type=self.given_type,
             exact=self.options.exact,
             normalise=self.options.check_sums and not self.options.exact,
+            parameters=self.parameters,
         )
         if not bound.type.has_clocks:
             return bound
@@ -169,7 +172,7 @@ class Stages:
     def checked(self) -> Self:
         """The model; a faulty text or constant is an error now, unless values are missing."""
         missing = {c.name for c in undefined_constants(self.program)}
-        if missing <= self.given_constants.keys():
+        if missing <= self.given_constants.keys() | self.parameters:
             _ = self.bound
         else:
             check_constant_names(self.program, self.given_constants)

@@ -132,7 +132,8 @@ class Context:
         if query.coalition is None or query.direction is None or rows is None:
             return self, query.direction
         game = rows.playing(query.coalition)
-        assert game.opponents is not None and rows.weights.groups is not None
+        assert game.opponents is not None
+        assert rows.weights.groups is not None
         choosing = np.diff(rows.weights.groups) > 1
         if not (choosing & game.opponents).any():
             return self, query.direction
@@ -211,7 +212,9 @@ class Context:
 
     @cached_property
     def _names(self) -> Mapping[str, Type]:
-        return {v.name: v.type for v in self.engine.model.variables}
+        model = self.engine.model
+        parameters = dict.fromkeys(model.parameters, Type.DOUBLE)
+        return {v.name: v.type for v in model.variables} | parameters
 
     def type(self, expression: Expression) -> Type:
         """The type of a formula."""

@@ -15,6 +15,10 @@ __all__ = ["long_run_measures", "timed_measures"]
 
 def timed_measures(context: Context) -> TimedMeasures:
     """Time-bounded measures, in steps or continuous time; the module is imported when needed."""
+    if context.engine.model.type.immediate_choices:
+        from symcheck.check.measures import markov_automata
+
+        return markov_automata
     if context.engine.model.type.continuous_time:
         from symcheck.check.measures import ctmc
 

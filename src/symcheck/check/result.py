@@ -14,6 +14,7 @@ from symcheck.engines.explicit.rational_values import enclosure
 from symcheck.engines.states import States, StateValues
 from symcheck.errors import NoStrategyError, NotInResultError, UnsupportedError, UsageError
 from symcheck.lazy_dataclass import dataclass
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.semantics.expressions.literals import format_state, format_value, to_float
 from symcheck.tables import Table
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from symcheck.check.certificate import Certificate
     from symcheck.check.counterexample import Counterexample
     from symcheck.check.pareto_front import ParetoFront
+    from symcheck.check.regions import Regions
     from symcheck.engines.explicit.strategy import Strategy
 
 __all__ = [
@@ -40,7 +42,7 @@ __all__ = [
 
 T = TypeVar("T")
 Number = int | float | Fraction
-Answer = bool | Number | tuple[Number, Number] | list[tuple[Number, ...]] | None
+Answer = bool | Number | RationalFunction | tuple[Number, Number] | list[tuple[Number, ...]] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +163,8 @@ _PARTS = {
     "values": ("values per state", "a numeric property has them, such as P=? [ F x=1 ]"),
     "satisfying": ("satisfying states", "a property that is true or false has them"),
     "witness": ("witness", "E [ … ] that is true has a path, and A [ … ] that is false"),
+    "regions": ("regions", "those of a model with parameters have them"),
+    "function": ("function", "a number of a model with parameters is one, if there is one case"),
     "front": ("Pareto front", "multi(Pmax=? [ … ], Pmax=? [ … ]) has one"),
 }
 """Parts that only some results have: what they are, and which results have them."""
@@ -192,6 +196,7 @@ class Result:
         runs: the computations of solvers.
         witness_or_none: `witness`; None if there is no such path.
         front_or_none: `front`; None if no Pareto front was asked for.
+        regions_or_none: `regions`; None of a model without parameters.
         strategies: with the option `strategy`, one that attains the value; of a Pareto query, one
             for each point of the value. Empty if there is none.
         no_strategy: why there is none, although one was asked for.
@@ -213,6 +218,7 @@ class Result:
     runs: tuple[SolverRun, ...] = field(default=(), repr=False)
     witness_or_none: Sequence[Mapping[str, int | bool]] | None = field(default=None, repr=False)
     front_or_none: ParetoFront | None = field(default=None, repr=False)
+    regions_or_none: Regions | None = field(default=None, repr=False)
     strategies: tuple[Strategy, ...] = field(default=(), repr=False)
     no_strategy: str | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
@@ -301,6 +307,17 @@ class Result:
         """The Pareto front of a multi-objective query. Raises NotInResultError without one."""
         return self._part(self.front_or_none, "front")
 
+    @property
+    def regions(self) -> Regions:
+        """The outcomes of a model with parameters, and where they hold. Raises NotInResultError."""
+        return self._part(self.regions_or_none, "regions")
+
+    @property
+    def function(self) -> RationalFunction:
+        """The value as a function of parameters. Raises NotInResultError if it is none."""
+        found = self.value if isinstance(self.value, RationalFunction) else None
+        return self._part(found, "function")
+
     def _part(self, part: T | None, name: str) -> T:
         if part is None:
             raise self._has_no(name)
@@ -358,10 +375,12 @@ class Result:
         estimate, whose error is unknown.
         """
         match self.value:
-            case bool() | None | list():
+            case bool() | None | list() | RationalFunction():
                 raise self._wrong_type("a number")
             case tuple():
                 low, high = self.value
+                if not all(isinstance(end, Number) for end in self.value):
+                    raise self._wrong_type("a number")
             case int() | float() | Fraction():
                 low = high = self.value
             case _:
@@ -448,6 +467,8 @@ class Result:
         return bool(kinds) and all(k == "steps" for k in kinds)
 
     def __str__(self) -> str:
+        if self.regions_or_none is not None and self.value is None:
+            return "by regions"
         shown = show_value(self.value)
         return (
             shown
@@ -467,5 +488,7 @@ def show_value(value: Answer) -> str:
             return "[" + ", ".join(f"({','.join(map(format_value, p))})" for p in value) + "]"
         case bool() | int() | float() | Fraction():
             return format_value(value)
+        case RationalFunction():
+            return str(value)
         case _:
             assert_never(value)

@@ -54,6 +54,8 @@ def decide(
             # The method does not reach this accuracy: rational arithmetic may still decide.
             failure = error
             break
+        if context.engine.model.parameters:  # each comparison of functions is a condition
+            values = values.choose(relevant, context.engine.constant(0))
         sure, undecided = values.compare(operator, threshold)
         if not undecided & relevant:
             return sure

@@ -39,11 +39,14 @@ LISTED_ROWS = 100_000_000
 or a counterexample. Exploring them takes half a minute; the engine explicit has no such limit."""
 
 # Rewards that are lost where a target is missed (measures/ended_reward.py).
-FIRST_LEVELS, MOST_PAIRS = 16, 2_000_000
-"""Rewards that a strategy remembers at first, in steps of the rewards; and the most pairs of a state
-and such a reward."""
+FIRST_LEVELS, MOST_PAIRS, MOST_EXACT_PAIRS = 16, 200_000, 500
+"""Rewards that a strategy remembers at first, in steps of the rewards; and the most pairs of a
+state and such a reward, in doubles and in rationals."""
 
 # LTL formulas (omega_regular/).
+PARITY_EXPONENTS = (2, 4, 6, 20)
+"""Powers of ten: a run of a parity game ends with such a probability where it should not be, in the
+game whose strategies are tried."""
 ATOMS_AS_LETTERS = 8
 """With at most this many atoms, letters are valuations of the atoms; with more, the valuations that
 occur in the model are numbered."""
@@ -83,9 +86,11 @@ COMMAND_SET_CHECKS = 2000
 
 INTEGER_BITS = 300_000
 """Bits of the common denominator after all steps up to which exact steps are made in integers."""
+REWARD_PAIRS = 10_000_000
+"""Pairs of a state and a reward that a certificate of a bound on rewards may be about."""
 
 # Beliefs of partially observed models (beliefs/).
-BELIEFS = (1_000, 8_000, 64_000)
+BELIEFS = (500, 4_000, 32_000)
 """Beliefs that are kept exactly in each round, until the bounds are close enough."""
 GRID_RESOLUTIONS = (4, 8, 16)
 """The resolution of the grid beyond them, in each round."""

@@ -204,6 +204,9 @@ class Output:
         if result.front_or_none is not None:
             self.line()
             self.line(str(result.front))
+        if result.regions_or_none is not None and result.value is None:
+            self.line()
+            self.line(str(result.regions))
         self.line()
         self.line(f"Time for model checking: {result.seconds:.3f} seconds.")
         self.line()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from symcheck.api.model import Model
@@ -14,7 +15,7 @@ from symcheck.cli.output_paths import NO_CONSTANTS, of_switch
 from symcheck.cli.run_state import RunState, TestFailed
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.cli.switches.needs import BUILT, MDP, PROPERTY, VALUES, unmet_needs
-from symcheck.constant_values import combinations, parse_constants
+from symcheck.constant_values import combinations, parameter_ranges, parse_constants
 from symcheck.errors import Diagnostic, NameFault, UsageError
 from symcheck.experiments.properties_input import PropertiesInput, read_properties
 from symcheck.semantics.binding.bind import split_constants
@@ -43,6 +44,7 @@ def run(state: RunState) -> int:
 
         peer = find_peer(a.peer)
     given = parse_constants(a.const)
+    ranges = parameter_ranges(",".join(a.param), "-param") if a.param else {}
     files = [
         "Reading the model from the standard input"
         if source == STANDARD_INPUT
@@ -52,6 +54,8 @@ def run(state: RunState) -> int:
         files.append(f'Reading properties file "{a.properties}"')
     state.output.header(files)
     model = read_model(a)
+    if ranges:
+        model = replace(model, parameters=ranges)
     properties = read_properties(a.properties, a.pf, "-pf")
     split = split_constants(model.program, properties.file, dict.fromkeys(given, ""))
     for warning in split.warnings:

@@ -179,7 +179,7 @@ class SystemOf(Protocol[S, V]):
 
     @property
     def opponents(self) -> Bools | None:
-        """The states in which opponents choose against a direction, bool[n]; None: it is no game."""
+        """The states in which opponents choose against a direction, bool[n]; None: no game."""
         ...
 
     @property
@@ -204,7 +204,9 @@ class SystemOf(Protocol[S, V]):
 
     @property
     def exit_rates(self) -> Numbers | None:
-        """Per row: the rate at which the state is left; None in discrete time."""
+        """Per row: the rate at which the state is left, 0 for a choice that takes no time; None in
+        discrete time.
+        """
         ...
 
     @property
@@ -277,7 +279,9 @@ class SystemOf(Protocol[S, V]):
         ...
 
     def step_rewards(self, reward: Reward) -> Numbers:
-        """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
+        """Per row: the expected reward of a step (in continuous time, with the state reward of its
+        stay).
+        """
         ...
 
     def step_reward_errors(self, reward: Reward) -> Numbers:

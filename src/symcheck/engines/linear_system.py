@@ -21,10 +21,10 @@ from symcheck.engines.base import EquationsOf, S, S_contra, SolvedValues, System
 from symcheck.engines.reward_sums import RewardSums
 from symcheck.errors import UnsupportedError
 from symcheck.lazy_dataclass import dataclass
-from symcheck.matrices.numbers import Numbers, is_infinite, is_rational
+from symcheck.matrices.numbers import Numbers, is_infinite, is_rational, shared_sum
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, per_row, starts_of
-from symcheck.matrices.transition_kernel import TransitionKernel
+from symcheck.matrices.transition_kernel import TransitionKernel, jump_weights
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.problem import (
@@ -207,10 +207,20 @@ class LinearSystem(SystemOf[S, V]):
         """Number of rows."""
         return self.n if self.groups is None else int(self.groups[-1])
 
+    @property
+    @abstractmethod
+    def takes_time(self) -> Bools | None:
+        """The rows whose weights are rates, in a Markov automaton; None for other models."""
+
     @cached_property
     def exit_rates(self) -> Numbers | None:
-        """The exit rate of each state of a CTMC; None for other models."""
-        return self.weight_sums() if self.continuous_time else None
+        """Per row: the rate at which the state is left, 0 for a choice that takes no time; None in
+        discrete time.
+        """
+        if not self.continuous_time:
+            return None
+        sums, timed = self.weight_sums(), self.takes_time
+        return sums if timed is None else np.where(timed, sums, 0)
 
     @property
     def kernel(self) -> TransitionKernel[SparseMatrix | SweepOperator]:
@@ -248,7 +258,7 @@ class LinearSystem(SystemOf[S, V]):
         """What rows give per jump, from what they give per unit of time; the same where time is
         discrete.
         """
-        return rows if self.exit_rates is None else rows / self.exit_rates
+        return rows if self.exit_rates is None else rows / jump_weights(self.exit_rates)
 
     def step_rewards(self, reward: Reward) -> Numbers:
         """Per row: the expected reward of a step (in a CTMC, with the state reward of its stay)."""
@@ -283,8 +293,13 @@ class LinearSystem(SystemOf[S, V]):
             if accurate is not None:
                 return accurate
         states, rows = self.rewards(reward)
+        each = self.of_stay(states)
+        return _finite(shared_sum(each, rows), each, rows)
+
+    def of_stay(self, states: Numbers) -> Numbers:
+        """Per row, the state reward, which a choice that takes no time does not earn."""
         each = per_row(self.groups, states)
-        return _finite(each + rows, each, rows)
+        return each if self.takes_time is None else np.where(self.takes_time, each, 0)
 
     def reachability(self, target: S) -> Reachability[S, V]:
         """The equations of the probability of reaching `target`, a set outside of the states."""

@@ -125,7 +125,9 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         ModelFault: the model has a fault in some state.
         ResourceError: a limit of time or memory was reached.
     """
-    name: EngineName = "exact" if options.exact or model.parameters else options.engine
+    name: EngineName = "exact" if options.exact else options.engine
+    if model.parameters and name in ("auto", "explicit"):
+        name = "exact"
     name = _offered(model, name)
     if name == "auto" and options.workdir is not None:
         from symcheck.engines.selection import EngineChoice

@@ -240,6 +240,11 @@ class RewardSums:
                 chances = system.one_step_probability(engine.all) if rates is None else rates
                 magnitudes = magnitudes + per_row(groups, of_transitions) * chances
         total: Floats = per_row(groups, states) + rows
+        if system.exit_rates is not None and groups is not None:
+            raise UnsupportedError(
+                f"rewards of both signs are not supported for {engine.model.type.called}",
+                hint="use -exact",
+            )
         lost = _is_lost(total, magnitudes)
         if len(on_states) == len(items) and self._are_whole(items, of_states):
             lost[:] = False

@@ -83,7 +83,7 @@ class TransitionTable(Tabular):
             joined = [] if parts is None else parts.joined(model.actions, self.matrix.entries)
             return [text or None for text in joined] or [None] * self.matrix.entries
         assert known is not None
-        names = np.array([*model.actions, None])
+        names = np.array([*model.actions, None, None])
         actions: list[str | None] = names[known.row_actions()[self.choice]].tolist()
         return actions
 

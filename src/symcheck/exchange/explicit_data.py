@@ -17,6 +17,7 @@ from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.rational.explore import RationalModel, StateList
 from symcheck.errors import Diagnostic, ModelFault, UnsupportedError, converts_memory_error
+from symcheck.explicit.explored import RACE
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import StateLayout, StateTable
 from symcheck.matrices.contributions import Contributions
@@ -116,7 +117,8 @@ class ExplicitData:
         matrix: probabilities (rates), float64 or Fractions. A state without transitions has an
             empty row in a chain, and no row in an MDP.
         actions: the action names.
-        row_actions: per row an index into `actions`, or -1, int32[rows].
+        row_actions: per row an index into `actions`, or -1, int32[rows]; `RACE` for the rates of a
+            Markov automaton.
         labels: bool[n] each; "init" and "deadlock" may be among them.
         rewards: the reward structures, float64 or Fractions.
         contributions: what each action contributes to the transitions of a chain; None without
@@ -197,7 +199,8 @@ class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
             matrix = replace(matrix, data=np.asarray(matrix.data / sums[matrix.row_of_entry]))
             rewards = [_rewards_of(matrix, r) for r in rewards]
             sums = sum_segments(matrix.data, matrix.indptr)
-        if not self.model.type.continuous_time and any(s != 1 for s in sums):
+        weighed = explored.choice_actions != RACE
+        if self.model.type.has_probabilities and any(s != 1 for s in sums[weighed]):
             raise UnsupportedError(
                 "the given probabilities are rounded, and do not sum to 1 exactly"
             )
@@ -382,6 +385,7 @@ def _fixed(
     rows = m.groups[:-1][states]
     lengths = np.insert(np.diff(m.indptr), rows, 1)
     groups = starts_of(np.where(dead, 1, counts))
-    actions = np.insert(given.row_actions, rows, -1).astype(np.int32)
+    none = RACE if given.type.immediate_choices else -1
+    actions = np.insert(given.row_actions, rows, none).astype(np.int32)
     rewards = [r._replace(rows=np.insert(r.rows, rows, 0.0)) for r in rewards]
     return SparseMatrix(starts_of(lengths), indices, data, n, groups), actions, rewards, dead

@@ -14,6 +14,7 @@ from symcheck.engines.capabilities import HasActions, HasImportedStates
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.transition_actions import contributions, state_columns, state_order
 from symcheck.exchange.explicit_data import ExplicitRewards
+from symcheck.explicit.explored import RACE
 from symcheck.matrices.contributions import Contributions, TransitionParts
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
@@ -69,6 +70,12 @@ class ExplicitExport:
         return self.matrix.states
 
     @cached_property
+    def timed(self) -> Bools | None:
+        """The rows of a Markov automaton whose weights are rates, bool[rows]; None: not of one."""
+        actions = self.row_actions
+        return None if actions is None or not self.type.continuous_time else actions == RACE
+
+    @cached_property
     def state_of_row(self) -> Int64s:
         """The state of each row."""
         return self.matrix.state_of_row
@@ -122,7 +129,7 @@ class ExplicitExport:
         chosen: list[str] = (
             ([""] * self.matrix.rows)
             if self.row_actions is None
-            else names[self.row_actions].tolist()
+            else names[np.maximum(self.row_actions, -1)].tolist()
         )
         return chosen
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TextIO
 
-from symcheck.errors import UsageError
+from symcheck.errors import UnsupportedError, UsageError
 from symcheck.exchange import components
 from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.formats import combined_file, dot, drn, matlab, prism_writer, umb_writer
@@ -170,12 +170,22 @@ def export(model: ExplicitExport, targets: Sequence[Target], out: TextIO) -> Ite
                 raise UsageError("a UMB file is binary and cannot go to the standard output")
             if uncompressed_name(target.path)[1]:
                 raise UsageError("a UMB file is compressed already: write it without .gz or .xz")
+            _require_rates(model, target.kind)
             umb_writer.write_umb(_part(model, target.options), target.path)
             yield target.path
             continue
+        _require_rates(model, target.kind)
         for path, chunks in _texts(model, target):
             write_text(path, chunks, out)
             yield path
+
+
+def _require_rates(model: ExplicitExport, kind: str) -> None:
+    """Refuse a format that does not tell rates and probabilities of a Markov automaton apart."""
+    if model.timed is not None and kind not in ("drn", "sta", "lab", "proplab", "srew", "pexp"):
+        raise UnsupportedError(
+            f"files of the kind {kind} cannot hold Markov automata", hint="DRN files can"
+        )
 
 
 def _part(model: ExplicitExport, options: ExportOptions) -> ExplicitExport:

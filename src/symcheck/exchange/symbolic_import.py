@@ -13,7 +13,7 @@ from symcheck.engines.base import Engine, erased
 from symcheck.engines.symbolic.engine import SymbolicEngine
 from symcheck.engines.symbolic.forms import HybridEngine, MtbddEngine, SparseEngine
 from symcheck.errors import UnsupportedError
-from symcheck.explicit.explored import ExploredModel
+from symcheck.explicit.explored import RACE, ExploredModel
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools
 from symcheck.options import Options
@@ -85,15 +85,19 @@ def symbolic_engine(
     groups = np.arange(n + 1) if matrix.groups is None else matrix.groups
     owner, row = matrix.state_of_row, matrix.row_of_entry
     number = np.arange(matrix.rows) - groups[owner]
+    if model.type.immediate_choices:  # the first class has the rates
+        number = np.where(explored.choice_actions == RACE, 0, number + 1)
     pairs = np.stack([bits[owner[row]], bits[matrix.indices]], axis=2).reshape(len(row), -1)
     by = np.lexsort([row, *pairs.T[::-1]])
     classes = []
-    for j in range(int(np.diff(groups).max())):
+    for j in range(int(number.max()) + 1):
         chosen = by[number[row[by]] == j]
         part = manager.mtbdd_from_rows(encoding.bits, pairs[chosen], matrix.data[chosen])
         classes.append(ChoiceClass(part, among(owner[number == j])))
     actions = {
-        (j, (*model.actions, None)[a]): among(owner[(number == j) & (explored.choice_actions == a)])
+        (j, (*model.actions, None)[max(a, -1)]): among(
+            owner[(number == j) & (explored.choice_actions == a)]
+        )
         for j, a in set(zip(number.tolist(), explored.choice_actions.tolist(), strict=True))
     }
 

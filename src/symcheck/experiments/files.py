@@ -10,6 +10,7 @@ from math import isfinite
 from pathlib import Path
 
 from symcheck.experiments.rows import Row, records
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.tables import optional_package
 from symcheck.whole_file import extension_of, write_whole
@@ -95,7 +96,7 @@ def _plain(value: object) -> object:
     match value:
         case tuple() | list():
             return [_plain(v) for v in value]
-        case Fraction():
+        case Fraction() | RationalFunction():
             return str(value)
         case float() if not isfinite(value):
             return format_value(value)

@@ -14,6 +14,7 @@ from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, 
 from symcheck.constant_values import ConstantValue, typed_value
 from symcheck.errors import UsageError
 from symcheck.experiments.rows import Row, records
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.semantics.expressions.literals import to_float
 from symcheck.whole_file import read_whole, uncompressed_name
 
@@ -217,7 +218,7 @@ def _accuracy(said: str, value: Answer, lower: float | None, upper: float | None
     if start != "certified: " or not plus:
         raise ValueError(f"'{said}' is no accuracy of a value")
     epsilon = float(printed)
-    if value is None or isinstance(value, bool | list):
+    if value is None or isinstance(value, bool | list | RationalFunction):
         return Certified(-epsilon, epsilon)
     if isinstance(value, tuple):  # the bounds of its numbers follow from the width alone
         epsilon = to_float(value[0]) - lower if lower is not None else epsilon * _ROUNDED_UP

@@ -12,6 +12,7 @@ from symcheck.check.result import Accuracy, Answer, Estimate, Number, Result, sh
 from symcheck.constant_values import ConstantValue, GivenConstants, typed_value
 from symcheck.errors import SymcheckError, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.semantics.expressions.literals import format_value, to_float
 
 __all__ = ["Row", "constant_names", "constant_text", "error_text", "records", "row_of"]
@@ -51,6 +52,8 @@ class Row:
         match self.value:
             case bool() | int() | float() | Fraction():
                 return to_float(self.value)
+            case (RationalFunction(), _) | (_, RationalFunction()):
+                return None
             case tuple((low, high)):
                 return (to_float(low) + to_float(high)) / 2
             case _:

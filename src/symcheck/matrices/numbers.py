@@ -19,12 +19,15 @@ __all__ = [
     "N",
     "Numbers",
     "Rationals",
+    "at_sample",
+    "distinct",
     "doubles",
     "full",
     "is_infinite",
     "is_rational",
     "numbers",
     "rationals",
+    "shared_sum",
     "sum_segments",
 ]
 
@@ -90,6 +93,30 @@ def is_infinite(values: Numbers) -> Bools:
     return np.asarray(np.abs(values) == np.inf, dtype=np.bool_)
 
 
+def distinct(values: Numbers) -> list[Any]:
+    """The objects of an array, each once: rationals of a model are mostly shared."""
+    return list({id(v): v for v in values.tolist()}.values())
+
+
+def shared_sum(one: Numbers, other: Numbers) -> Numbers:
+    """The sum of two vectors; the same two rationals are added once."""
+    if not (is_rational(one) and is_rational(other)):
+        return one + other
+    known: dict[tuple[int, int], Any] = {}
+    out = np.empty(len(one), object)
+    for i, (a, b) in enumerate(zip(one.tolist(), other.tolist(), strict=True)):
+        key = id(a), id(b)
+        if key not in known:
+            known[key] = a + b
+        out[i] = known[key]
+    return out
+
+
+def at_sample(values: Rationals) -> Rationals:
+    """Rationals and functions of parameters as rationals, at the sample point."""
+    return rationals(v.value if isinstance(v, RationalFunction) else v for v in values)
+
+
 def sum_segments(values: Rationals, starts: Int64s) -> Rationals:
     """The sum of each segment `values[starts[i]:starts[i+1]]` of rationals; 0 where it is empty."""
     out = full(len(starts) - 1, 0, rational=True)
@@ -100,11 +127,15 @@ def sum_segments(values: Rationals, starts: Int64s) -> Rationals:
 
 
 def doubles(values: Numbers) -> Floats:
-    """The nearest doubles; infinite beyond their range."""
-    try:
+    """The nearest doubles; infinite beyond their range.
+
+    Raises UnsupportedError: a number is a function of parameters.
+    """
+    if not is_rational(values):
         return np.asarray(values, dtype=np.float64)
-    except OverflowError:
-        return np.array([_nearest(v) for v in values])
+    objects = values.tolist()
+    found = {id(v): _nearest(v) for v in distinct(values)}
+    return np.fromiter(map(found.__getitem__, map(id, objects)), np.float64, len(objects))
 
 
 def _nearest(value: float | Fraction) -> float:

@@ -14,7 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
+from math import gcd, inf, lcm
 from typing import Any
+
+from symcheck.direction import Direction
+from symcheck.errors import UnsupportedError
 
 __all__ = ["FunctionField", "Polynomial", "RationalFunction"]
 
@@ -36,6 +40,8 @@ class FunctionField:
         factors: the polynomials that divide.
         conditions: products of polynomials that were compared with 0, and the signs that they have
             at the sample point (0: the sample lies on a border), by their texts.
+        lifting: a box and a direction: then equations are solved for bounds over the box (see
+            `symcheck.numerics.linear.lifting`), instead of functions.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -46,8 +52,8 @@ class FunctionField:
         self.factors: list[Polynomial] = []
         self.conditions: dict[str, tuple[tuple[Polynomial, ...], int]] = {}
         self._point: tuple[Any, ...] = ()
-        self._at_point: dict[int, Fraction] = {}
         self.epoch = 0
+        self.lifting: tuple[Mapping[str, tuple[Fraction, Fraction]], Direction] | None = None
 
     def __repr__(self) -> str:
         return f"<FunctionField of {', '.join(self.names)}>"
@@ -58,7 +64,6 @@ class FunctionField:
 
         values = (point[name] for name in self.names)
         self._point = tuple(flint.fmpq(v.numerator, v.denominator) for v in values)
-        self._at_point.clear()
         self.conditions.clear()
         self.epoch += 1
 
@@ -80,17 +85,11 @@ class FunctionField:
         """The value of a polynomial at the sample point."""
         return _fraction(polynomial(*self._point))
 
-    def factor_value(self, number: int) -> Fraction:
-        """The value of a factor at the sample point."""
-        if number not in self._at_point:
-            self._at_point[number] = self.at_sample(self.factors[number])
-        return self._at_point[number]
-
     def factored(self, polynomial: Polynomial) -> tuple[Any, Denominator]:
         """A polynomial other than 0 as a number times factors."""
         exponents: dict[int, int] = {}
         for i, factor in enumerate(self.factors):
-            polynomial, exponent = divide_out(polynomial, factor)
+            polynomial, exponent = _divided(polynomial, factor, inf)
             if exponent:
                 exponents[i] = exponent
         if polynomial.is_constant():
@@ -106,7 +105,7 @@ class FunctionField:
             self.factors.append(part / leading)
         return scale, tuple(exponents.items())
 
-    def product(self, denominator: Denominator) -> Polynomial:
+    def product(self, denominator: Iterable[tuple[int, int]]) -> Polynomial:
         """The product of factors."""
         out = self.ring.constant(1)
         for i, exponent in denominator:
@@ -115,9 +114,14 @@ class FunctionField:
 
     def note(self, parts: Iterable[Polynomial], sign: int) -> None:
         """Take note of the sign of a product of polynomials."""
-        parts = tuple(p for p in parts if not p.is_constant())
-        if parts:
-            self.conditions[" * ".join(map(str, parts))] = parts, sign
+        kept = []
+        for part in parts:
+            leading = part.leading_coefficient()
+            sign = -sign if leading < 0 else sign
+            if not part.is_constant():
+                kept.append(part / leading)
+        if kept:
+            self.conditions[" * ".join(map(str, kept))] = tuple(kept), sign
 
 
 class RationalFunction:
@@ -225,7 +229,7 @@ class RationalFunction:
         if self._value is None or self._value[0] != self.field.epoch:
             found = self.field.at_sample(self.top)
             for i, n in self.bottom:
-                found /= self.field.factor_value(i) ** n
+                found /= self.field.at_sample(self.field.factors[i]) ** n
             self._value = self.field.epoch, found
         return self._value[1]
 
@@ -261,11 +265,11 @@ class RationalFunction:
     def __ge__(self, other: object) -> bool:
         return self._sign(other) >= 0
 
-    def __abs__(self) -> RationalFunction:
-        return -self if self < 0 else self
-
     def __float__(self) -> float:
-        return float(self.value)
+        raise UnsupportedError(
+            f"{self!s:.60} is a function of parameters, and no number",
+            hint=f"f({', '.join(f'{name}=0.5' for name in self.field.names)}) evaluates it",
+        )
 
     # ------------------------------------------------------------------------------------- analysis
 
@@ -281,12 +285,10 @@ class RationalFunction:
 
     def _whole(self) -> tuple[Polynomial, Polynomial]:
         """Both with integer coefficients; the leading one of the denominator is positive."""
-        import math
-
         below = self.field.product(self.bottom)
         parts = [[_fraction(c) for c in p.coeffs()] for p in (self.top, below)]
-        scale = math.lcm(*(c.denominator for part in parts for c in part))
-        divisor = math.gcd(*(int(c * scale) for part in parts for c in part)) or 1
+        scale = lcm(*(c.denominator for part in parts for c in part))
+        divisor = gcd(*(int(c * scale) for part in parts for c in part)) or 1
         factor = Fraction(scale, divisor)
         if parts[1] and parts[1][0] < 0:
             factor = -factor
@@ -334,46 +336,32 @@ class RationalFunction:
     def __repr__(self) -> str:
         return f"<RationalFunction {self}>"
 
-    def __format__(self, spec: str) -> str:
-        return format(str(self), spec)
-
 
 def _fraction(value: Any) -> Fraction:
     return Fraction(int(value.numerator), int(value.denominator))
 
 
-def divide_out(polynomial: Polynomial, factor: Polynomial) -> tuple[Polynomial, int]:
-    """A polynomial without a factor, and how often it had it."""
+def _divided(polynomial: Polynomial, factor: Polynomial, most: float) -> tuple[Polynomial, int]:
+    """A polynomial other than 0 divided by a factor as often as that is exact, and how often."""
     from flint.utils.flint_exceptions import DomainError
 
     exponent = 0
-    if not polynomial:
-        return polynomial, 0
     try:
-        while True:
+        while exponent < most:
             polynomial = polynomial / factor
             exponent += 1
     except DomainError:
-        return polynomial, exponent
+        pass
+    return polynomial, exponent
 
 
 def _reduced(
     field: FunctionField, top: Polynomial, bottom: Iterable[tuple[int, int]]
 ) -> RationalFunction:
     """A quotient without the factors that both sides have."""
-    from flint.utils.flint_exceptions import DomainError
-
-    if not top:
-        return RationalFunction(field, top, ())
     left = []
-    for i, exponent in bottom:
-        rest = exponent
-        try:
-            while rest:
-                top = top / field.factors[i]
-                rest -= 1
-        except DomainError:
-            pass
-        if rest:
-            left.append((i, rest))
+    for i, exponent in bottom if top else ():
+        top, times = _divided(top, field.factors[i], exponent)
+        if times < exponent:
+            left.append((i, exponent - times))
     return RationalFunction(field, top, tuple(left))

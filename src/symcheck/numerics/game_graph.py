@@ -99,31 +99,44 @@ class Arena:
             within: the states of the game, bool[n].
 
         Returns:
-            As `attract`.
+            As `attract`; elsewhere a row of the opponent's by which that is prevented with positive
+            probability.
         """
+        spoiling = np.full(len(within), -1, np.int64)
         while True:
-            lost, _ = self.reversed.attract(fatal, within)
+            lost, against = self.reversed.attract(fatal, within)
             within = within & ~lost
             fatal = fatal | self.into(lost)
             safe = fatal if self.absent is None else fatal | self.absent
             found, witness = replace(self, absent=safe).attract(rows, within)
             bad = within & ~found
+            spoiling = np.where(lost, against, spoiling)
             if not bad.any():
-                return found, witness
+                return found, np.where(found, witness, spoiling)
+            # In a bad state of the opponent, some row avoids what is found.
+            other = np.flatnonzero(self._present & ~rows & ~self.into(found))[::-1]
+            away = np.full(len(within), -1, np.int64)
+            away[self.graph.owner_of_rows[other]] = other
+            spoiling = np.where(bad & self.opposed, away, spoiling)
             within = within & ~bad
             fatal = fatal | self.into(bad)
 
-    def repeatedly(self, rows: Bools, fatal: Bools) -> Bools:
+    def repeatedly(self, rows: Bools, fatal: Bools) -> tuple[Bools, Int64s]:
         """Where the chooser takes one of some rows again and again with positive probability.
 
         Rows that leave the matrix have to be among the fatal ones.
+
+        Returns:
+            As `attract`.
         """
         arena, left = self, np.ones(len(self.opposed), np.bool_)
+        chosen = np.full(len(left), -1, np.int64)
         while True:
-            sure, _ = arena.almost_surely(rows, fatal, left)
+            sure, again = arena.almost_surely(rows, fatal, left)
             if not sure.any():
-                return ~left
-            near, _ = arena.attract(arena.into(sure), left)
+                return ~left, chosen
+            near, towards = arena.attract(arena.into(sure), left)
+            chosen = np.where(sure, again, np.where(near, towards, chosen))
             won = sure | near
             left = left & ~won
             # The opponent does not enter what is won. The chooser cannot.

@@ -12,18 +12,19 @@ verified; Chatterjee et al. (TACAS 2025) for what a certificate needs.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
-from math import frexp, lcm
+from math import frexp, gcd, lcm
 
 import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
 from symcheck.machine import require_memory_for_scipy
-from symcheck.matrices.numbers import Rationals, doubles
+from symcheck.matrices.numbers import Rationals, distinct, doubles
 from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, first_best, spans, starts_of
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.problem import LinearProblem
@@ -35,6 +36,8 @@ __all__ = [
     "Inequalities",
     "RationalRows",
     "average_vectors",
+    "contracted",
+    "exactly_inductive",
     "inductive",
     "progress",
 ]
@@ -42,17 +45,17 @@ __all__ = [
 
 @dataclass(frozen=True, eq=False)
 class InductiveVector:
-    """A bound of each state, as integers over a power of two, and what proves it.
+    """A bound of each state, as integers over a denominator, and what proves it.
 
     Attributes:
         numerators: the integers, objects[n]; None for infinity.
-        bits: the denominator is 2**bits.
+        denominator: the denominator of all of them.
         choices: the row that a strategy takes in each state, int64[n]; None: all rows.
         ranks: int64[n], -1 for none; None where no ranks are needed.
     """
 
     numerators: Rationals
-    bits: int
+    denominator: int
     choices: Int64s | None = None
     ranks: Int64s | None = None
 
@@ -66,6 +69,9 @@ class RationalRows:
     """
 
     matrix: SparseMatrix = field(repr=False)
+    kept: list[tuple[Rationals | None, Rationals | None, _Integers]] = field(
+        default_factory=list, init=False, repr=False
+    )
 
     @cached_property
     def edges(self) -> graph.Incidence:
@@ -78,21 +84,36 @@ class RationalRows:
         return self.matrix.doubles()
 
     @cached_property
-    def denominators(self) -> Rationals:
-        """A denominator of each row, objects[rows]."""
-        numbers, starts = self.matrix.data.tolist(), self.matrix.indptr.tolist()
-        found = np.empty(self.matrix.rows, object)
-        found[:] = [lcm(*(f.denominator for f in numbers[a:b])) for a, b in pairwise(starts)]
-        return found
+    def whole(self) -> tuple[SparseMatrix, Rationals]:
+        """The probabilities times a denominator of each row, and these: whole numbers."""
+        tops, bottoms = _parts(self.matrix.data)
+        below, starts = bottoms.tolist(), self.matrix.indptr.tolist()
+        denominators = _whole(lcm(*below[a:b]) for a, b in pairwise(starts))
+        each = np.repeat(denominators, self.matrix.lengths)
+        return replace(self.matrix, data=tops * (each // bottoms)), denominators
 
-    @cached_property
-    def weights(self) -> SparseMatrix:
-        """The probabilities times the denominators: whole numbers."""
-        whole = np.empty(self.matrix.entries, object)
-        each = np.repeat(self.denominators, self.matrix.lengths).tolist()
-        pairs = zip(self.matrix.data.tolist(), each, strict=True)
-        whole[:] = [f.numerator * (d // f.denominator) for f, d in pairs]
-        return replace(self.matrix, data=whole)
+    def scaled(self, earned: Rationals | None, stay: Rationals | None) -> _Integers:
+        """All rows in whole numbers, with what they earn and their mean times; kept for the next
+        inequalities of the same numbers.
+        """
+        if self.kept and self.kept[0][0] is earned and self.kept[0][1] is stay:
+            return self.kept[0][2]
+        weights, by = self.whole
+        parts = [_parts(p) for p in (earned, stay) if p is not None]
+        more = _whole([1] * len(by))
+        for _, bottoms in parts:
+            of_rows = zip((by * more).tolist(), bottoms.tolist(), strict=True)
+            more = more * _whole(b // gcd(a, b) for a, b in of_rows)
+        if (more != 1).any():
+            weights = replace(weights, data=weights.data * np.repeat(more, weights.lengths))
+            by = by * more
+        tops = [tops * (by // bottoms) for tops, bottoms in parts]
+        nothing = _whole([0] * len(by))
+        earns = nothing if earned is None else tops[0]
+        stays = nothing if stay is None else tops[-1]
+        owner = self.edges.owner_of_rows.astype(np.int64)
+        self.kept[:] = [(earned, stay, _Integers(weights, owner, by, earns, stays))]
+        return self.kept[0][2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,6 +207,71 @@ def inductive(problem: Inequalities, guess: Floats) -> InductiveVector:
     raise NumericalError("no vector was found that satisfies the inequalities of a certificate")
 
 
+def exactly_inductive(problem: Inequalities, values: Rationals) -> InductiveVector:
+    """The exact values as a vector that satisfies the inequalities.
+
+    Args:
+        problem: the inequalities.
+        values: the values of the free states, rationals[n].
+
+    Raises:
+        NumericalError: these are not the values, or no strategy attains them.
+    """
+    fixed = problem.fixed.astype(object)
+    x = np.where(problem.free, values, fixed)
+    x[~problem.free & np.isinf(problem.fixed)] = None
+    numbers = [Fraction(0 if v is None else v) for v in x.tolist()]
+    denominator = lcm(*{f.denominator for f in numbers})
+    numerators = _whole(f.numerator * (denominator // f.denominator) for f in numbers)
+    numerators[x == None] = None  # noqa: E711
+    vector = InductiveVector(numerators, denominator)
+    tight = problem.considered.copy()
+    tight[tight] = _Integers.of(problem, problem.considered).excess(vector) == 0
+    choices, ranks = None, None
+    if problem.ends is not None:
+        candidates = problem.preserving | (problem.considered if problem.all_rows else tight)
+        ranks, towards = progress(problem.edges, candidates, problem.ends, problem.all_rows)
+    rows = problem.considered
+    if not problem.all_rows:
+        choices = first_best(np.where(tight, 1.0, 0.0), problem.edges.groups)
+        if problem.ends is not None:
+            choices[towards >= 0] = towards[towards >= 0]
+        rows = np.zeros_like(rows)
+        rows[choices] = True
+        rows &= problem.considered
+    if not _Integers.of(problem, rows).satisfied_by(vector, upper=problem.upper):
+        raise NumericalError("the exact values do not satisfy the inequalities of a certificate")
+    return replace(vector, choices=choices, ranks=ranks)
+
+
+def contracted(problem: Inequalities, guess: Floats) -> InductiveVector:
+    """A vector near to approximate values, where the sum of each row is less than 1 by as much.
+
+    Shifting all values by c gives each row the room c (1 - sum).
+
+    Args:
+        problem: the inequalities, of rows that are multiplied by a discount; all states are free.
+        guess: values, float64[n].
+
+    Raises:
+        NumericalError: none was found.
+    """
+    room, rows, choices = problem.room(guess), problem.considered, None
+    if not problem.all_rows:
+        choices = first_best(room, problem.edges.groups)
+        rows = np.zeros_like(rows)
+        rows[choices] = True
+    checked, left = _Integers.of(problem, rows), 1.0 - float(problem.doubles.row_sums().max())
+    scale = float(np.max(np.abs(guess), initial=0.0)) + float(np.max(np.abs(problem.rewards)))
+    step = max(0.0, -2.0 * float(room[rows].min())) / left + scale * 4.0 * tuning.UNIT_ROUNDOFF
+    while step <= tuning.WIDEST_ROOM * scale:
+        vector = InductiveVector(*_on_grid(guess + step if problem.upper else guess - step))
+        if checked.satisfied_by(vector, upper=problem.upper):
+            return replace(vector, choices=choices)
+        step *= tuning.ROOM_GROWTH
+    raise NumericalError("no vector was found that satisfies the inequalities of a certificate")
+
+
 def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> InductiveVector | None:
     """A vector that satisfies the inequalities, if these rows are those that need room."""
     rows, ranks, choices = problem.considered, None, None
@@ -213,14 +299,18 @@ def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> Induc
     with np.errstate(invalid="ignore", divide="ignore"):
         missing = np.maximum(-problem.room(base), 0.0) / np.abs(base)[problem.edges.owner_of_rows]
     worst = float(np.max(missing[tight & rows & np.isfinite(missing)], initial=0.0))
-    step = 2.0 * worst + (problem.matrix.longest + 8) * 4.0 * tuning.UNIT_ROUNDOFF
+    rounding = (problem.matrix.longest + 8) * 4.0 * tuning.UNIT_ROUNDOFF
+    weight = np.abs(base)[problem.edges.owner_of_rows] + np.abs(problem.rewards)
+    step = 2.0 * worst + rounding
     while step < tuning.WIDEST_ROOM:
         moved = np.minimum(base + step * w, problem.limit) if problem.upper else base - step * w
         if problem.earned is None and not problem.upper:
             moved = np.maximum(moved, 0.0)
-        vector = InductiveVector(*_on_grid(np.where(problem.free, moved, problem.fixed)))
-        if checked.satisfied_by(vector):
-            return replace(vector, choices=choices, ranks=ranks)
+        whole = np.where(problem.free, moved, problem.fixed)
+        if not (problem.room(whole) < -rounding * weight)[rows].any():  # not hopeless: exactly
+            vector = InductiveVector(*_on_grid(whole))
+            if checked.satisfied_by(vector, upper=problem.upper):
+                return replace(vector, choices=choices, ranks=ranks)
         step *= tuning.ROOM_GROWTH
     return None
 
@@ -303,7 +393,7 @@ def _slack(
 
 
 def _on_grid(values: Floats) -> tuple[Rationals, int]:
-    """Finite doubles as integers over 2**bits, which is the second number; None for infinity."""
+    """Finite doubles as integers over the second number; None for infinity."""
     positive = np.abs(values[np.isfinite(values) & (values != 0.0)])
     smallest = frexp(float(positive.min(initial=1.0)))[1]
     bits = max(0, tuning.GRID_BITS - smallest)
@@ -313,37 +403,65 @@ def _on_grid(values: Floats) -> tuple[Rationals, int]:
     numerators = np.empty(len(values), object)
     numerators[:] = [v << by if by >= 0 else v >> -by for v, by in zip(whole, shifts, strict=True)]
     numerators[np.isinf(values)] = None
-    return numerators, bits
+    return numerators, 1 << bits
 
 
 @dataclass(frozen=True, eq=False)
 class _Integers:
-    """The considered rows with whole weights over a denominator for each row."""
+    """The considered rows, multiplied by denominators that make their numbers whole.
 
-    problem: Inequalities
+    owner: the state of each row. earned: what it earns. stay: its mean time; 1 where it is not
+    asked for.
+    """
+
     matrix: SparseMatrix
     owner: Int64s
     denominators: Rationals
     earned: Rationals
+    stay: Rationals
 
     @staticmethod
-    def of(problem: Inequalities, rows: Bools) -> _Integers:
-        """The rows of the inequalities."""
-        kept = np.flatnonzero(rows).astype(np.int64)
-        earned = np.empty(len(kept), object)
-        earned[:] = 0 if problem.earned is None else problem.earned[kept]
-        owner = problem.edges.owner_of_rows[kept].astype(np.int64)
-        weights, denominators = problem.rows.weights.choose(kept), problem.rows.denominators[kept]
-        return _Integers(problem, weights, owner, denominators, earned)
+    def of(problem: Inequalities, rows: Bools, stay: Rationals | None = None) -> _Integers:
+        """The rows of the inequalities; `stay` is the mean time of each row of the model."""
+        whole, kept = problem.rows.scaled(problem.earned, stay), np.flatnonzero(rows)
+        weights = whole.matrix.choose(kept.astype(np.int64))
+        numbers = (part[kept] for part in (whole.denominators, whole.earned, whole.stay))
+        return _Integers(weights, whole.owner[kept], *numbers)
 
-    def satisfied_by(self, vector: InductiveVector) -> bool:
-        """Whether all rows satisfy their inequality exactly."""
+    def excess(self, vector: InductiveVector) -> Rationals:
+        """Per row: `x - r - P x`, times its denominator and that of the vector."""
         values = np.where(vector.numerators == None, 0, vector.numerators)  # noqa: E711
         products = self.matrix.data * values[self.matrix.indices]
         expected = np.add.reduceat(products, self.matrix.indptr[:-1]) if len(products) else products
         excess = values[self.owner] * self.denominators - expected
-        excess = excess - self.earned * self.denominators * (1 << vector.bits)
-        return bool((excess >= 0).all() if self.problem.upper else (excess <= 0).all())
+        excess -= self.earned * vector.denominator
+        return np.asarray(excess)
+
+    def satisfied_by(
+        self, vector: InductiveVector, gain: InductiveVector | None = None, *, upper: bool
+    ) -> bool:
+        """Whether all rows satisfy their inequality exactly, with the gain of a bias."""
+        excess = self.excess(vector)
+        if gain is not None:
+            of_gain = self.stay * gain.numerators[self.owner]
+            excess = excess * gain.denominator + of_gain * vector.denominator
+        return bool((excess >= 0).all() if upper else (excess <= 0).all())
+
+
+def _parts(values: Rationals) -> tuple[Rationals, Rationals]:
+    """The numerators and the denominators."""
+    objects = values.tolist()
+    ratios = {id(v): v.as_integer_ratio() for v in distinct(values)}
+    each = [ratios[id(v)] for v in objects]
+    return _whole(top for top, _ in each), _whole(bottom for _, bottom in each)
+
+
+def _whole(values: Iterable[int]) -> Rationals:
+    """Whole numbers as objects."""
+    found = list(values)
+    whole = np.empty(len(found), object)
+    whole[:] = found
+    return whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -369,36 +487,73 @@ def average_vectors(problem: Inequalities, stay: Rationals, gain: Floats) -> Ave
         NumericalError: none were found.
     """
     assert problem.earned is not None
-    gain, bias = _gain_and_bias(problem, doubles(stay), gain)
+    gain, bias, policy = _gain_and_bias(problem, doubles(stay), gain)
     shift = 1.0 + float(np.max(np.abs(gain), initial=0.0))
-    of_gain = inductive(replace(problem, earned=None), gain + shift)
-    owner = problem.edges.owner_of_rows
+    best = float(gain.max(initial=0.0) if problem.upper else gain.min(initial=np.inf))
+    if np.ptp(gain) <= tuning.EQUAL_GAINS * shift:  # a constant satisfies g = P g
+        of_gain = InductiveVector(*_on_grid(np.full(len(gain), best + shift)))
+    else:
+        of_gain = inductive(replace(problem, earned=None), gain + shift)
     rows = np.ones(problem.matrix.rows, np.bool_)
     if not problem.all_rows:
         assert problem.strategy is not None
         rows[:] = False
         rows[problem.strategy] = True
-    whole, candidate = 2.0**of_gain.bits, InductiveVector(*_on_grid(bias))
-    checked = _Integers.of(problem, rows)
-    for room in tuning.GAIN_ROOM:
-        step = int(room * shift * whole)
-        moved = of_gain.numerators + (step if problem.upper else -step) - int(shift * whole)
-        exact = np.empty(len(moved), object)
-        exact[:] = [Fraction(int(v), 1 << of_gain.bits) for v in moved]
-        earned = (problem.earned - stay * exact[owner])[rows]
-        if replace(checked, earned=earned).satisfied_by(candidate):
-            found = InductiveVector(moved, of_gain.bits, problem.strategy)
-            return AverageVectors(found, candidate)
+    candidate, checked = InductiveVector(*_on_grid(bias)), _Integers.of(problem, rows, stay)
+
+    def moved(by: float) -> InductiveVector:
+        step = int((Fraction(by) - Fraction(shift)) * of_gain.denominator)
+        return InductiveVector(of_gain.numerators + step, of_gain.denominator, problem.strategy)
+
+    for rooms in (tuning.GAIN_ROOM[:4], tuning.GAIN_ROOM):
+        for room in rooms:
+            found = moved(room * shift if problem.upper else -room * shift)
+            if checked.satisfied_by(candidate, found, upper=problem.upper):
+                return AverageVectors(found, candidate)
+        candidate = _refined(problem, stay, policy, moved(0.0), candidate)
     raise NumericalError("no bias was found that satisfies the inequalities of a certificate")
 
 
-def _gain_and_bias(problem: Inequalities, stay: Floats, gain: Floats) -> tuple[Floats, Floats]:
+def _refined(
+    problem: Inequalities,
+    stay: Rationals,
+    policy: Int64s,
+    gain: InductiveVector,
+    bias: InductiveVector,
+) -> InductiveVector:
+    """The bias of a policy with more digits than doubles have, by iterative refinement.
+
+    A residual is computed exactly, and its correction in doubles. A bias may be 1e15 times as large
+    as the gain, where a policy leaves transient states very slowly.
+    """
+    chosen = np.zeros(problem.matrix.rows, np.bool_)
+    chosen[policy] = True
+    equations, times = _Integers.of(problem, chosen, stay), doubles(stay)
+    vector = InductiveVector(
+        bias.numerators << tuning.MORE_BITS, bias.denominator << tuning.MORE_BITS
+    )
+    for _ in range(tuning.REFINEMENTS):
+        missing = -equations.excess(vector) * gain.denominator
+        missing -= equations.stay * gain.numerators * vector.denominator
+        below = equations.denominators * vector.denominator * gain.denominator
+        rewards = np.zeros(problem.matrix.rows)
+        rewards[policy] = [top / bottom for top, bottom in zip(missing, below, strict=True)]
+        _, change, _ = _of_policy(problem, policy, times, np.zeros(len(policy)), rewards)
+        ratios = (c.as_integer_ratio() for c in change.tolist())
+        added = _whole(top * vector.denominator // bottom for top, bottom in ratios)
+        vector = replace(vector, numerators=vector.numerators + added)
+    return vector
+
+
+def _gain_and_bias(
+    problem: Inequalities, stay: Floats, gain: Floats
+) -> tuple[Floats, Floats, Int64s]:
     """The gain and the bias of an optimal policy that no row improves, by policy iteration."""
     groups = problem.edges.groups
     policy = groups[:-1].copy() if problem.strategy is None else problem.strategy
     sign = 1.0 if problem.upper else -1.0
     several = problem.all_rows and problem.matrix.groups is not None
-    gain, bias, steps = _of_policy(problem, policy, stay, gain)
+    gain, bias, steps = _of_policy(problem, policy, stay, gain, problem.rewards)
     for _ in range(tuning.BIAS_POLICIES if several else 0):
         excess, falls = _excess(problem, stay, gain, bias)
         keeps = falls <= 1e-9 * (1.0 + np.abs(gain).max(initial=0.0))
@@ -408,16 +563,16 @@ def _gain_and_bias(problem: Inequalities, stay: Floats, gain: Floats) -> tuple[F
         if (improved == policy).all():
             break
         policy = improved
-        better, bias, steps = _of_policy(problem, policy, stay, gain)
+        better, bias, steps = _of_policy(problem, policy, stay, gain, problem.rewards)
         gain = sign * np.maximum(sign * gain, sign * better)
     if not several:  # the steps in transient states give their rows room; a bias is not stated
         room = tuning.BIAS_ROOM * (1.0 + float(np.max(np.abs(bias), initial=0.0)))
-        return gain, bias + sign * room * steps
+        return gain, bias + sign * room * steps, policy
     # Rows that lead to worse gains get room from a multiple of the gain.
     excess, falls = _excess(problem, stay, gain, bias)
     needs = (falls > 1e-9 * (1.0 + np.abs(gain).max(initial=0.0))) & (excess > 0.0)
     weight = float(np.max(2.0 * excess[needs] / falls[needs], initial=0.0))
-    return gain, np.asarray(bias + weight * gain)
+    return gain, np.asarray(bias + weight * gain), policy
 
 
 def _excess(
@@ -430,11 +585,11 @@ def _excess(
 
 
 def _of_policy(
-    problem: Inequalities, policy: Int64s, stay: Floats, gain: Floats
+    problem: Inequalities, policy: Int64s, stay: Floats, gain: Floats, rewards: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """The gain and the bias of a policy, and the mean number of steps in transient states.
 
-    Gains of transient states are left as they are.
+    Gains of transient states are left as they are. Rows earn `rewards`.
 
     The gain of a recurrent component is unknown in the place of the bias of its first state, which
     is 0. So all equations of the component are solved to the last digits.
@@ -453,7 +608,7 @@ def _of_policy(
     gains = csr_array((stay[policy][inside], (inside, recurrent[inside])), shape=(n, n))
     without_first = csr_array((first, (np.arange(n), np.arange(n))), shape=(n, n))
     system = csc_array((eye_array(n) - matrix) @ without_first + gains)
-    right = problem.rewards[policy] - np.where(recurrent < 0, stay[policy] * gain, 0.0)
+    right = rewards[policy] - np.where(recurrent < 0, stay[policy] * gain, 0.0)
     try:
         factors = splu(system)
     except RuntimeError:

@@ -333,5 +333,37 @@ GAIN_ROOM = (1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
 """Room that the gain of a certificate gives its bias, relative to the greatest gain."""
 BIAS_ROOM = 1e-10
 """Room that transient states get in the bias of a certificate, relative to the greatest bias."""
+EQUAL_GAINS = 1e-8
+"""Difference of the gains of a certificate, relative to the greatest one, that is none."""
+MORE_BITS = 80
+"""Bits by which a refined bias is finer than one in doubles."""
+REFINEMENTS = 4
+"""Corrections of a bias by its exact residual."""
 BIAS_POLICIES = 100
 """The most policies whose bias is computed for a certificate."""
+
+GAIN_RATE = 1.05
+"""Of the greatest exit rate: the rate of jumps, some of which change nothing (no periods)."""
+GAIN_JUMPS = (8, 16, 32, 64, 128, *[256] * 64)
+"""Jumps between two looks at the bounds of a long-run average; then other methods follow."""
+
+MEAN_PAYOFF_SECANTS = 60
+"""Secants that approach a long-run average per unit of time; a few suffice."""
+
+TIMED_JUMPS = 16.0
+"""Mean number of jumps of an interval, at least; more make intervals fewer, but each longer."""
+
+TIMED_FIRST_JUMPS = 16.0
+"""Mean number of jumps in the first interval of time-bounded values of Markov automata."""
+
+TIMED_MOST_JUMPS = 4096.0
+"""At most so many in an interval, as its steps are lost if it has to be divided."""
+
+TIMED_LEAST_JUMPS = 1e-9
+"""Shorter intervals are not divided: rounding decides there."""
+
+TIMED_LEVELS = 200
+"""Rounding is counted level by level up to so many choices in no time."""
+
+TIMED_WORK = 4e10
+"""Products of an entry and a value after which bounds are not made closer (a minute or so)."""

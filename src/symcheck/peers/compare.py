@@ -25,6 +25,7 @@ from symcheck.errors import (
     UnsupportedError,
 )
 from symcheck.exchange.api_io import ImportedModel
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.peers.programs import Answer as PeerAnswer
 from symcheck.peers.programs import Peer, PeerError, Question, find_peer
 from symcheck.semantics.binding.bind import split_constants
@@ -374,7 +375,7 @@ def _close(ours: float, theirs: float, tolerance: float) -> bool:
 def _ends(value: Answer) -> tuple[float, float] | None:
     """The lowest and highest value over the initial states; None for what is no number."""
     match value:
-        case None | bool() | list():
+        case None | bool() | list() | RationalFunction():
             return None
         case tuple((low, high)):
             return to_float(low), to_float(high)

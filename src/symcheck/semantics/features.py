@@ -64,11 +64,31 @@ class Feature(Enum):
 
 _ALL = frozenset(Feature)
 _NONE: frozenset[Feature] = frozenset()
+_OBSERVED = frozenset(
+    {
+        *(Feature.ROWS, Feature.RATIONALS),
+        *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
+    }
+)
+
+_MARKOV_AUTOMATON = frozenset(
+    {
+        *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
+        *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL, Feature.CONDITIONAL),
+        *(Feature.REACH_REWARDS, Feature.TOTAL_REWARDS, Feature.CUMULATIVE_REWARDS),
+        *(Feature.INSTANTANEOUS_REWARDS, Feature.REWARD_BOUNDS, Feature.LONG_RUN),
+        *(Feature.MULTI_OBJECTIVE, Feature.SOME_OR_ALL_PATHS, Feature.SYMMETRY),
+        *(Feature.EXPLICIT_FILES, Feature.STRATEGIES, Feature.STEPPING),
+    }
+)
 
 _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
     ModelType.DTMC: _ALL - {Feature.ENDED_REWARDS},
     ModelType.CTMC: _ALL - {Feature.ENDED_REWARDS},
     ModelType.MDP: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.MA: _MARKOV_AUTOMATON,
+    ModelType.POMDP: _OBSERVED | {Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES},
+    ModelType.POPTA: _OBSERVED,
     ModelType.PTA: frozenset(
         {
             Feature.ROWS,
@@ -85,13 +105,6 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
             *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
             *(Feature.REACH_REWARDS, Feature.TOTAL_REWARDS, Feature.CUMULATIVE_REWARDS),
             *(Feature.INSTANTANEOUS_REWARDS, Feature.ENDED_REWARDS, Feature.STRATEGIES),
-        }
-    ),
-    ModelType.POMDP: frozenset(
-        {
-            *(Feature.ROWS, Feature.RATIONALS),
-            *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
-            *(Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES),
         }
     ),
 }
@@ -120,10 +133,23 @@ _OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {
             Feature.CUMULATIVE_REWARDS,
             Feature.INSTANTANEOUS_REWARDS,
             Feature.CONDITIONAL,
+            Feature.STRATEGIES,
         }
     ),
 }
 """Per kind of probabilities what can be computed with it; nothing where it has no row."""
+
+_EXCEPT: dict[tuple[ModelType, Weights], frozenset[Feature]] = {
+    (ModelType.CTMC, Weights.PARAMETERS): frozenset(  # exponential functions are not rational
+        {
+            Feature.BOUNDED_REACHABILITY,
+            Feature.CUMULATIVE_REWARDS,
+            Feature.INSTANTANEOUS_REWARDS,
+        }
+    ),
+    (ModelType.MDP, Weights.PARAMETERS): frozenset({Feature.LONG_RUN}),
+}
+"""What both the type and the weights offer, but not together."""
 
 _WITH_WEIGHTS = {
     Weights.NUMBERS: "",
@@ -158,6 +184,8 @@ def offers(model: BoundModel, feature: Feature) -> bool:
     if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
         return False  # the rows of the two tables were opened, and tested, apart
     of_type = _OF_TYPE.get(model.type, _NONE)
+    if feature in _EXCEPT.get((model.type, model.weights), _NONE):
+        return False
     return feature in of_type and feature in _OF_WEIGHTS.get(model.weights, _NONE)
 
 

@@ -112,7 +112,7 @@ def choices(model: BoundModel, state: State, *, check_sums: bool = True) -> tupl
         ModelFault: the model has a fault in this state.
     """
     evaluator = _StateEvaluator(model, state)
-    result = []
+    result: list[Choice] = []
     has_choices = model.type.has_choices
     total = nothing = [0.0] * len(model.rewards)
     for event in model.events:

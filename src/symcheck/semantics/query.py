@@ -218,6 +218,7 @@ class EndedReward(_Quantity, Generic[L]):
     for ever (`kept`), or gets nothing.
     """
 
+    called = "the reward F0, which need memory"
     feature = Feature.ENDED_REWARDS
 
     reward: Reward

@@ -177,7 +177,7 @@ class Simulator:
             )
         matrix, states = strategy.engine.matrix, list(strategy.states())
         numbers = {state: n for n, state in enumerate(states)}
-        names = (*strategy.engine.model.actions, "")
+        names = (*strategy.engine.model.actions, "", "")
         actions, starts = strategy.engine.explored.choice_actions, strategy.starts
         shares = strategy.shares.astype(np.float64)
 

@@ -11,7 +11,7 @@ import numpy as np
 from symcheck.engines.base import Engine
 from symcheck.engines.capabilities import HasExploredModel, HasImportedStates
 from symcheck.engines.transition_actions import transition_parts
-from symcheck.explicit.explored import ExploredModel
+from symcheck.explicit.explored import RACE, ExploredModel
 from symcheck.explicit.initial import initial_rows
 from symcheck.explicit.states import StateLayout
 from symcheck.matrices.contributions import TransitionParts
@@ -44,12 +44,14 @@ class Choice:
     Attributes:
         action: None for an unlabelled choice.
         module: the module that takes it; None if several do, or if the model has no commands.
+        takes_time: whether it races with the other choices of a state, in continuous time.
     """
 
     action: str | None
     module: str | None
     branches: tuple[Branch, ...]
     commands: tuple[BoundCommand, ...] = ()
+    takes_time: bool = False
     model: BoundModel | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -83,7 +85,9 @@ class CommandSuccessors:
             name = self.model.modules[modules.pop()].name if len(modules) == 1 else None
             rewards = tuple(map(float, choice.rewards))
             branches = tuple(Branch(p, s, rewards) for p, s in choice.branches)
-            result.append(Choice(choice.action, name, branches, choice.commands, self.model))
+            timed = choice.commands[0].is_markovian or not self.model.type.has_probabilities
+            made = Choice(choice.action, name, branches, choice.commands, timed, self.model)
+            result.append(made)
         return tuple(result)
 
     def rewards(self, state: State) -> tuple[float, ...]:
@@ -120,8 +124,8 @@ class CommandSuccessors:
         """
         kind = self.model.type
         share = self._share(enabled)
-        duration = 1.0
-        if kind.continuous_time:
+        duration = float(not kind.continuous_time)
+        if enabled[0].takes_time:
             rate = sum(float(b.probability) for c in enabled for b in c.branches)
             duration = float(generator.standard_exponential()) / rate
         weights = [float(b.probability) / share for _, b in moves]
@@ -141,7 +145,7 @@ class CommandSuccessors:
 
     def _share(self, enabled: Sequence[Choice]) -> int:
         """By what the probabilities of choices are divided: how many are equally likely."""
-        return 1 if self.model.type.continuous_time else len(enabled)
+        return 1 if enabled[0].takes_time else len(enabled)
 
 
 class TableSuccessors(CommandSuccessors):
@@ -174,8 +178,14 @@ class TableSuccessors(CommandSuccessors):
             return self._of_actions(number, self._parts)
         rows = [number] if matrix.groups is None else range(*matrix.groups[number : number + 2])
         actions = explored.choice_actions[list(rows)].tolist()
+        names, all_timed = self.model.actions, not self.model.type.has_probabilities
         return tuple(
-            Choice(None if a < 0 else self.model.actions[a], None, self._branches(row))
+            Choice(
+                None if a < 0 else names[a],
+                None,
+                self._branches(row),
+                takes_time=a == RACE or all_timed,
+            )
             for a, row in zip(actions, rows, strict=True)
         )
 
@@ -191,8 +201,10 @@ class TableSuccessors(CommandSuccessors):
             branch = whole[int(parts.entry[i]) - first]
             part = replace(branch, probability=values[i])
             result.setdefault(int(parts.action[i]), []).append(part)
-        names = (*self.model.actions, None)
-        return tuple(Choice(names[a], None, tuple(b)) for a, b in sorted(result.items()))
+        names, timed = (*self.model.actions, None), self.model.type.continuous_time
+        return tuple(
+            Choice(names[a], None, tuple(b), takes_time=timed) for a, b in sorted(result.items())
+        )
 
     def _branches(self, row: int) -> tuple[Branch, ...]:
         explored = self._explored

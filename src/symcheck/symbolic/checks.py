@@ -124,7 +124,8 @@ def _command_violations(
         outside = (command.guard - update.in_range) & positive(translator, update)
         if outside:
             yield outside & happens()
-    if options.check_sums and not space.symbolic.model.type.continuous_time:
+    has_rates = command.command.is_markovian or not space.symbolic.model.type.has_probabilities
+    if options.check_sums and not has_rates:
         yield _wrong_sum(space, command, where)
 
 

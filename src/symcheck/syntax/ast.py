@@ -27,10 +27,10 @@ __all__ = [
     "BinaryTemporal",
     "Bound",
     "Call",
+    "Coalition",
     "Conditional",
     "ConditionalProbability",
     "CostBoundedReward",
-    "Coalition",
     "CumulativeReward",
     "DiscountedReward",
     "EndedReward",
@@ -635,7 +635,7 @@ class DiscountedReward(RewardQueryNode):
 
 @dataclass(frozen=True, slots=True)
 class EndedReward(RewardQueryNode):
-    """`Fc target` (`kept`) and `F0 target`: a run that misses the target keeps its reward or not."""
+    """`Fc target` (`kept`) and `F0 target`: runs that miss the target keep their reward or not."""
 
     kept: bool
     target: Expression

@@ -30,7 +30,8 @@ _STARTS = _set(
 )
 _DECLARATIONS = _set("CONST LABEL FORMULA RATE PROB")
 _MODEL_PARTS = _set(
-    "MODULE REWARDS GLOBAL INIT SYSTEM DTMC CTMC MDP PROBABILISTIC STOCHASTIC NONDETERMINISTIC"
+    "MODULE REWARDS PLAYER GLOBAL INIT SYSTEM "
+    "DTMC CTMC MDP PROBABILISTIC STOCHASTIC NONDETERMINISTIC"
 )
 _BOUNDS = _set("LT LE GT GE EQ")
 
@@ -272,7 +273,9 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
         fault.token.type == RESERVED or "MODULE" in expected or "ENDMODULE" in expected
     ):
         if word in _CHOSEN_VALUES:
-            hint = "declare const double p; and give it values: -const p=0.1:0.1:0.9"
+            hint = (
+                "a parameter is a constant that is left open: const double p; and -param p=0.1:0.9"
+            )
         return Diagnostic(
             f"{_OTHER_WORDS[word]}, which are not supported", span, "model-type", hint
         )

@@ -619,7 +619,7 @@ class PropertiesBuilder(Builder):
         direction = (head[-1] or head[0]).value.lstrip(ascii_uppercase) or None
         operands = [operand]
         if kind is ast.RewardOperator:
-            operands.insert(0, head[1] and head[1].value if len(head) == 3 else None)
+            operands.insert(0, head[-2] and head[-2].value if len(head) > 2 else None)
         node = kind(direction, bound, *operands, span=self._words(values))
         return node if old is None else ast.StateFilter(old[1], node, old[0], span=node.span)
 
@@ -661,7 +661,7 @@ class PropertiesBuilder(Builder):
             hint = "names or numbers, as in <<1,2>>; * for all"
             self._wrong("this is no coalition of players", place, "coalition", hint)
         coalition = ast.Coalition(None if names == ("*",) else names, word.value[0] == "[", place)
-        return cast(Expression, _with_coalition(measure, coalition, span))
+        return _with_coalition(measure, coalition, span)
 
     time = partialmethod(_measure, ast.ExpectedTime)
     steady = partialmethod(_measure, ast.SteadyState)

@@ -9,6 +9,7 @@ Pictures are laid out by Graphviz (extra `view`), plots are drawn by matplotlib 
 from __future__ import annotations
 
 from symcheck.view.diagrams import dot, picture
+from symcheck.view.parameters import plot_function, plot_regions
 from symcheck.view.picture import Edge, Node, Picture
 from symcheck.view.plots import plot_blocks, plot_bounds, plot_orders, plot_search
 from symcheck.view.states import state_graph
@@ -23,7 +24,9 @@ __all__ = [
     "picture",
     "plot_blocks",
     "plot_bounds",
+    "plot_function",
     "plot_orders",
+    "plot_regions",
     "plot_search",
     "results",
     "state_graph",

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from symcheck.check.context import CheckLog, Context
+from symcheck.check.measures.reachability import reach_reward, until
+from symcheck.direction import Direction
 from symcheck.engines.base import erased
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
@@ -18,9 +20,10 @@ from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, starts_o
 from symcheck.numerics.beliefs.exploration import Rows
 from symcheck.numerics.beliefs.observed import GOAL
 from symcheck.semantics.model import BoundModel, BoundRewards
+from symcheck.semantics.rewards import Structure
 from symcheck.syntax.ast import Expression
 
-__all__ = ["belief_context", "engine_of", "rows_matrix"]
+__all__ = ["belief_context", "engine_of", "reached", "rows_matrix"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +32,6 @@ class _BeliefModel:
 
     model: BoundModel = field(repr=False)
     matrix: SparseMatrix
-    initial: Int64s
     state_rewards: Sequence[Numbers]
     choice_rewards: Sequence[Numbers]
 
@@ -37,6 +39,11 @@ class _BeliefModel:
     def choice_actions(self) -> Int32s:
         """No action is known."""
         return np.full(self.matrix.rows, -1, np.int32)
+
+    @property
+    def initial(self) -> Int64s:
+        """None: values are asked for where they are relevant."""
+        return np.zeros(0, np.int64)
 
     @property
     def deadlocks(self) -> Int64s:
@@ -54,18 +61,49 @@ class _BeliefModel:
 
 
 def engine_of(
+    base: ExplicitEngine, matrix: SparseMatrix, earned: Numbers | None = None
+) -> ExplicitEngine:
+    """An engine over the rows of a matrix, with the rewards of rows as its one reward structure."""
+    rational = matrix.is_rational
+    states = full(matrix.states, 0, rational=rational)
+    rows = full(matrix.rows, 0, rational=rational) if earned is None else earned
+    model = replace(base.model, rewards=(BoundRewards(None, ()),))
+    return ExplicitEngine(_BeliefModel(model, matrix, [states], [rows]), "beliefs")
+
+
+def reached(
+    context: Context,
     base: ExplicitEngine,
     matrix: SparseMatrix,
-    initial: Int64s,
-    row_rewards: Numbers | None = None,
-    state_rewards: Numbers | None = None,
-) -> ExplicitEngine:
-    """An engine over the rows of a matrix, with one reward structure (None: 0)."""
-    rational = matrix.is_rational
-    states = full(matrix.states, 0, rational=rational) if state_rewards is None else state_rewards
-    rows = full(matrix.rows, 0, rational=rational) if row_rewards is None else row_rewards
-    model = replace(base.model, rewards=(BoundRewards(None, ()),))
-    return ExplicitEngine(_BeliefModel(model, matrix, initial, [states], [rows]), "beliefs")
+    goal: Bools,
+    relevant: Bools,
+    direction: Direction | None,
+    earned: Numbers | None = None,
+    left: Bools | None = None,
+) -> tuple[Numbers, Numbers, bool]:
+    """Bounds on the probability of reaching a goal in a matrix, or on what is earned on the way.
+
+    Args:
+        context: the options.
+        base: the model.
+        matrix: the rows of n beliefs or pairs.
+        goal: bool[n].
+        relevant: where bounds are asked for, bool[n].
+        direction: None of a chain.
+        earned: the reward of each row; None: the probability is asked for.
+        left: the states that may be passed through, bool[n]; None: all.
+
+    Returns:
+        The bounds where they are relevant, and whether equal ones are rounded.
+    """
+    inner = belief_context(context, engine_of(base, matrix, earned), relevant)
+    target, members = ArraySet(goal), ArraySet(relevant)
+    if earned is None:
+        through = inner.engine.all if left is None else ArraySet(left)
+        values = until(inner, through, target, direction)
+    else:
+        values = reach_reward(inner, Structure(0), target, direction)
+    return *values.at(members), values.rounded(members)
 
 
 def belief_context(
@@ -84,8 +122,10 @@ def belief_context(
     )
 
 
-def rows_matrix(rows: Rows, cut: Numbers | None, *, reward: bool) -> tuple[SparseMatrix, Numbers]:
-    """The rows of all beliefs, and their rewards.
+def rows_matrix(
+    rows: Rows, cut: Numbers | None, *, reward: bool
+) -> tuple[SparseMatrix, Numbers | None]:
+    """The rows of all beliefs, and their rewards (None of probabilities).
 
     Args:
         rows: the rows of those that were expanded.
@@ -106,7 +146,7 @@ def rows_matrix(rows: Rows, cut: Numbers | None, *, reward: bool) -> tuple[Spars
         chance = np.where(moves, one, 0 * one)
         earned_at_ends = np.where(moves, value, 0 * one)
     else:
-        chance, earned_at_ends = value, full(len(ends), 0, rational=rational)
+        chance = value
     stay = one - chance
     extra = len(rows.row_of_belief) + np.arange(len(ends))
     to, keep = np.flatnonzero(chance > 0), np.flatnonzero(stay > 0)
@@ -129,5 +169,6 @@ def rows_matrix(rows: Rows, cut: Numbers | None, *, reward: bool) -> tuple[Spars
         starts_of(np.bincount(owner, minlength=n)),
     )
     matrix = split.merge(np.arange(n, dtype=np.int32), n)
-    earned = np.concatenate((rows.earned, earned_at_ends))[by_belief]
-    return matrix, earned
+    if not reward:
+        return matrix, None
+    return matrix, np.concatenate((rows.earned, earned_at_ends))[by_belief]

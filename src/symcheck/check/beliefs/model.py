@@ -11,7 +11,7 @@ from symcheck.check.exact_twin import exact_twin
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import Diagnostic, InputError, ModelFault, UnsupportedError
-from symcheck.matrices.numbers import Numbers, doubles, rationals
+from symcheck.matrices.numbers import Rationals, doubles, rationals
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, per_row
 from symcheck.numerics.beliefs.observed import Observed, aligned_rows
 from symcheck.semantics.features import class_name
@@ -36,7 +36,7 @@ class ObservedModel:
     arrays: Observed = field(repr=False)
     numbers: ExplicitEngine = field(repr=False)
 
-    def earned(self, reward: Reward) -> Numbers:
+    def earned(self, reward: Reward) -> Rationals:
         """What each row of `arrays` earns, in expectation.
 
         Raises UnsupportedError if that is negative or infinite.

@@ -15,17 +15,14 @@ from math import inf
 import numpy as np
 
 from symcheck.check import tuning
-from symcheck.check.beliefs.engine import belief_context, engine_of
+from symcheck.check.beliefs.engine import reached
 from symcheck.check.context import Context
-from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING
-from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.matrices.rows import Bools, Floats, Int64s, spans
 from symcheck.numerics.beliefs.exploration import Beliefs, Exploration
 from symcheck.numerics.beliefs.memory import Memory
-from symcheck.semantics.rewards import Structure
 
 __all__ = ["Policies", "Policy"]
 
@@ -103,17 +100,11 @@ class Policies:
         chain, n = self.memory.chain(shares), self.memory.pairs
         goal = np.zeros(n + 2, np.bool_)
         goal[n] = True
-        rewards = None
+        earned = None
         if self.earned is not None:
             share = shares[self.memory.row_of_memory] * self.earned[self.memory.row_of_model]
-            rewards = np.append(np.add.reduceat(share, self.memory.groups[:-1]), (0.0, 0.0))
-        engine = engine_of(self.base, chain, np.zeros(1, np.int64), None, rewards)
-        inner = belief_context(context, engine, ~goal)
-        if self.earned is None:
-            found = until(inner, inner.engine.all, ArraySet(goal), None)
-        else:
-            found = reach_reward(inner, Structure(0), ArraySet(goal), None)
-        lower, upper = found.at(inner.engine.all)
+            earned = np.append(np.add.reduceat(share, self.memory.groups[:-1]), (0.0, 0.0))
+        lower, upper, _ = reached(context, self.base, chain, goal, ~goal, None, earned)
         if self.direction is Direction.MAX:
             return Policy(shares, lower[:n] * (1 - ROUNDING))
         return Policy(shares, upper[:n] * (1 + ROUNDING))
@@ -159,10 +150,7 @@ class Policies:
         memory = self.memory_of(beliefs, numbers)
         begin, end = beliefs.starts[numbers], beliefs.starts[numbers + 1]
         entries = spans(begin, end)
-        model = self.memory.model
-        stored = self.memory.of_pair * model.states + model.rank[self.memory.beliefs.states]
-        sought = np.repeat(memory, end - begin) * model.states + model.rank[beliefs.states[entries]]
-        pair = np.searchsorted(stored, sought)
+        pair = self.memory.pair(np.repeat(memory, end - begin), beliefs.states[entries])
         share = beliefs.shares[entries]
         starts = np.cumsum(end - begin) - (end - begin)
         each = np.array([np.add.reduceat(share * p.values[pair], starts) for p in self.found])

@@ -21,7 +21,7 @@ from math import inf
 import numpy as np
 
 from symcheck.check import tuning
-from symcheck.check.beliefs.engine import belief_context, engine_of, rows_matrix
+from symcheck.check.beliefs.engine import belief_context, reached, rows_matrix
 from symcheck.check.beliefs.model import ObservedModel
 from symcheck.check.beliefs.policies import Policies, Policy
 from symcheck.check.context import Context
@@ -36,7 +36,7 @@ from symcheck.numerics import graph
 from symcheck.numerics.beliefs.exploration import Exploration
 from symcheck.numerics.beliefs.memory import Memory
 from symcheck.numerics.beliefs.observed import GOAL, SINK, Observed
-from symcheck.semantics.rewards import Reward, Structure
+from symcheck.semantics.rewards import Reward
 
 __all__ = ["Found", "Problem", "search"]
 
@@ -149,11 +149,8 @@ class _Search:
         if by_sets is not None:
             return by_sets
         given = self.context.options.grid_resolution
-        limits = tuning.BELIEFS
-        if self.context.options.beliefs is not None:
-            limits = tuple(n for n in limits if n < self.context.options.beliefs)
-            limits = (*limits, self.context.options.beliefs)
-        for i, limit in enumerate(limits):
+        most = self.context.options.beliefs or tuning.BELIEFS[-1]
+        for i, limit in enumerate([*(n for n in tuning.BELIEFS if n < most), most]):
             self.exact.run(limit)
             if not len(self.exact.pending):
                 return self._complete()
@@ -187,21 +184,14 @@ class _Search:
         """Bounds at the beginning, where beliefs that were not expanded have the values `cut`, and
         whether equal ones are rounded.
         """
-        part = found.rows()
-        reward = self.problem.reward is not None
-        matrix, earned = rows_matrix(part, cut, reward=reward)
-        engine = engine_of(self.base, matrix, self.points, earned)
+        matrix, earned = rows_matrix(found.rows(), cut, reward=self.earned is not None)
         goal, relevant = np.zeros((2, len(found)), np.bool_)
         goal[GOAL] = relevant[self.points] = True
-        members, direction = ArraySet(relevant), self.problem.direction
-        inner = belief_context(self.context, engine, relevant)
-        if reward:
-            values = reach_reward(inner, Structure(0), ArraySet(goal), direction)
-        else:
-            values = until(inner, inner.engine.all, ArraySet(goal), direction)
+        low, high, rounded = reached(
+            self.context, self.base, matrix, goal, relevant, self.problem.direction, earned
+        )
         at = np.searchsorted(np.flatnonzero(relevant), self.points)
-        low, high = values.at(members)
-        return low[at], high[at], values.rounded(members)
+        return low[at], high[at], rounded
 
     def _narrow(self, lower: Floats | None, upper: Floats | None) -> None:
         """Bounds never become worse, and rounding does not exclude the value."""
@@ -253,7 +243,7 @@ class _Search:
     def _outer(self, resolution: int, most: int) -> int:
         """What beliefs are worth at best. Returns the number of points of the grid."""
         wider = self.exact.clone()
-        wider.run(len(self.exact) + most, resolution)
+        wider.run(len(self.exact) + most, resolution, upper=self.maximum)
         cut = wider.beliefs.mean(self.seen)
         low, high, _ = self._values(wider, cut)
         self._narrow(*((None, high) if self.maximum else (low, None)))

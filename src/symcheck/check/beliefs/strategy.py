@@ -7,13 +7,14 @@ made. What is done depends on it and on the observation.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import cast
 
 import numpy as np
 
-from symcheck.check.beliefs.engine import belief_context, engine_of, rows_matrix
+from symcheck.check.beliefs.engine import belief_context, engine_of, reached, rows_matrix
 from symcheck.check.beliefs.search import Found, Plan, Problem
 from symcheck.check.context import Context
-from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.check.result import SolverRun
 from symcheck.check.strategies.builder import StrategyBuilder
 from symcheck.direction import Direction
@@ -21,8 +22,8 @@ from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.finite_memory import Decisions, finite_memory_strategy
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import NumericalError, UnsupportedError
-from symcheck.matrices.numbers import Numbers, full
-from symcheck.matrices.rows import Bools, Int64s, spans, starts_of
+from symcheck.matrices.numbers import Numbers, rationals
+from symcheck.matrices.rows import Int64s, spans, starts_of
 from symcheck.numerics.beliefs.exploration import Beliefs, Rows
 from symcheck.numerics.beliefs.observed import GOAL, SINK
 from symcheck.semantics.rewards import Structure
@@ -48,9 +49,7 @@ def belief_strategy(context: Context) -> Strategy:
     """
     for known, value in reversed(context.log.kept):
         if known == ("beliefs", id(context.engine)):
-            problem, found, states = value  # type: ignore[misc]
-            assert isinstance(problem, Problem)
-            assert isinstance(found, Found)
+            problem, found, states = cast(tuple[Problem, Found, Int64s], value)
             return _strategy(context, problem, found, states)
     raise UnsupportedError(
         "strategies of partially observed models are supported for F and U without bounds"
@@ -72,56 +71,34 @@ def _strategy(context: Context, problem: Problem, found: Found, states: Int64s) 
 def _parts(context: Context, problem: Problem, plan: Plan) -> list[_Part]:
     """The memory of a plan: beliefs, and then that of each policy which is used beyond them."""
     parts = []
-    used: list[int] = [0]
+    used = np.zeros(1, np.int64)
     if plan.beliefs is not None:
-        exact = plan.beliefs
-        beliefs, rows = exact.beliefs, exact.rows()
-        cut = None
-        target = rows.target
+        beliefs, rows, cut = plan.beliefs.beliefs, plan.beliefs.rows(), None
+        after = np.arange(len(beliefs))
         if plan.policies is not None:
-            ends = exact.pending
-            worth, pick = plan.policies.bounds(beliefs, ends)
+            ends = plan.beliefs.pending
             cut = np.zeros(len(beliefs))
-            cut[ends] = worth
-            memory = plan.policies.memory_of(beliefs, ends)
-            used = sorted(set(pick.tolist()))
-            moved = np.arange(len(beliefs))
-            offset = len(beliefs) + np.searchsorted(used, pick) * len(plan.policies.memory.beliefs)
-            moved[ends] = offset + memory
-            target = moved[target]
-        shares = _choices(context, problem, plan, rows, cut)
-        parts.append(
-            _Part(
-                beliefs,
-                replace(rows, target=target),
-                shares,
-            )
-        )  # fmt: skip
+            cut[ends], pick = plan.policies.bounds(beliefs, ends)
+            used, of = np.unique(pick, return_inverse=True)
+            first = len(beliefs) + of * len(plan.policies.memory.beliefs)
+            after[ends] = first + plan.policies.memory_of(beliefs, ends)
+        shares = _choices(context, problem, rows, cut)
+        parts.append(_Part(beliefs, replace(rows, target=after[rows.target]), shares))
     if plan.policies is not None:
         inner = plan.policies.memory
         for i in used:
             shift = sum(len(p.beliefs) for p in parts)
-            target = np.where(
-                inner.rows.target > SINK, inner.rows.target + shift, inner.rows.target
-            )
-            rows = inner.rows
-            parts.append(
-                _Part(
-                    inner.beliefs,
-                    replace(rows, target=target),
-                    plan.policies.found[i].shares,
-                )
-            )  # fmt: skip
+            target = inner.rows.target + np.where(inner.rows.target > SINK, shift, 0)
+            shares = plan.policies.found[i].shares
+            parts.append(_Part(inner.beliefs, replace(inner.rows, target=target), shares))
     return parts
 
 
-def _choices(
-    context: Context, problem: Problem, plan: Plan, rows: Rows, cut: Numbers | None
-) -> Numbers:
+def _choices(context: Context, problem: Problem, rows: Rows, cut: Numbers | None) -> Numbers:
     """1 for the best row of each belief."""
     reward = problem.reward is not None
     matrix, earned = rows_matrix(rows, cut, reward=reward)
-    engine = engine_of(problem.model.engine, matrix, plan.points, earned)
+    engine = engine_of(problem.model.engine, matrix, earned)
     inner = belief_context(context, engine, np.ones(matrix.states, np.bool_), strategy=True)
     builder = StrategyBuilder(inner, problem.direction)
     goal = np.zeros(matrix.states, np.bool_)
@@ -142,7 +119,6 @@ def _decisions(context: Context, problem: Problem, plan: Plan) -> Decisions:
     """What is decided in each state with each memory: 0, or 1 + the row that was taken last."""
     parts = _parts(context, problem, plan)
     arrays = problem.model.arrays
-    shift_memory = starts_of([len(p.beliefs) for p in parts])
     shift_row = starts_of([len(p.rows.row_of_belief) for p in parts])
     first_row = np.concatenate(
         [
@@ -159,7 +135,6 @@ def _decisions(context: Context, problem: Problem, plan: Plan) -> Decisions:
     shares = np.concatenate([p.shares for p in parts])
     entry_rows = np.concatenate([p.rows.row + r for p, r in zip(parts, shift_row, strict=False)])
     targets = np.concatenate([p.rows.target for p in parts])
-    del shift_memory
     first_entry = np.searchsorted(entry_rows, np.arange(len(shares) + 1))
 
     def decided(before: Int64s, memory: Int64s) -> tuple[Int64s, ...]:
@@ -190,48 +165,36 @@ def _decisions(context: Context, problem: Problem, plan: Plan) -> Decisions:
     state, memory, row, share, following = (np.concatenate(c) for c in zip(*found, strict=True))
     used = np.unique(np.concatenate((np.zeros(1, np.int64), memory, following)))
     if context.engine.is_rational:
-        exact = full(len(share), 1, rational=True)
-        exact[:] = [_fraction(x) for x in share.tolist()]
-        share = exact
+        share = rationals(Fraction(x).limit_denominator(1000) for x in share.tolist())
     return Decisions(
         state, np.searchsorted(used, memory), row, share, np.searchsorted(used, following)
     )
 
 
-def _fraction(share: float) -> object:
-    from fractions import Fraction
-
-    return Fraction(share).limit_denominator(1000)
-
-
 def _verify(context: Context, problem: Problem, found: Found, strategy: Strategy) -> None:
     """Compute the value of the chain that a strategy induces; it is as good as was claimed."""
-    base, chain = problem.model.engine, strategy.induced
     product, origin = strategy.engine, strategy.origin
-    everywhere: Bools = product.initial.members
-    states = None
+    earned = None
     if problem.reward is not None:
         at_states, at_rows = product.rewards(problem.reward)
-        taken = at_rows[strategy.taken] * strategy.shares
-        states = at_states + np.add.reduceat(taken, strategy.starts[:-1])
-    engine = engine_of(base, chain, np.flatnonzero(everywhere), None, states)
-    inner = belief_context(context, engine, everywhere)
-    goal, left = ArraySet(problem.right[origin]), ArraySet(problem.left[origin])
-    if problem.reward is None:
-        values = until(inner, left, goal, None)
-    else:
-        values = reach_reward(inner, Structure(0), goal, None)
-    low, high = values.at(product.initial)
-    claimed = found.lower[0] if problem.direction is Direction.MAX else found.upper[0]
-    text = f"strategy with {int(strategy.memory.max()) + 1:,} memory values, checked as a chain"
-    context.log.runs.append(SolverRun("linear", "chain", int(chain.states), 1, text))
-    slack = 1e-9 * max(1.0, abs(float(claimed)))
-    worse = (
-        high[0] < claimed - slack
-        if problem.direction is Direction.MAX
-        else low[0] > claimed + slack
+        each = at_rows[strategy.taken] * strategy.shares
+        earned = at_states + np.add.reduceat(each, strategy.starts[:-1])
+    low, high, _ = reached(
+        context,
+        problem.model.engine,
+        strategy.induced,
+        problem.right[origin],
+        product.initial.members,
+        None,
+        earned,
+        problem.left[origin],
     )
-    if worse:
+    text = f"the strategy is a chain of {product.states:,} states"
+    context.log.runs.append(SolverRun("linear", "chain", product.states, 1, text))
+    maximum = problem.direction is Direction.MAX
+    value, claimed = (high[0], found.lower[0]) if maximum else (low[0], found.upper[0])
+    missing = claimed - value if maximum else value - claimed
+    if missing > 1e-9 * max(1, abs(claimed)):
         raise NumericalError(
-            f"the strategy attains {float(low[0]):.9g}, and {float(claimed):.9g} was claimed"
+            f"the strategy attains {float(value):.9g}, and {float(claimed):.9g} was claimed"
         )

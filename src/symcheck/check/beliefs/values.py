@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf
+from math import inf, nan
 
 import numpy as np
 
@@ -16,11 +16,10 @@ from symcheck.check.queries.path_probabilities import probability
 from symcheck.check.result import SolverRun
 from symcheck.check.thresholds import decide
 from symcheck.engines.base import ROUNDING, StateSet, Values
-from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
-from symcheck.engines.explicit.rational_values import RationalValues
+from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.errors import NumericalError, UnsupportedError
-from symcheck.matrices.numbers import Numbers, full
-from symcheck.matrices.rows import Bools, Floats, Int64s
+from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.rows import Bools, Floats
 from symcheck.numerics.beliefs.exploration import Exploration
 from symcheck.numerics.beliefs.observed import GOAL
 from symcheck.numerics.linear.problem import largest_width
@@ -46,9 +45,9 @@ def problem_of(context: Context, query: Query[StateSet]) -> tuple[Problem, bool]
     match quantity:
         case PathProbability(UntilPath(left, right, window, negative)) if window.is_unbounded:
             model = observed_model(context)
-            parts = (require_observable(model, s, engine) for s in (left | right, right))
+            through, to = (require_observable(model, s, engine) for s in (left | right, right))
             towards = direction.dual if negative else direction
-            return Problem(model, *parts, None, towards), negative
+            return Problem(model, through, to, None, towards), negative
         case ReachReward(reward, target):
             model = observed_model(context)
             members = require_observable(model, target, engine)
@@ -112,7 +111,7 @@ def decided_by_beliefs(context: Context, query: Query[StateSet], relevant: State
         from symcheck.check.exact_twin import exact_twin
 
         exact = exact_twin(context)
-        twin = replace(query.over(lambda s: exact.engine.from_bools(context.engine.to_bools(s))))
+        twin = query.over(lambda s: exact.engine.from_bools(context.engine.to_bools(s)))
         members = exact.engine.from_bools(context.engine.to_bools(relevant))
         values, _ = _values(exact.relevant_at(members), twin, lambda *_: False)
         sure = values.compare(threshold.operator.value, threshold.value)[0]
@@ -144,7 +143,7 @@ def _values(context: Context, query: Query[StateSet], enough: Enough) -> tuple[V
     relevant = engine.all if context.relevant_states is None else context.relevant_states
     states = np.flatnonzero(engine.to_bools(relevant))
     if asked is None:
-        return _within_steps(context, query, states), 0.0
+        return _within_steps(context, query, relevant), 0.0
     problem, complement = asked
     parts = [search(context, problem, states[i : i + 1], enough) for i in range(len(states))]
     for found in parts:
@@ -152,46 +151,40 @@ def _values(context: Context, query: Query[StateSet], enough: Enough) -> tuple[V
     context.log.kept.append((("beliefs", id(engine)), (problem, parts[-1], states)))
     lower = np.concatenate([p.lower for p in parts])
     upper = np.concatenate([p.upper for p in parts])
-    slack = 0.0
-    if complement:
-        lower, upper, slack = 1 - upper, 1 - lower, ROUNDING
     rounded = any(p.rounded for p in parts)
-    values = _spread(
-        engine.states, engine.is_rational, states, lower, upper, rounded, problem, slack
-    )
+    if complement:
+        lower, upper = 1 - upper, 1 - lower
+        if rounded:  # a difference has fewer digits
+            lower, upper = np.maximum(lower - ROUNDING, 0), np.minimum(upper + ROUNDING, 1)
+    most = 1 if problem.reward is None else inf
+    values = _spread(context, relevant, lower, upper, rounded, most)
     if engine.is_rational:
         return values, 0.0
     return values, largest_width(lower, upper, context.options.relative)
 
 
 def _spread(
-    n: int,
-    rational: bool,
-    states: Int64s,
+    context: Context,
+    states: StateSet,
     lower: Numbers,
     upper: Numbers,
     rounded: bool,
-    problem: Problem | None = None,
-    slack: float = 0.0,
+    most: float = 1,
 ) -> Values:
-    """Values of all states; at the others they are unknown."""
-    if rational:
-        values = full(n, 0, rational=True)
-        values[states] = lower
-        return RationalValues(values)
-    low, high = np.zeros(n), np.full(n, 1.0 if problem is None or problem.reward is None else inf)
-    if rounded:
-        lower = np.maximum(lower - (ROUNDING * np.abs(lower) + slack), 0.0)
-        upper = upper + (ROUNDING * np.abs(upper) + slack)
-    low[states], high[states] = lower, upper
-    computed = np.full(n, rounded)
-    return ArrayValues(low, low if np.array_equal(low, high) else high, computed)
+    """Values of some states; those of the others are unknown, from 0 to `most`."""
+    engine = context.engine
+    same = bool((lower == upper).all())
+    values = engine.system(states).lift(
+        lower, None if same else upper, up_to_rounding=rounded and same
+    )
+    others = engine.constant(nan) if engine.is_rational else engine.constant(0, most)
+    return values.choose(states, others)
 
 
 # ------------------------------------------------------------------------------------ bounded paths
 
 
-def _within_steps(context: Context, query: Query[StateSet], states: Int64s) -> Values:
+def _within_steps(context: Context, query: Query[StateSet], asked: StateSet) -> Values:
     """Values that so many steps decide, by all beliefs that are met within them."""
     quantity, direction = query.quantity, query.direction
     assert isinstance(quantity, PathProbability)
@@ -201,7 +194,7 @@ def _within_steps(context: Context, query: Query[StateSet], states: Int64s) -> V
     settled = model.arrays
     if isinstance(path, NextPath):
         levels = 1
-        sets = (require_observable(model, path.target, context.engine),)
+        sets = [require_observable(model, path.target, context.engine)]
     else:
         steps = path.window.steps().upper
         if steps is None:
@@ -212,24 +205,23 @@ def _within_steps(context: Context, query: Query[StateSet], states: Int64s) -> V
         levels = steps
         at_once = path.window.contains_zero
         left = path.left | path.right if at_once else path.left
-        sets = tuple(require_observable(model, s, context.engine) for s in (left, path.right))
+        sets = [require_observable(model, s, context.engine) for s in (left, path.right)]
         if at_once:
             settled = settled.settled(sets[1], ~sets[0])
     found = Exploration(settled, rational=context.engine.is_rational)
-    points = found.points(states)
+    points = found.points(np.flatnonzero(context.engine.to_bools(asked)))
     for _ in range(levels):
+        found.run(2 * tuning.BOUNDED_BELIEFS, levels=1)
         if len(found) > tuning.BOUNDED_BELIEFS:
             raise UnsupportedError(
                 f"more than {tuning.BOUNDED_BELIEFS:,} beliefs are possible within {levels} steps"
             )
-        before = found.row_count
-        found.run(2 * tuning.BOUNDED_BELIEFS, levels=1)
-        if found.row_count == before:
+        if not len(found.pending):
             break
     matrix, _ = rows_matrix(found.rows(), None, reward=False)
     relevant = np.zeros(len(found), np.bool_)
     relevant[points] = True
-    inner = belief_context(context, engine_of(model.engine, matrix, points), relevant)
+    inner = belief_context(context, engine_of(model.engine, matrix), relevant)
     over = [_of_beliefs(found, s) for s in sets]
     node_path = (
         replace(path, target=ArraySet(over[0]))
@@ -242,9 +234,7 @@ def _within_steps(context: Context, query: Query[StateSet], states: Int64s) -> V
     )
     low, high = values.at(ArraySet(relevant))
     at = np.searchsorted(np.flatnonzero(relevant), points)
-    rounded = values.rounded(ArraySet(relevant))
-    engine = context.engine
-    return _spread(engine.states, engine.is_rational, states, low[at], high[at], rounded)
+    return _spread(context, asked, low[at], high[at], values.rounded(ArraySet(relevant)))
 
 
 def _of_beliefs(found: Exploration, members: Bools) -> Bools:

@@ -25,6 +25,7 @@ from symcheck.numerics.game_graph import Arena
 from symcheck.numerics.graph import Incidence
 from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.linear.problem import LinearProblem, largest_width
+from symcheck.numerics.tuning import GAME_ROUNDING
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["kept_reward", "lost_reward"]
@@ -47,7 +48,7 @@ def kept_reward(
     pays, every = np.asarray(earned > 0, np.bool_), np.ones(system.n, np.bool_)
     leaves = np.asarray(system.one_step_probability(target) > 0, np.bool_)
     some, _ = arena.attract(pays, every)
-    endless = arena.repeatedly(pays, leaves)
+    endless, _ = arena.repeatedly(pays, leaves)
     infinite, unknown = _inside(context, system.states, endless), some & ~endless
     finite = engine.system(_inside(context, system.states, unknown), direction)
     equations = finite.equations(
@@ -99,7 +100,8 @@ def lost_reward(
         ):
             break
         levels *= 2
-        if levels * system.n > tuning.MOST_PAIRS:
+        most = tuning.MOST_EXACT_PAIRS if engine.is_rational else tuning.MOST_PAIRS
+        if levels * system.n > max(most, 2 * tuning.FIRST_LEVELS * system.n):
             if engine.is_rational:
                 raise UnsupportedError(
                     "the exact reward F0 of this game is not found",
@@ -153,17 +155,22 @@ class _Pairs:
             rest: an upper bound on the reward to come, per state.
         """
         problem = self._problem(direction, levels, chance, rest)
+        # Methods take bounds on constants that differ by rounding, and these may be far apart.
+        low, high = (
+            solve_linear(replace(problem, constant=c, upper=None), context.options)
+            for c in (problem.constant, problem.high)
+        )
         n = self.system.n
         if problem.is_rational:
-            sides = [
-                solve_linear(replace(problem, constant=c, upper=None), context.options).lower[:n]
-                for c in (problem.constant, problem.high)
-            ]
-            return sides[0], sides[1]
-        found = solve_linear(problem, context.options, context.observer)
-        if found.up_to_rounding:
-            return found.middle[:n], found.middle[:n]
-        return found.lower[:n], found.upper[:n]
+            return low.lower[:n], high.lower[:n]
+        if low.up_to_rounding and high.up_to_rounding:
+            close = largest_width(low.middle[:n], high.middle[:n], True) <= GAME_ROUNDING
+            return low.middle[:n], (low if close else high).middle[:n]
+        error = ROUNDING
+        return (
+            low.lower[:n] * (1 - error * low.up_to_rounding),
+            high.upper[:n] * (1 + error * high.up_to_rounding),
+        )
 
     def _problem(
         self, direction: Direction | None, levels: int, chance: Numbers, rest: Numbers

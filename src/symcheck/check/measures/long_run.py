@@ -114,10 +114,9 @@ def _component_average(
     """
     from symcheck.numerics.long_run.stationary import long_run_average
 
-    if is_rational(reward):
-        error = 0
-    if reward.min() == reward.max():
-        return reward[0] - error * abs(reward[0]), reward[0] + error * abs(reward[0]), True
+    if (reward == reward[0]).all():
+        margin = 0 if is_rational(reward) else error * abs(reward[0])
+        return reward[0] - margin, reward[0] + margin, True
     average = long_run_average(
         system.weights, reward, context.options, context.observer, system.entry_error
     )
@@ -131,7 +130,9 @@ def _component_average(
         )
     )
     low, high = average.lower, average.upper
-    relative, signed = context.options.relative, reward.min() < 0
+    if is_rational(reward):
+        return low, high, True
+    relative, signed = context.options.relative, bool(reward.min() < 0)
     size = max(abs(low), abs(high))
     if signed and error:
         size = long_run_average(

@@ -28,18 +28,26 @@ __all__ = ["Averages", "solved_averages", "steady_probability", "steady_reward"]
 
 
 def steady_probability(context: Context, states: StateSet, direction: Direction | None) -> Values:
-    """Least or greatest long-run fraction of the steps that are spent in `states`, certified."""
+    """Least or greatest long-run fraction of the steps or of the time that is spent in `states`,
+    certified.
+    """
     system = context.engine.system(context.engine.all)
-    return _average(
-        context, system, per_row(system.groups, system.restrict(states)), direction, share=True
-    )
+    spent, times = per_row(system.groups, system.restrict(states)), _times(system)
+    rewards = spent if times is None else spent * times
+    return _average(context, system, rewards, direction, share=True)
 
 
 def steady_reward(context: Context, reward: Reward, direction: Direction | None) -> Values:
-    """Least or greatest long-run average of the reward per step, certified."""
+    """Least or greatest long-run average of the reward per step or unit of time, certified."""
     system = context.engine.system(context.engine.all)
     rewards, error = system.step_rewards(reward), system.reward_error(reward)
     return _average(context, system, rewards, direction, share=False, error=error)
+
+
+def _times(system: System) -> Numbers | None:
+    """The mean time that each row takes; None in discrete time."""
+    rates = system.exit_rates
+    return None if rates is None else np.where(rates > 0, 1 / np.where(rates > 0, rates, 1), 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +90,10 @@ def solved_averages(
 def _solved_averages(
     context: Context, system: System, rewards: Numbers, direction: Direction
 ) -> Averages:
+    from symcheck.check.measures.markov_automata import refuse_zeno
     from symcheck.numerics.linear.methods import solve_linear
     from symcheck.numerics.long_run.mean_payoff import component_gains, mec_quotient
+    from symcheck.numerics.long_run.timed_gains import timed_gains
 
     if is_infinite(rewards).any():
         raise UnsupportedError("long-run averages of infinite rewards are not supported")
@@ -94,7 +104,14 @@ def _solved_averages(
         if rewards.min(initial=0.0) < 0
         else options
     )
-    gains = component_gains(system.matrix, rewards, direction, finer, observer, system.error)
+    rates = system.exit_rates
+    if rates is None:
+        gains = component_gains(system.matrix, rewards, direction, finer, observer, system.error)
+    else:
+        refuse_zeno(context, system, "long-run averages")
+        gains = timed_gains(
+            system.matrix, rewards, rates, direction, finer, observer, system.error
+        )
     # Averages that may be negative are shifted up: every strategy stays in some end component with
     # probability 1, so the values are shifted by the same amount. Rational equations may have
     # negative constants.

@@ -134,8 +134,8 @@ def row_rewards(context: Context, system: System, count: RewardWindow) -> Number
     states, rows = system.rewards(count.reward)
     if system.exit_rates is not None and states.any():
         raise UnsupportedError(
-            "a bound on state rewards of a ctmc, which are earned per unit of time, is not "
-            "supported; a bound on transition rewards is"
+            "a bound on state rewards in continuous time, which are earned per unit of time, is "
+            "not supported; a bound on transition rewards is"
         )
     check_uniform_rewards(context, count.reward, paying=bool(rows.any()))
     return system.step_rewards(count.reward)

@@ -221,7 +221,7 @@ def _repeat(
     error: of numbers that are not negative, relative, beside that of probabilities.
     grows, unbounded: as in `RestOfSteps`.
     """
-    if context.engine.is_rational:
+    if context.engine.is_rational and not context.engine.model.parameters:
         added = add if isinstance(add, np.ndarray) else system.full(0)[:0]
         whole = steps_in_integers(system, sides[0], added, steps - taken, direction)
         if whole is not None:

@@ -146,6 +146,12 @@ def flow_of(context: Context, objectives: Sequence[Objective]) -> ProductFlow:
 def _terms(products: _Products, objective: Objective) -> tuple[Product | None, _Terms]:
     """What an objective is about, and the product that it needs."""
     quantity, engine = objective.quantity, products.engine
+    is_timed = isinstance(quantity, CumulativeReward | LongRunProbability | LongRunReward)
+    if engine.model.type.continuous_time and is_timed:
+        raise UnsupportedError(
+            f"{quantity.feature.value} are not available in multi(...) for "
+            f"{engine.model.type.called}"
+        )
     match quantity:
         case PathProbability(path):
             ltl = as_ltl(path)

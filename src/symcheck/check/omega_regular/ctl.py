@@ -75,7 +75,7 @@ def exists(context: Context, path: PathFormula[StateSet]) -> StateSet:
 def _steps(context: Context, window: Window) -> StepRange:
     if not window.is_unbounded and context.engine.model.type.continuous_time:
         raise UnsupportedError(
-            "A and E with a bound on time are not supported in a ctmc; P>0 and P>=1 are"
+            "A and E with a bound on time are not supported in continuous time; P>0 and P>=1 are"
         )
     return window.steps()
 

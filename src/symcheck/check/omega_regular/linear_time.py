@@ -78,7 +78,7 @@ def _steps(extent: Extent, *, timed: bool) -> StepRange:
     if timed and not extent.is_unbounded:
         raise UnsupportedError(
             "bounds on time in a path formula with nested or combined temporal operators are not "
-            "supported in a ctmc; "
+            "supported in continuous time; "
             "P=? [ F<=t a ] and alike, over state formulas, are"
         )
     steps = extent.steps()

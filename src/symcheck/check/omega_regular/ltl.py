@@ -34,6 +34,7 @@ __all__ = [
     "is_co_safe",
     "labelled_automaton",
     "linear_product",
+    "numbered_automaton",
     "path_probability_ltl",
 ]
 
@@ -98,6 +99,24 @@ def labelled_automaton(
     if path.negative:
         formula = factory.negation(formula)
     return alphabet.sets, alphabet.automaton(context, factory, formula)
+
+
+def numbered_automaton(
+    context: Context, path: LtlPathFormula[StateSet]
+) -> tuple[Sequence[int], Sequence[StateSet], Automaton]:
+    """The automaton of a formula whose letters are numbered, over the atoms as they stand.
+
+    Returns:
+        The valuation of the atoms with each number (bit i is atom i), the sets of states whose
+        numbers are the letters (as for `labelled_automaton`), and the automaton.
+    """
+    factory, timed = LtlFactory(), context.engine.model.type.continuous_time
+    alphabet = _numbered(context, _blocks(path.atoms, context.engine.all))
+    atoms = [factory.literal(i) for i in range(len(path.atoms))]
+    formula = read(factory, path.form, atoms, timed=timed)
+    if path.negative:
+        formula = factory.negation(formula)
+    return alphabet.letters, alphabet.sets, alphabet.automaton(context, factory, formula)
 
 
 def linear_product(
@@ -230,6 +249,15 @@ def _read(
     atoms = [_atom(factory, sets, states, everything) for states in path.atoms]
     timed = context.engine.model.type.continuous_time
     formula = read(factory, path.form, atoms, timed=timed)
+    blocks = _blocks(sets, everything)
+    letters = tuple(v for v, _ in blocks)
+    if len(sets) <= tuning.ATOMS_AS_LETTERS:
+        return _Alphabet(letters, letters, tuple(sets)), formula
+    return _numbered(context, blocks), formula
+
+
+def _blocks(sets: Sequence[StateSet], everything: StateSet) -> list[tuple[int, StateSet]]:
+    """The valuations that occur of the sets, each with its states."""
     blocks = [(0, everything)]
     for i, states in enumerate(sets):
         split = [
@@ -243,15 +271,17 @@ def _read(
                 f"this LTL formula distinguishes more than {tuning.LETTERS:,} kinds of states"
             )
         blocks = split
-    letters = tuple(v for v, _ in blocks)
-    if len(sets) <= tuning.ATOMS_AS_LETTERS:
-        return _Alphabet(letters, letters, tuple(sets)), formula
+    return blocks
+
+
+def _numbered(context: Context, blocks: Sequence[tuple[int, StateSet]]) -> _Alphabet:
+    """The alphabet in which the valuations that occur are numbered."""
     bits = max(1, (len(blocks) - 1).bit_length())
     coded = tuple(
         _union(context.engine.none, [s for i, (_, s) in enumerate(blocks) if i >> j & 1])
         for j in range(bits)
     )
-    return _Alphabet(letters, tuple(range(len(blocks))), coded), formula
+    return _Alphabet(tuple(v for v, _ in blocks), tuple(range(len(blocks))), coded)
 
 
 def _atom(

@@ -18,7 +18,7 @@ from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, erased
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.matrices.numbers import Numbers, full
-from symcheck.matrices.rows import first_best
+from symcheck.matrices.rows import Bools, first_best, per_row
 from symcheck.semantics.time_bounds import RewardWindow
 
 __all__ = ["first_steps", "within_rewards"]
@@ -54,6 +54,8 @@ def first_steps(
     direction: Direction,
     factor: Fraction = Fraction(1),
     last: Numbers | None = None,
+    ended: Bools | None = None,
+    of: Direction | None = None,
 ) -> Strategy:
     """A strategy for the reward of the first steps, whose memory is the number of steps so far.
 
@@ -64,6 +66,8 @@ def first_steps(
         direction: minimise or maximise.
         factor: the discount per step.
         last: the reward of each state after these steps; None: none.
+        ended: the states that keep that reward for ever, bool[states]; None: there are none.
+        of: the direction of the strategy, if it is not this one.
     """
     explicit = rows_engine(context)
     matrix = explicit.matrix
@@ -71,7 +75,10 @@ def first_steps(
     ones = np.ones(matrix.rows, np.int64)
     product = counter_product(explicit, [ScaledBound(ones, steps, None)])
     system = context.engine.system(context.engine.all)
-    sign = 1 if direction is Direction.MAX else -1
+    sign = np.full(system.n, 1 if direction is Direction.MAX else -1)
+    if system.opponents is not None:
+        sign[system.opponents] *= -1
+    sign = per_row(system.groups, sign)
     x = system.full(0) if last is None else last
     rows = np.tile(matrix.groups[:-1], (steps + 1, 1))
     discount: Numbers = full(1, factor, rational=context.engine.is_rational)
@@ -79,10 +86,11 @@ def first_steps(
         y = np.asarray(system.operator.multiply(x)) * discount
         y = y if rewards is None else y + rewards
         rows[steps - left] = first_best(sign * y, matrix.groups)
-        x = y[rows[steps - left]]
+        best = y[rows[steps - left]]
+        x = best if ended is None else np.where(ended, x, best)
     groups = product.engine.matrix.groups
     assert groups is not None
     chosen = groups[:-1] + (rows - matrix.groups[:-1]).T.ravel()
     return Strategy(
-        product.engine, chosen, direction, product.code < steps, product.code, product.entry
+        product.engine, chosen, of or direction, product.code < steps, product.code, product.entry
     )

@@ -20,6 +20,7 @@ from fractions import Fraction
 import numpy as np
 
 from symcheck.check.context import CheckLog, Context
+from symcheck.check.measures.ended_reward import kept_reward
 from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.check.measures.total_reward import (
     greatest_total,
@@ -33,8 +34,9 @@ from symcheck.engines.base import StateSet, Values
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
-from symcheck.matrices.rows import Bools, Int32s, Int64s, first_best, spans, starts_of
+from symcheck.matrices.rows import Bools, Int32s, Int64s, first_best, per_row, spans, starts_of
 from symcheck.numerics import graph
+from symcheck.numerics.game_graph import Arena
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["StrategyBuilder"]
@@ -50,6 +52,13 @@ class StrategyBuilder:
         self.edges = graph.Incidence(explicit.matrix)
         self.rows: Int64s = np.full(engine.states, -1, dtype=np.int64)
 
+    @property
+    def _maximises(self) -> Bools:
+        """The states in which the greatest value is chosen."""
+        theirs = self.explicit.opponents
+        none = np.zeros(self.engine.states, np.bool_)
+        return (none if theirs is None else theirs) ^ (self.direction is Direction.MAX)
+
     def strategy(
         self, direction: Direction, memory: Int32s | None = None, entry: Int64s | None = None
     ) -> Strategy:
@@ -63,8 +72,8 @@ class StrategyBuilder:
     def next(self, target: StateSet) -> None:
         """Choose rows with maximal (minimal) probability of entering the target."""
         values = self.engine.system(self.engine.all).one_step_probability(target)
-        values = values if self.direction is Direction.MAX else -values
-        self.rows = first_best(values, self.edges.groups)
+        sign = np.where(self._maximises, 1, -1)
+        self.rows = first_best(values * per_row(self.edges.groups, sign), self.edges.groups)
 
     def until(self, left: StateSet, right: StateSet) -> None:
         """Choose rows with maximal (minimal) probability of left U right."""
@@ -73,7 +82,13 @@ class StrategyBuilder:
             questions.prob1(left, right, self.direction),
             questions.prob0(left, right, self.direction),
         )
-        if self.direction is Direction.MAX:
+        if self.engine.has_opponents:
+            to, arena = self.engine.to_bools, Arena(self.edges, ~self._maximises)
+            away = arena.into(to(~(left | right)))
+            _, rows = arena.almost_surely(arena.into(to(right)), away, to(left - right))
+            self._take(to(yes - right), rows)
+            self._stay(to(no), to(no & (left - right)))
+        elif self.direction is Direction.MAX:
             to = self.engine.to_bools
             _, rows = graph.prob1e_strategy(self.edges, to(left), to(right))
             self._take(to(yes - right), rows)
@@ -110,9 +125,31 @@ class StrategyBuilder:
             raise UnsupportedError(
                 "strategies are not supported if a reward of a single step is infinite"
             )
-        if self.direction is Direction.MAX:
+        if self.engine.has_opponents:
+            to, arena = self.engine.to_bools, Arena(self.edges, self._maximises)
+            none = np.zeros_like(arena.into(to(target)))
+            _, rows = arena.almost_surely(arena.into(to(target)), none, to(~target))
+            self._take(to(~certain) & self._maximises, rows)
+        elif self.direction is Direction.MAX:
             self._avoid(target)
         self._attain(unknown, lambda c: reach_reward(c, reward, target, self.direction))
+
+    def kept(self, reward: Reward, target: StateSet) -> None:
+        """Choose rows of both sides for the reward until the target, or for ever."""
+        to, system = self.engine.to_bools, self.engine.system(self.engine.all)
+        inside = per_row(self.edges.groups, to(~target))
+        pays = np.asarray((system.step_rewards(reward) > 0) & inside, np.bool_)
+        arena = Arena(self.edges, ~self._maximises, ~inside)
+        some, _ = arena.attract(pays, to(~target))
+        endless, rows = arena.repeatedly(pays, arena.into(to(target)))
+        self._take(endless, rows)
+        nothing = ~some & ~to(target)
+        leaves = arena.into(some) | pays
+        self._keep(np.flatnonzero(~leaves & per_row(self.edges.groups, nothing)))
+        self._attain(
+            self.engine.from_bools(some & ~endless),
+            lambda c: kept_reward(c, reward, target, self.direction),
+        )
 
     def total(self, reward: Reward) -> None:
         """Choose rows with maximal (minimal) expected reward over infinite runs."""

@@ -35,6 +35,7 @@ from symcheck.semantics.query import (
     CoSafeReward,
     CumulativeReward,
     DiscountedReward,
+    EndedReward,
     InstantaneousReward,
     LongRunProbability,
     LongRunReward,
@@ -47,6 +48,14 @@ from symcheck.semantics.time_bounds import Window
 from symcheck.syntax.ast import AnyMeasure, Expression, letters_of
 
 __all__ = ["strategy_attaining", "strategy_of", "temporal_strategy"]
+
+_WITHOUT_TIME = (
+    Feature.REACHABILITY,
+    Feature.LTL,
+    Feature.REACH_REWARDS,
+    Feature.TOTAL_REWARDS,
+)
+"""What strategies attain without looking at the time."""
 
 
 def strategy_of(context: Context, formula: Expression) -> Strategy:
@@ -86,8 +95,14 @@ def strategy_attaining(context: Context, query: Query[StateSet]) -> Strategy:
     Raises:
         UnsupportedError: the query is of another kind.
     """
-    quantity, direction = query.quantity, query.direction
+    quantity = query.quantity
+    context, direction = context.playing(query)
     assert direction is not None
+    model = context.engine.model
+    if model.type.continuous_time and quantity.feature not in _WITHOUT_TIME:
+        raise UnsupportedError(
+            f"strategies for {quantity.feature.value} are not available for {model.type.called}"
+        )
     builder = StrategyBuilder(context, direction)
     system = context.engine.system(context.engine.all)
     match quantity:
@@ -113,6 +128,10 @@ def strategy_attaining(context: Context, query: Query[StateSet]) -> Strategy:
             assert steps is not None
             last = system.state_rewards(reward)
             return first_steps(context, None, steps, direction, last=last)
+        case TotalReward(reward) if context.engine.has_opponents:
+            builder.kept(reward, context.engine.none)
+        case EndedReward(reward, target, True):
+            builder.kept(reward, target)
         case TotalReward(reward):
             builder.total(reward)
         case LongRunReward(reward):
@@ -142,6 +161,10 @@ def _of_path(context: Context, path: PathFormula[StateSet], direction: Direction
             raise UnsupportedError(
                 "strategies are not supported for X with a bound on a reward and for state formulas"
             )
+        case UntilPath(left, right, window) if context.engine.has_opponents:
+            return _within_steps(context, left, right, window, towards, direction)
+        case NextPath() | LtlPathFormula() if context.engine.has_opponents:
+            return _in_game(context, as_ltl(path), direction)
         case UntilPath() | NextPath():
             return temporal_strategy(context, as_ltl(path), direction)[0]
         case LtlPathFormula():
@@ -149,6 +172,43 @@ def _of_path(context: Context, path: PathFormula[StateSet], direction: Direction
         case _:
             assert_never(positive)
     return builder.strategy(direction)
+
+
+def _within_steps(
+    context: Context,
+    left: StateSet,
+    right: StateSet,
+    window: Window,
+    towards: Direction,
+    direction: Direction,
+) -> Strategy:
+    """A strategy of a game for a bounded until, which counts steps."""
+    steps = window.steps()
+    if steps.lower or steps.upper is None:
+        raise UnsupportedError("strategies of games are supported for bounds from above only")
+    goal = context.engine.system(context.engine.all).restrict(right)
+    ended = context.engine.to_bools(right | ~left)
+    return first_steps(context, None, steps.upper, towards, last=goal, ended=ended, of=direction)
+
+
+def _in_game(context: Context, path: LtlPathFormula[StateSet], direction: Direction) -> Strategy:
+    """A strategy of a game for a co-safe or a safe formula, on the product with its automaton."""
+    from symcheck.check.omega_regular.ltl import co_safe_product, is_co_safe
+    from symcheck.engines.explicit.product import ExplicitProduct
+
+    towards = direction
+    if not is_co_safe(context, path):
+        path, towards = replace(path, negative=not path.negative), direction.dual
+    if not is_co_safe(context, path):
+        raise UnsupportedError(
+            "strategies of games are supported for formulas that finite prefixes of runs decide"
+        )
+    product, accepting = co_safe_product(context, path)
+    assert isinstance(product, ExplicitProduct)
+    inner = replace(context, engine=product.engine, relevant_states=None)
+    builder = StrategyBuilder(inner, towards)
+    builder.until(product.engine.all, accepting)
+    return builder.strategy(direction, product.pairs.automaton, product.entry)
 
 
 def temporal_strategy(

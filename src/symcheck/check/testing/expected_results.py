@@ -18,6 +18,7 @@ from typing import assert_never
 from symcheck.check.result import Number, Result, Statistical, show_value
 from symcheck.errors import InternalError, ResourceError, SymcheckError, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
+from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import Value
 
@@ -169,6 +170,11 @@ def _compare(expected: str, result: Result, constants: Mapping[str, Value], exac
                 _compare_number(low if value < low else high, value, tolerance)
         case int() | float() | Fraction():
             _compare_number(_number(text, constants), value, tolerance)
+        case RationalFunction():
+            from symcheck.engines.parametric.functions import function_of_text
+
+            if function_of_text(text, value.field, constants) != value:
+                raise _Unequal(f"{text} was expected, and the result is {value}")
         case _:
             assert_never(value)
 

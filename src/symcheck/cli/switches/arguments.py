@@ -64,6 +64,7 @@ class Arguments(argparse.Namespace):
     pf: list[str]
     prop: str | None
     const: list[str]
+    param: list[str]
     model_type: ModelType | None
     simpath: list[str] | None
     step: bool

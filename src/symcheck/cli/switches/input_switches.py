@@ -65,6 +65,13 @@ def add_input(parser: SwitchParser) -> None:
         action="append",
         default=[],
     )
+    parser.add(
+        "param",
+        "X=LOW:HIGH,…",
+        "parameters: constants that are left open, with open ranges (default: 0:1)",
+        action="append",
+        default=[],
+    )
     for kind in (k for k in ModelType if not k.has_own_syntax):
         parser.add(
             kind.value,

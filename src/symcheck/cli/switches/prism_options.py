@@ -34,7 +34,7 @@ _GROUPS: tuple[tuple[str, int, str], ...] = (
         1,
         _METHODS,
     ),
-    ("multimaxpoints paretoepsilon gridresolution", 1, _METHODS),
+    ("multimaxpoints paretoepsilon", 1, _METHODS),
     ("javamaxmem javastack javaparams", 1, _MEMORY),
     ("nopre noprob0 noprob1 noprerel zerorewardcheck nossdetect ssdetect", 0, _ANALYSIS),
     ("sccmethod", 1, _ANALYSIS),
@@ -48,12 +48,9 @@ _WITHOUT_EFFECT: Mapping[str, tuple[int, str]] = {
     name: (count, why) for names, count, why in _GROUPS for name in names.split()
 }
 
-_PARAMETRIC = (
-    "parametric model checking is not supported; "
-    "-const NAME=LOW:STEP:HIGH gives the values at points"
-)
+_PARAMETRIC = "functions of parameters are exact; -regions gives the share that is decided"
 _PARAMETRIC_SWITCHES = (
-    "param paramprecision paramsplit parambisim paramfunction paramelimorder paramrandompoints "
+    "paramprecision paramsplit parambisim paramfunction paramelimorder paramrandompoints "
     "paramsubsumeregions paramdagmaxerror"
 )
 
@@ -68,8 +65,10 @@ _REFUSED: Mapping[str, str] = {
     "exportprodvector": "values in a product with an automaton are not exported; -exportprodtrans "
     "and -exportprodstates write the product, -exportvector the values in the model",
     "exporttarget": "targets are not exported; -exportlabels exports labels",
-    "exportobs": "partially observable models are not supported",
-    "importobs": "partially observable models are not supported",
+    **dict.fromkeys(
+        ("exportobs", "importobs"),
+        "files of observations are not supported; -exportmodel and -importmodel FILE.drn have them",
+    ),
 }
 
 

@@ -17,10 +17,9 @@ Numeric = ArrayValues | RationalValues
 
 
 class ExplicitOwner(EngineOf[ArraySet, Numeric], HasMatrix, Protocol):
-    """An engine over the rows of all states.
-
-    opponents: the states in which opponents choose, bool[states]; None: it is no game.
-    """
+    """An engine over the rows of all states."""
 
     @property
-    def opponents(self) -> Bools | None: ...
+    def opponents(self) -> Bools | None:
+        """The states in which opponents choose, bool[states]; None: it is no game."""
+        ...

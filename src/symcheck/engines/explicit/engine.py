@@ -38,7 +38,7 @@ from symcheck.engines.linear_system import (
     require_normal_rewards,
 )
 from symcheck.engines.reward_sums import RewardSums
-from symcheck.explicit.explored import ExploredModel
+from symcheck.explicit.explored import RACE, ExploredModel
 from symcheck.explicit.model import ExplicitModel
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, Rationals, full, is_infinite, numbers
@@ -366,6 +366,14 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
     def continuous_time(self) -> bool:
         """Whether entries of the matrix are rates."""
         return self.engine.model.type.continuous_time
+
+    @cached_property
+    def takes_time(self) -> Bools | None:
+        """The rows whose weights are rates, in a Markov automaton."""
+        if not self.engine.model.type.immediate_choices:
+            return None
+        timed: Bools = self.engine.row_actions() == RACE
+        return timed if self._whole else timed[self.engine.weights.rows_of(self.states.members)]
 
     @property
     def has_end_components(self) -> bool:

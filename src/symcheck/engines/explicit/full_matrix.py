@@ -14,13 +14,14 @@ from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.base import ExplicitOwner, Numeric
 from symcheck.engines.linear_system import (
     ExpectedReward,
+    LinearSystem,
     Query,
     require_normal_rewards,
     solved_values,
 )
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers
-from symcheck.matrices.rows import Bools, per_row
+from symcheck.matrices.rows import Bools
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.problem import Observer
 from symcheck.numerics.settings import Settings
@@ -72,7 +73,9 @@ class FullMatrix:
         if isinstance(query, ExpectedReward):
             states, rows = self.engine.rewards(query.reward)
             require_normal_rewards(states, rows)
-            constant, outside = per_row(matrix.groups, states) + rows, []
+            whole = self.engine.system(self.engine.all)
+            assert isinstance(whole, LinearSystem)
+            constant, outside = whole.of_stay(states) + rows, []
             if system.continuous_time and may_underflow(
                 constant, 1.0 / (matrix.longest * self.engine.entry_range[1])
             ):

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import operator as op
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import field
 from fractions import Fraction
 from functools import partial, reduce
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.engines.parametric.functions import FIELD
 from symcheck.errors import UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Rationals, rationals
@@ -161,7 +161,8 @@ def _exactly(operation: Operator | Function, *values: Rational) -> Rational:
     is the operand or NaN: not every state is relevant.
     """
     if any(isinstance(v, RationalFunction) for v in values):
-        return apply_to_functions(operation, *values)
+        found: Rational = apply_to_functions(operation, *values)
+        return found
     operands: Sequence[Value] = values
     if operation.signature is Signature.ROUNDING and not isfinite(values[0]):
         return values[0]
@@ -176,22 +177,12 @@ def _rational(value: Value) -> Rational:
     return Fraction(value) if isinstance(value, int) else value
 
 
-_ON_FUNCTIONS: dict[Operation, Callable[..., Any]] = {
-    Operator.PLUS: op.add,
-    Operator.MINUS: op.sub,
-    Operator.TIMES: op.mul,
-    Operator.DIVIDE: op.truediv,
-    Function.MIN: min,
-    Function.MAX: max,
-}
-
-
 def apply_to_functions(operation: Operator | Function, *values: Any) -> Any:
     """The value of an operator or function of rational functions. Raises UnsupportedError."""
-    if operation in (Function.MIN, Function.MAX) and len(values) == 1:
-        return values[0]
-    if operation in _ON_FUNCTIONS:
-        return _ON_FUNCTIONS[operation](*values)
+    if operation in (Function.MIN, Function.MAX):
+        return (min if operation is Function.MIN else max)(values)
     if operation in (Operator.POWER, Function.POW) and values[1] == int(values[1]):
         return values[0] ** int(values[1])
-    raise UnsupportedError(f"{operation!s} of a function of parameters is no rational function")
+    if operation in FIELD:
+        return FIELD[operation](*values)
+    raise UnsupportedError(f"{operation!s} of functions of parameters is no rational function")

@@ -149,7 +149,7 @@ class Strategy(Tabular):
     @cached_property
     def actions(self) -> list[str]:
         """The action of the choice in each state, '' for none; `0.5:go+0.5:stay` if randomised."""
-        names = (*self.engine.model.actions, "")
+        names = (*self.engine.model.actions, "", "")
         actions = self.engine.explored.choice_actions[self.taken].tolist()
         return self._texts([names[a] for a in actions])
 

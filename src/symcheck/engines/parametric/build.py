@@ -8,38 +8,31 @@ products of functions are made once per pair.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import operator as op
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from random import Random
-from typing import TypeVar
 
 import numpy as np
 
+from symcheck.engines.parametric.functions import function_of
+from symcheck.engines.rational.explore import StateList
 from symcheck.engines.rational.whole_numbers import CompiledModel
-from symcheck.errors import Diagnostic, ModelFault, NumericalError
+from symcheck.errors import ModelFault, NumericalError
 from symcheck.explicit.build import explore
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateTable
+from symcheck.matrices.function_table import FunctionTable
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rational_functions import FunctionField, RationalFunction
 from symcheck.matrices.rows import Int64s, SparseMatrix, starts_of
 from symcheck.options import Options
 from symcheck.semantics import state_faults
-from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, Event, Value
-from symcheck.syntax.ast import (
-    Binary,
-    Call,
-    Conditional,
-    Expression,
-    Literal,
-    Name,
-    Type,
-    Unary,
-)
+from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Type
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import names, substitute
 
@@ -64,8 +57,8 @@ class ParametricModel(CompiledModel):
         """The value of an expression in each state."""
         if self.model.parameters.keys().isdisjoint(names(expression)):
             return super().evaluate(expression)
-        columns = _columns(self.model, self.states)
         table = _Functions(self.field, self.model)
+        columns = _columns(self.model, self.states)
         return table.of(table.values(expression, columns, len(self.states)))
 
 
@@ -121,107 +114,36 @@ def _support(model: BoundModel, point: dict[str, Fraction]) -> BoundModel:
     return replace(model, events=events, rewards=(), is_rational=False, parameters={})
 
 
-class _Functions:
-    """Distinct functions by number, with a cache of operations."""
+class _Functions(FunctionTable):
+    """The functions of a model: 0 and 1, and those of its expressions."""
 
     def __init__(self, field: FunctionField, model: BoundModel) -> None:
-        self.field, self.model = field, model
-        self.table: list[RationalFunction] = []
-        self._numbers: dict[RationalFunction, int] = {}
-        self._sums: dict[tuple[int, ...], int] = {}
-        self.parameters = {n: field.parameter(n) for n in model.parameters}
-        for value in (0, 1):
-            self.number(field.constant(value))
-
-    def number(self, function: RationalFunction) -> int:
-        known = self._numbers.setdefault(function, len(self.table))
-        if known == len(self.table):
-            self.table.append(function)
-        return known
-
-    def of(self, numbers: Int64s) -> Numbers:
-        """The functions with these numbers, as objects."""
-        table = np.empty(len(self.table), object)
-        table[:] = self.table
-        return table[numbers]
-
-    def sum(self, numbers: Sequence[int]) -> int:
-        key = tuple(sorted(numbers))
-        if len(key) == 1:
-            return key[0]
-        if key not in self._sums:
-            zero = self.table[_ZERO]
-            self._sums[key] = self.number(sum((self.table[i] for i in key), zero))
-        return self._sums[key]
-
-    def pairs(
-        self,
-        operation: Callable[[RationalFunction, RationalFunction], RationalFunction],
-        a: Int64s,
-        b: Int64s,
-    ) -> Int64s:
-        """An operation on two functions each, by their numbers."""
-        size = len(self.table)
-        distinct, inverse = np.unique(a * size + b, return_inverse=True)
-        results = (
-            self.number(operation(self.table[i // size], self.table[i % size]))
-            for i in distinct.tolist()
-        )
-        return np.fromiter(results, np.int64, len(distinct))[inverse]
+        super().__init__([field.constant(0), field.constant(1)])
+        self.field = field
+        self.kinds = {v.name: v.type for v in model.variables}
 
     def product(self, a: Int64s, b: Int64s) -> Int64s:
-        return np.where(a == _ONE, b, self.pairs(lambda f, g: f * g, a, b))
+        return np.where(a == _ONE, b, self.pairs(op.mul, a, b))
 
     def values(self, expression: Expression, columns: dict[str, Column], n: int) -> Int64s:
         """The numbers of an expression's functions in n states."""
-        read = [name for name in columns if name in names(expression)]
-        if not read:
-            return np.full(n, self.number(self.function(expression, {})), np.int64)
-        table = np.stack([np.asarray(columns[name], np.int64) for name in read], axis=1)
+        used = names(expression)
+        read = [name for name in columns if name in used]
+        table = np.zeros((n, len(read)), np.int64)
+        for i, name in enumerate(read):
+            table[:, i] = columns[name]
         distinct, inverse = np.unique(table, axis=0, return_inverse=True)
-        kinds = {v.name: v.type for v in self.model.variables}
         found = []
         for row in distinct.tolist():
-            pairs = zip(read, row, strict=True)
             values: dict[str, Value] = {
-                k: bool(v) if kinds[k] is Type.BOOL else v for k, v in pairs
+                name: bool(v) if self.kinds[name] is Type.BOOL else v
+                for name, v in zip(read, row, strict=True)
             }
-            found.append(self.number(self.function(expression, values)))
+            found.append(self.number(function_of(expression, self.field, values)))
         return np.array(found, np.int64)[inverse.reshape(-1)]
 
-    def function(self, expression: Expression, values: dict[str, Value]) -> RationalFunction:
-        """The function of an expression in a state."""
-        if self.parameters.keys().isdisjoint(names(expression)):
-            value = evaluate(expression, values, exact=True)
-            if isinstance(value, float):
-                raise ModelFault(Diagnostic(f"this number is {value}", expression.span, "number"))
-            return self.field.constant(value)
-        match expression:
-            case Name(name):
-                return self.parameters[name]
-            case Unary(_, operand):
-                return -self.function(operand, values)
-            case Conditional(condition, then, otherwise):
-                holds = evaluate(condition, values, exact=True)
-                return self.function(then if holds else otherwise, values)
-            case Binary(operator, left, right) if operator is not Operator.POWER:
-                f, g = self.function(left, values), self.function(right, values)
-                match operator:
-                    case Operator.PLUS:
-                        return f + g
-                    case Operator.MINUS:
-                        return f - g
-                    case Operator.TIMES:
-                        return f * g
-                    case _:
-                        return f / g
-            case Binary(_, base, exponent) | Call(_, (base, exponent)):
-                power = evaluate(exponent, values, exact=True)
-                return self.function(base, values) ** int(power)
-        raise TypeError(f"no rational function: {type(expression).__name__}")
 
-
-def _columns(model: BoundModel, states: StateTable) -> dict[str, Column]:
+def _columns(model: BoundModel, states: StateList | StateTable) -> dict[str, Column]:
     return {
         v.name: states.column(i).astype(bool) if v.type is Type.BOOL else states.column(i)
         for i, v in enumerate(model.variables)
@@ -231,9 +153,6 @@ def _columns(model: BoundModel, states: StateTable) -> dict[str, Column]:
 def _keys(rows: Rows) -> np.ndarray:
     """Packed states as bytes that are in the same order."""
     return np.ascontiguousarray(rows.astype(">u8")).view(f"S{8 * rows.shape[1]}").reshape(-1)
-
-
-T = TypeVar("T")
 
 
 @dataclass
@@ -246,7 +165,9 @@ class _Branches:
     target: Rows
 
     def taken(self, chosen: Int64s) -> _Branches:
-        return _Branches(*(a[chosen] for a in (self.state, self.choice, self.weight, self.target)))
+        return _Branches(
+            self.state[chosen], self.choice[chosen], self.weight[chosen], self.target[chosen]
+        )
 
 
 class _Rows:
@@ -313,141 +234,85 @@ class _Rows:
 
     def model(self) -> ParametricModel:
         """The explored model. Raises KeyError if a target is not among the states."""
-        found, functions = self.found, self.functions
-        states, kinds, choices, weights, targets = [], [], [], [], []
-        for number, event in enumerate(self.bound.events):
+        functions, n, events = self.functions, self.n, self.bound.events
+        parts = []
+        for number, event in enumerate(events):
             part = self.branches(event)
             keys = _keys(part.target)
-            target = np.minimum(np.searchsorted(self.keys, keys), self.n - 1)
+            target = np.minimum(np.searchsorted(self.keys, keys), n - 1)
             if not (self.keys[target] == keys).all():
                 raise KeyError("a state that was not found")
-            states.append(part.state)
-            kinds.append(np.full(len(target), number))
-            choices.append(part.choice)
-            weights.append(part.weight)
-            targets.append(target)
-        state, kind, choice, weight, target = map(
-            np.concatenate, (states, kinds, choices, weights, targets)
-        )
-        order = np.lexsort((target, choice, kind, state))
-        state, kind, choice, weight, target = (
-            a[order] for a in (state, kind, choice, weight, target)
-        )
+            parts.append(
+                (part.state, np.full(len(target), number), part.choice, part.weight, target)
+            )
+        alive = np.zeros(n, bool)
+        for states, *_ in parts:
+            alive[states] = True
+        dead = np.flatnonzero(~alive)  # with loops
+        one = np.ones_like(dead)
+        parts.append((dead, one * len(events), one, one * _ONE, dead))
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        order = np.lexsort(columns[2::-1])
+        state, kind, choice, weight, target = (column[order] for column in columns)
         # Choices: their sums, and the rewards of their actions.
         starts = _changes(state, kind, choice)
         owner, of_kind = state[starts], kind[starts]
-        sums = self._sums(weight, starts)
+        sums = functions.sums(weight, starts)
         if self.check_sums:
             self._check(owner, of_kind, sums)
-        earned = [self._earned(items, owner, of_kind, sums) for items in self._by_transitions()]
-        has_choices = self.bound.type.has_choices
+        earned = [
+            self._earned([i for i in r.items if not i.on_states], owner, of_kind, sums)
+            for r in self.bound.rewards
+        ]
         choice_of = np.repeat(np.arange(len(starts)), np.diff([*starts, len(state)]))
+        counts = np.bincount(owner, minlength=n)
         if self.bound.type.chooses_uniformly:
-            count = np.bincount(owner, minlength=self.n)[owner]
-            share = np.array(
-                [
-                    functions.number(self.field.constant(Fraction(1, c or 1)))
-                    for c in range(count.max(initial=0) + 1)
-                ]
-            )[count]
+            shares = (self.field.constant(Fraction(1, max(c, 1))) for c in range(counts.max() + 1))
+            share = np.array([*map(functions.number, shares)], np.int64)[counts[owner]]
             weight = functions.product(share[choice_of], weight)
             earned = [functions.product(share, e) for e in earned]
-        row = choice_of if has_choices else state
+        if self.bound.type.has_choices:
+            row, groups = choice_of, starts_of(counts)
+            number_of = {name: i for i, name in enumerate(self.bound.actions)}
+            numbers = [number_of.get(e.action or "", -1) for e in events]
+            actions = np.array([*numbers, -1], np.int32)[of_kind]
+        else:
+            row, groups, actions = state, None, np.full(n, -1, np.int32)
+            earned = [functions.sums(e, _changes(owner)) for e in earned]
+        # Rows: branches that lead to the same state are added.
         order = np.lexsort((target, row))
         row, target, weight = row[order], target[order], weight[order]
         first = _changes(row, target)
-        merged = self._sums(weight, first)
-        row, target = row[first], target[first]
-        return self._assembled(row, target, merged, owner, of_kind, earned)
-
-    def _assembled(
-        self,
-        row: Int64s,
-        target: Int64s,
-        weight: Int64s,
-        owner: Int64s,
-        kind: Int64s,
-        earned: Sequence[Int64s],
-    ) -> ParametricModel:
-        """The model from merged branches, with loops at deadlocks."""
-        found, functions, n = self.found, self.functions, self.n
-        has_choices = self.bound.type.has_choices
-        number = {name: i for i, name in enumerate(self.bound.actions)}
-        of_kind = np.array([number.get(e.action or "", -1) for e in self.bound.events], np.int64)
-        rows_of = np.bincount(owner, minlength=n) if has_choices else np.ones(n, np.int64)
-        dead = np.bincount(owner, minlength=n) == 0
-        groups = starts_of(np.where(dead, 1, rows_of))
-        if has_choices:  # rows in the order of states; that of a deadlock is new
-            place = groups[owner] + np.arange(len(owner)) - starts_of(rows_of)[owner]
-        else:
-            place = owner
-        if has_choices:
-            row = place[row]
-        loops = np.flatnonzero(dead)
-        row = np.concatenate([row, groups[loops]])
-        target = np.concatenate([target, loops])
-        weight = np.concatenate([weight, np.full(len(loops), _ONE)])
-        order = np.argsort(row, kind="stable")
-        count = int(groups[-1])
-        indptr = starts_of(np.bincount(row, minlength=count))
-        numbers = weight[order]
-        actions = np.full(count, -1, np.int32)
-        if has_choices:
-            actions[place] = of_kind[kind]
-        per_row = []
-        for values in earned:
-            sums = [_ZERO] * count
-            for at in range(len(values)):
-                if values[at]:
-                    sums[place[at]] = functions.sum([sums[place[at]], int(values[at])])
-            per_row.append(functions.of(np.array(sums, np.int64)))
-        on_states = [
-            [item for item in structure.items if item.on_states] for structure in self.bound.rewards
+        merged = functions.sums(weight, first)
+        indptr = starts_of(np.bincount(row[first]))
+        columns_of = target[first].astype(np.int32)
+        state_rewards = [
+            functions.of(self._items([i for i in r.items if i.on_states], np.arange(n)))
+            for r in self.bound.rewards
         ]
-        all_states = np.arange(n)
-        state_rewards = [functions.of(self._items(items, all_states)) for items in on_states]
-        matrix = SparseMatrix(
-            indptr,
-            target[order].astype(np.int32),
-            functions.of(numbers),
-            n,
-            groups if has_choices else None,
-        )
         return ParametricModel(
             self.bound,
-            found.states,
-            matrix,
+            self.found.states,
+            SparseMatrix(indptr, columns_of, functions.of(merged), n, groups),
             actions,
-            found.initial,
-            loops,
+            self.found.initial,
+            dead,
             state_rewards,
-            per_row,
+            [functions.of(e) for e in earned],
             self.field,
-            tuple(functions.table[i] for i in np.unique(numbers).tolist()),
+            tuple(functions.functions[i] for i in np.unique(merged).tolist()),
         )
-
-    def _sums(self, weight: Int64s, starts: Int64s) -> Int64s:
-        """The sum of each run of weights."""
-        ends = [*starts[1:].tolist(), len(weight)]
-        out = weight[starts]
-        for i in np.flatnonzero(np.diff([*starts, len(weight)]) > 1).tolist():
-            out[i] = self.functions.sum(weight[starts[i] : ends[i]].tolist())
-        return out
 
     def _check(self, owner: Int64s, kind: Int64s, sums: Int64s) -> None:
         """Raises ModelFault unless the probabilities of each choice sum to 1."""
         wrong = np.flatnonzero(sums != _ONE)
         for i in wrong[:1].tolist():
-            total = self.functions.table[sums[i]]
+            total = self.functions.functions[sums[i]]
             state = state_faults.describe_state(
                 self.bound.variables, self.found.states.row(int(owner[i]))
             )
             commands = self.bound.events[kind[i]].participants[0]
             raise ModelFault(state_faults.function_sum(commands[0], str(total), state))
-
-    def _by_transitions(self) -> Iterator[list[BoundReward]]:
-        for structure in self.bound.rewards:
-            yield [item for item in structure.items if not item.on_states]
 
     def _earned(
         self, items: Sequence[BoundReward], owner: Int64s, kind: Int64s, sums: Int64s
@@ -469,7 +334,7 @@ class _Rows:
             there = np.flatnonzero(self.guard(item.guard)[states])
             columns = {name: c[states[there]] for name, c in self.columns.items()}
             values = self.functions.values(item.value, columns, len(there))
-            total[there] = self.functions.pairs(lambda f, g: f + g, total[there], values)
+            total[there] = self.functions.pairs(op.add, total[there], values)
         return total
 
 

@@ -21,8 +21,8 @@ from symcheck.errors import (
     UnsupportedError,
 )
 from symcheck.explicit import tuning
-from symcheck.explicit.initial import initial_states
 from symcheck.explicit.explored import RACE
+from symcheck.explicit.initial import initial_states
 from symcheck.explicit.unbounded import growth
 from symcheck.lazy_dataclass import dataclass
 from symcheck.machine import available_memory, used_data

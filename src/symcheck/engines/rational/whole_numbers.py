@@ -21,6 +21,7 @@ from symcheck.explicit.build import explore
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import StateTable
 from symcheck.matrices.numbers import Numbers, Rationals, full, rationals
+from symcheck.matrices.rows import Int64s
 from symcheck.options import Options
 from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.interpreter import value
@@ -155,15 +156,33 @@ def _times(command: BoundCommand, factor: int) -> BoundCommand:
 
 def _rewards(model: BoundModel, found: ExplicitModel, items: Sequence[BoundReward]) -> Rationals:
     """The sum of the items whose guards hold, in each state."""
-    total = full(len(found.states), 0, rational=True)
+    unit = _unit(items)
+    whole, total = np.zeros(len(found.states), np.int64), None
     for item in items:
         there = np.flatnonzero(evaluate_states(model, found.states, item.guard))
-        if isinstance(item.value, Literal):
-            total[there] += Fraction(item.value.value)
-        else:
-            states = found.states.valuations(there)
-            total[there] += rationals(_number(value(model, s, item.value)) for s in states)
-    return total
+        if unit is not None and isinstance(item.value, Literal):
+            whole[there] += int(Fraction(item.value.value) * unit)
+            continue
+        total = full(len(found.states), 0, rational=True) if total is None else total
+        states = found.states.valuations(there)
+        total[there] += rationals(_number(value(model, s, item.value)) for s in states)
+    of_literals = _divided(whole, unit or 1)
+    return of_literals if total is None else total + of_literals
+
+
+def _unit(items: Sequence[BoundReward]) -> int | None:
+    """A common denominator of the constants; None if the sums in it may be large."""
+    constants = [Fraction(i.value.value) for i in items if isinstance(i.value, Literal)]
+    unit = lcm(*(c.denominator for c in constants))
+    return unit if sum(abs(c) for c in constants) * unit < _WHOLE else None
+
+
+def _divided(whole: Int64s, unit: int) -> Rationals:
+    """Whole numbers divided by one, as rationals."""
+    quotient = {v: Fraction(v, unit) for v in np.unique(whole).tolist()}
+    out = np.empty(len(whole), object)
+    out[:] = [quotient[v] for v in whole.tolist()]
+    return out
 
 
 def _number(found: bool | int | float | Fraction) -> Fraction:
@@ -176,16 +195,16 @@ def _choice_rewards(
     model: BoundModel, found: ExplicitModel, items: Sequence[BoundReward]
 ) -> Rationals:
     """The transition reward of each row of an MDP; 0 in a chain, which has none here."""
-    rows = full(found.matrix.rows, 0, rational=True)
+    rows: Rationals | None = None
     owner = found.matrix.state_of_row
     loops = np.zeros(len(found.states), np.bool_)
     loops[found.deadlocks] = True
     actions = (None, *model.actions)
-    for item in items:
-        if item.on_states:
-            continue
-        mine = found.choice_actions == actions.index(item.action) - 1
+    items = [item for item in items if not item.on_states]
+    for action in dict.fromkeys(item.action for item in items):
+        mine = found.choice_actions == actions.index(action) - 1
         mine &= ~loops[owner]
-        earned = _rewards(model, found, [item])
-        rows[mine] += earned[owner[mine]]
-    return rows
+        earned = _rewards(model, found, [item for item in items if item.action == action])
+        rows = full(found.matrix.rows, 0, rational=True) if rows is None else rows
+        rows[mine] = earned[owner[mine]]
+    return full(found.matrix.rows, 0, rational=True) if rows is None else rows

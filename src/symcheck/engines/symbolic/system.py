@@ -27,10 +27,11 @@ from symcheck.engines.symbolic.sets import (
     constants_on,
     merged,
 )
+from symcheck.explicit.explored import RACE
 from symcheck.kernels.diagrams.quad_dag import QuadDag
 from symcheck.matrices.blocks import BlockMatrix, RowLayout, blocks, flatten, quad_dag
 from symcheck.matrices.operators import SweepOperator
-from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
+from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["SymbolicSystem"]
@@ -99,6 +100,8 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
             return None
         numbers = {name: i for i, name in enumerate(self.engine.model.actions)}
         out = np.full(self.layout.rows, -1, np.int32)
+        if self.takes_time is not None:
+            out[self.takes_time] = RACE
         for class_number, (present, rows) in enumerate(self.layout.each()):
             for (of, action), states in self._d.actions.items():
                 if of == class_number and action is not None:
@@ -145,6 +148,16 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
     def continuous_time(self) -> bool:
         """Whether entries of the matrix are rates."""
         return self.engine.model.type.continuous_time
+
+    @cached_property
+    def takes_time(self) -> Bools | None:
+        """The rows whose weights are rates, in a Markov automaton: those of the first class."""
+        if self.layout is None or not self.continuous_time:
+            return None
+        out = np.zeros(self.layout.rows, np.bool_)
+        _, rows = next(iter(self.layout.each()))
+        out[rows] = True
+        return out
 
     @property
     def has_end_components(self) -> bool:

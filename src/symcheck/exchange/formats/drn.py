@@ -24,7 +24,7 @@ def drn_file(model: ExplicitExport, *, precision: int = FULL_PRECISION) -> Itera
     DRN has no transition rewards. A choice therefore has the expected reward of its transitions.
     In a CTMC, where Storm reads no rewards of choices, this is added to the state reward.
     """
-    kind = model.type.name
+    kind = "Markov Automaton" if model.type.immediate_choices else model.type.name
     names = [r.name or f"reward{i + 1}" for i, r in enumerate(model.rewards)]
     yield f"@type: {kind}\n@parameters\n\n@reward_models\n{' '.join(names)}\n"
     yield f"@nr_states\n{model.n}\n@nr_choices\n{model.matrix.rows}\n@model\n"
@@ -40,15 +40,18 @@ def _states(model: ExplicitExport, start: int, stop: int, precision: int) -> Ite
     first, last = groups[0], groups[-1]
     indptr = m.indptr[first : last + 1].tolist()
     begin, end = indptr[0], indptr[-1]
-    values = number_texts(model.values[begin:end], precision)
+    weights, sums = model.values[begin:end], model.row_sums[first:last]
+    if model.timed is not None:  # probabilities, and the rates of states
+        sums = np.where(model.timed[first:last], sums, 0.0)
+        weights = weights / np.repeat(np.where(sums > 0.0, sums, 1.0), np.diff(indptr))
+        sums = sums[np.array(groups[:-1]) - first]
+    values = number_texts(weights, precision)
     entries = [
         f"\t\t{t} : {v}\n" for t, v in zip(m.indices[begin:end].tolist(), values, strict=True)
     ]
     actions = _actions(model, first, last, begin, end)
     rewards = [_rewards(model, r, start, stop, first, last, precision) for r in model.rewards]
-    rates = (
-        number_texts(model.row_sums[first:last], precision) if model.type.continuous_time else None
-    )
+    rates = number_texts(sums, precision) if model.type.continuous_time else None
     labels = [
         (f' "{n}"' if not n.isidentifier() else f" {n}", members[start:stop])
         for n, members in model.labels.items()
@@ -101,7 +104,10 @@ def _rewards(
     precision: int,
 ) -> tuple[list[str], list[str]]:
     states, rows = structure.states[start:stop], structure.rows[first:last]
-    if model.type.continuous_time:
+    if model.timed is not None:
+        timed, sums = model.timed[first:last], model.row_sums[first:last]
+        rows = np.where(timed, rows / np.where(timed, sums, 1.0), rows)
+    elif model.type.continuous_time:
         states, rows = states + rows, np.zeros(last - first)
     return [number_text(v, precision) for v in states.tolist()], [
         number_text(v, precision) for v in rows.tolist()

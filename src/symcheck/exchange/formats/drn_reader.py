@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from math import inf
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault
 from symcheck.exchange.column_reader import first_true, read_file
 from symcheck.exchange.explicit_data import OBSERVATION, ExplicitData, ExplicitRewards
+from symcheck.explicit.explored import RACE
 from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.semantics.state_faults import SUM_TOLERANCE
@@ -29,7 +30,7 @@ _ACTION = re.compile(r"action\s+(?P<name>.*?)(?:\s+\[(?P<rewards>[^]]*)\])?")
 _TRANSITION = re.compile(r"(\d+)\s*:\s*(\S+)")
 _LABEL = re.compile(r'"([^"]*)"|(\S+)')
 _NONE = "__NOLABEL__"
-_TYPES = {kind.name: kind for kind in ModelType}
+_TYPES = {kind.name: kind for kind in ModelType} | {"Markov Automaton": ModelType.MA}
 
 
 @dataclass
@@ -106,7 +107,7 @@ class _Reader:
             row_lengths = lengths
         indptr = starts_of(row_lengths)
         row_of = np.repeat(np.arange(rows), lengths)
-        if not model_type.continuous_time and check_sums:
+        if model_type.has_probabilities and check_sums:
             sums = np.bincount(row_of, values, rows)
             for i in first_true(np.abs(sums - 1) > SUM_TOLERANCE):
                 message = f"the probabilities of this action sum to {sums[i]:.12g}, not to 1"
@@ -120,6 +121,9 @@ class _Reader:
             contributions = Contributions(
                 state_of_row[row_of], targets.astype(np.int64), codes[row_of], values
             )
+        rewards = self._rewards(names, parts, model_type, matrix, counts)
+        if model_type.immediate_choices:
+            matrix, row_actions, rewards = _with_rates(parts, matrix, row_actions, rewards)
         columns = [("x", Type.INT, np.arange(n))]
         if model_type.partially_observed:
             if len(parts.observations) != n:
@@ -134,7 +138,7 @@ class _Reader:
             actions,
             row_actions,
             {name: _members(states, n) for name, states in parts.labels.items()},
-            self._rewards(names, parts, model_type, matrix, counts),
+            rewards,
             contributions,
         )
 
@@ -303,7 +307,7 @@ class _Reader:
             n,
             groups if type.has_choices else None,
         )
-        if type.continuous_time:
+        if not type.has_probabilities:
             rates, sums = np.array(parts.rates), np.bincount(row, values, n)
             differ = np.abs(rates - sums) > 1e-6 * np.maximum(rates, sums)
             for i in first_true(differ):
@@ -341,7 +345,7 @@ class _Reader:
         earning_rows = np.arange(matrix.rows) if type.has_choices else np.flatnonzero(counts)
         for i, rewards in zip(earning_rows.tolist(), parts.row_rewards, strict=True):
             rows[: len(rewards), i] = rewards
-        if type.continuous_time:
+        if not type.has_probabilities:
             rows *= np.bincount(
                 np.repeat(np.arange(matrix.rows), np.diff(matrix.indptr)), matrix.data, matrix.rows
             )
@@ -351,6 +355,29 @@ class _Reader:
         ]
 
 
+def _with_rates(
+    parts: _Parts, matrix: SparseMatrix, actions: Int32s, rewards: list[ExplicitRewards]
+) -> tuple[SparseMatrix, Int32s, list[ExplicitRewards]]:
+    """The rows of a Markov automaton: a state with a rate begins with the row of its successors.
+
+    If it has others, this row never happens (maximal progress).
+    """
+    groups = matrix.groups
+    assert groups is not None
+    rates, counts = np.nan_to_num(np.array(parts.rates)), np.diff(groups)
+    timed = np.zeros(matrix.rows, np.bool_)
+    timed[groups[:-1][(rates > 0) & (counts > 0)]] = True
+    of = matrix.state_of_row
+    factor = np.where(timed, rates[of], 1.0)
+    kept = np.flatnonzero(~timed | (counts[of] == 1))
+    scaled = replace(matrix, data=matrix.data * factor[matrix.row_of_entry])
+    return (
+        scaled.choose(kept, starts_of(np.bincount(of[kept], minlength=matrix.states))),
+        np.where(timed, RACE, actions)[kept].astype(np.int32),
+        [r._replace(rows=(r.rows * factor)[kept]) for r in rewards],
+    )
+
+
 def _members(states: list[int], n: int) -> Bools:
     members = np.zeros(n, bool)
     members[states] = True
@@ -358,4 +385,4 @@ def _members(states: list[int], n: int) -> Bools:
 
 
 def _hint() -> str:
-    return "DTMCs, CTMCs, MDPs and POMDPs are supported"
+    return "DTMCs, CTMCs, MDPs, POMDPs and Markov automata are supported"

@@ -26,8 +26,10 @@ from symcheck.errors import (
 from symcheck.exchange.api_io import explicit_model
 from symcheck.exchange.explicit_data import ExplicitData, reward_structure
 from symcheck.exchange.python.from_matrix import identifier, label, number_array, numbered_actions
+from symcheck.explicit.explored import RACE
 from symcheck.matrices.rows import Int64s, SparseMatrix, starts_of
 from symcheck.options import OptionValues, make_options
+from symcheck.semantics.features import require_type
 from symcheck.semantics.state_faults import sums_to_one
 from symcheck.syntax.ast import ModelType, Type
 from symcheck.syntax.parse import parse_model
@@ -66,11 +68,12 @@ def from_function(
         initial: the initial state, or a list of several.
         step: from a state to its distribution: a mapping of states to probabilities (rates of a
             CTMC), or pairs (probability, state); in an MDP pairs (action, distribution), where the
-            action may be None. Nothing or None: the state is a deadlock.
+            action may be None. In a Markov automaton, a state has a distribution of rates, or pairs
+            (action, distribution) of probabilities. Nothing or None: the state is a deadlock.
         labels: name to a predicate on states.
         rewards: name to a function of states, or to a pair of it (or None) and a function of
             (state, action, successor).
-        type: 'dtmc', 'ctmc' or 'mdp'; None: an MDP if `step` gives actions, else a DTMC.
+        type: 'dtmc', 'ctmc', 'mdp' or 'ma'; None: an MDP if `step` gives actions, else a DTMC.
         max_states: the most states that are explored.
         options: see `symcheck.Options`.
 
@@ -90,8 +93,11 @@ def from_function(
     model_kind = model_type(type)
     start = initial if isinstance(initial, list) else [initial]
     has_rates = model_kind is not None and model_kind.continuous_time
-    weighted = has_rates or not settings.check_sums
-    explored, choices, has_actions = _explore(start, step, max_states, weighted)
+    mixed = model_kind is not None and model_kind.immediate_choices
+    if model_kind is not None:
+        require_type(model_kind)
+    weighted = (has_rates and not mixed) or not settings.check_sums
+    explored, choices, racing, has_actions = _explore(start, step, max_states, weighted, mixed)
     kind = model_kind or ModelType.with_properties(has_choices=has_actions)
     if has_actions and not kind.has_choices:
         raise UsageError(f"step gives actions, which only an MDP has, not a {kind.name}")
@@ -140,11 +146,15 @@ def from_function(
         for name, holds in (labels or {}).items()
     }
     members["init"] = order < len(set(start))
+    names, codes = numbered_actions(actions, matrix)
+    if mixed:
+        codes[np.isin([number for number, _, _ in choices], racing)] = RACE
     data = ExplicitData(
         kind,
         [(name, type_, values[order]) for name, type_, values in columns],
         matrix,
-        *numbered_actions(actions, matrix),
+        names,
+        codes,
         members,
         structures,
     )
@@ -155,13 +165,14 @@ def from_function(
 
 
 def _explore(
-    initial: list[S], step: Step[S], max_states: int, weighted: bool
-) -> tuple[list[S], list[tuple[int, str | None, dict[int, Weight]]], bool]:
-    """Explore breadth first; `weighted`: the numbers need not sum to 1.
+    initial: list[S], step: Step[S], max_states: int, weighted: bool, mixed: bool
+) -> tuple[list[S], list[tuple[int, str | None, dict[int, Weight]]], list[int], bool]:
+    """Explore breadth first; `weighted`: the numbers need not sum to 1; `mixed`: only those of
+    actions do.
 
     Returns:
-        The states; the number of the state, the action and the successors of each choice; whether
-        there are actions.
+        The states; the number of the state, the action and the successors of each choice; the
+        numbers of the states whose distribution belongs to no action; whether there are actions.
 
     Raises:
         ModelFault, ResourceError, UsageError: see `from_function`.
@@ -172,6 +183,7 @@ def _explore(
     if not initial:
         raise UsageError("initial: the list of initial states is empty")
     states, choices, has_actions = list(numbers), [], False
+    racing: list[int] = []
     for number, state in enumerate(states):  # which grows meanwhile
         if number >= max_states:
             raise ResourceError(
@@ -184,7 +196,10 @@ def _explore(
         distributions: list[tuple[str | None, list[tuple[Any, Any]]]] = (
             [(None, pairs)] if pairs else []
         )
-        if not isinstance(given, Mapping) and not all(isinstance(p, Real) for p, _ in pairs):
+        free = isinstance(given, Mapping) or all(isinstance(p, Real) for p, _ in pairs)
+        if free:
+            racing.append(number)
+        else:
             has_actions = True
             distributions = [
                 (a and identifier("an action", a), _pairs(who, chosen)) for a, chosen in pairs
@@ -204,11 +219,11 @@ def _explore(
                     if at == len(states):
                         states.append(target)
             total = sum(successors.values())
-            if not weighted and not sums_to_one(total):
+            if not (weighted or (mixed and free)) and not sums_to_one(total):
                 of = f" for {action!r}" if action else ""
                 raise _fault(f"the probabilities of {who}{of} sum to {total}, not to 1")
             choices.append((number, action, successors))
-    return states, choices, has_actions
+    return states, choices, racing, has_actions
 
 
 def _pairs(who: str, given: Any) -> list[tuple[Any, Any]]:

@@ -12,7 +12,7 @@ from symcheck.check.result import Result
 from symcheck.engines.base import erased
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.engines.transition_actions import state_columns
-from symcheck.errors import UsageError
+from symcheck.errors import UnsupportedError, UsageError
 from symcheck.exchange.api_io import explicit_model
 from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards
 from symcheck.matrices.contributions import Contributions
@@ -69,6 +69,10 @@ def induced_data(
         reach: only the states that are reached, numbered anew.
         restrict: an MDP with one choice per state instead of a DTMC.
     """
+    if strategy.engine.model.type.continuous_time:
+        raise UnsupportedError(
+            f"the chains of strategies are not available for {strategy.engine.model.type.called}"
+        )
     engine, base = strategy.engine, strategy.base
     explored, model = engine.explored, engine.model
     kept = np.flatnonzero(strategy.reachable) if reach else np.arange(engine.states)

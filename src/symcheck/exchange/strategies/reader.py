@@ -99,7 +99,7 @@ class _File:
 
     def __init__(self, engine: ExplicitEngine, file: Columns, groups: Int64s) -> None:
         self.engine, self.file, self.groups = engine, file, groups
-        names = (*engine.model.actions, "")
+        names = (*engine.model.actions, "", "")  # the last two for none and for rates
         self.actions = [names[a] for a in engine.explored.choice_actions.tolist()]
         self.numbers: dict[str, int] = {}
 

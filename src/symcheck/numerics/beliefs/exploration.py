@@ -14,42 +14,27 @@ from copy import copy
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
+from math import lcm
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.errors import NumericalError
-from symcheck.matrices.numbers import Numbers, doubles, sum_segments
-from symcheck.matrices.rows import Int64s, spans, starts_of
+from symcheck.matrices.numbers import Numbers, Rationals, rationals
+from symcheck.matrices.rows import Floats, Int64s, spans, starts_of
 from symcheck.numerics.beliefs.observed import GOAL, LARGEST, SINK, Observed, Whole
 from symcheck.numerics.beliefs.triangulation import reduced, totals, triangulate
 
 __all__ = ["Beliefs", "Exploration", "Rows"]
 
 _PRIME = 2**62 - 57
-_BATCH = 1 << 20
+_LONGEST = 2**1000
+"""Probabilities of observations are normal doubles if the numbers of beliefs are below it."""
+_LEAST = 1e-250
+"""The least weight of a point of a grid."""
+_BATCH = 1 << 18
 """Entries of successors that are found at once."""
-
-
-class _Growing:
-    """An array that grows at its end."""
-
-    def __init__(self, first: NDArray[Any]) -> None:
-        self._data, self._n = first, len(first)
-
-    def extend(self, part: NDArray[Any]) -> None:
-        if part.dtype == object and self._data.dtype != object:
-            self._data = self._data.astype(object)
-        size = self._n + len(part)
-        if size > len(self._data):
-            self._data = np.resize(self._data, 2 * size)
-        self._data[self._n : size] = part
-        self._n = size
-
-    @property
-    def array(self) -> NDArray[Any]:
-        return self._data[: self._n]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,24 +52,14 @@ class Beliefs:
     def __len__(self) -> int:
         return len(self.starts) - 1
 
-    def first(self, count: int) -> Beliefs:
-        """The first beliefs."""
-        end = self.starts[count]
-        return Beliefs(self.starts[: count + 1], self.states[:end], self.values[:end])
-
-    def mean(self, of_states: Numbers) -> Numbers:
+    def mean(self, of_states: Floats) -> Floats:
         """The expectation of a number per state under each belief; 0 of the empty ones."""
-        rational = of_states.dtype == object
+        out = np.zeros(len(self))
         filled = np.diff(self.starts) > 0
-        starts = self.starts[:-1][filled]
-        if rational:
-            terms = self.values.astype(object) * of_states[self.states]
-            out = sum_segments(terms, self.starts)
-            out[filled] = out[filled] / np.add.reduceat(self.values.astype(object), starts)
-            return out
-        means = np.zeros(len(self))
-        means[filled] = np.add.reduceat(self.shares * of_states[self.states], starts)
-        return means
+        out[filled] = np.add.reduceat(
+            self.shares * of_states[self.states], self.starts[:-1][filled]
+        )
+        return out
 
     @cached_property
     def shares(self) -> NDArray[np.float64]:
@@ -122,42 +97,40 @@ class Exploration:
         earned: the reward of each of its rows; None: none.
         rational: whether weights are rationals.
         supports: keep which states are possible, and forget how likely they are.
+
+    Attributes:
+        beliefs: those that were found so far.
     """
 
     def __init__(
         self,
         model: Observed,
-        earned: Numbers | None = None,
+        earned: Rationals | None = None,
         *,
         rational: bool = False,
         supports: bool = False,
     ) -> None:
-        self.model, self._earned, self._rational = model, earned, rational
+        self.model, self._rational = model, rational
+        # Rewards as whole numbers.
+        self._unit = lcm(*(r.denominator for r in earned)) if earned is not None else 1
+        self._earned = None if earned is None else np.asarray(earned * self._unit, object)
         self.keeps_supports = self._supports = supports
-        self._starts = _Growing(np.zeros(3, np.int64))
-        self._states = _Growing(np.zeros(0, np.int64))
-        self._values = _Growing(np.zeros(0, np.int64))
+        none = np.zeros(0, np.int64)
+        self.beliefs = Beliefs(np.zeros(3, np.int64), none, none)
         self._known: dict[int, int] = {}
-        self._first = _Growing(np.full(2, -1, np.int64))
-        self._belief_of_row: list[Int64s] = []
-        self._earned_by_row: list[Numbers] = []
-        self._entries: list[tuple[Int64s, Int64s, Int64s, Numbers]] = []
+        self._first = np.full(2, -1, np.int64)
+        self._parts: list[tuple[NDArray[Any], ...]] = []
         self._row_count = 0
         self._fixed = np.full(len(model.choices) + 2, -1, np.int64)
         self._fixed[GOAL], self._fixed[SINK] = GOAL, SINK
 
     def __len__(self) -> int:
-        return len(self._starts.array) - 1
-
-    @property
-    def beliefs(self) -> Beliefs:
-        """The beliefs found so far."""
-        return Beliefs(self._starts.array, self._states.array, self._values.array)
+        return len(self.beliefs)
 
     @property
     def pending(self) -> Int64s:
         """The beliefs that were not expanded."""
-        return np.flatnonzero(self._first.array[2:] < 0) + 2
+        return np.flatnonzero(self._first[2:] < 0) + 2
 
     def points(self, states: Int64s) -> Int64s:
         """The numbers of the beliefs that are certain of a state."""
@@ -192,27 +165,36 @@ class Exploration:
     def clone(self) -> Exploration:
         """The same beliefs and rows, to be explored further in another way."""
         other = copy(self)
-        other._known = dict(self._known)
-        for name in ("_starts", "_states", "_values", "_first"):
-            setattr(other, name, _Growing(getattr(self, name).array.copy()))
-        for name in ("_belief_of_row", "_earned_by_row", "_entries"):
-            setattr(other, name, list(getattr(self, name)))
+        other._known, other._parts = dict(self._known), list(self._parts)
         return other
 
-    def run(self, limit: int, resolution: int | None = None, levels: int | None = None) -> None:
+    def run(
+        self,
+        limit: int,
+        resolution: int | None = None,
+        *,
+        levels: int | None = None,
+        upper: bool = True,
+    ) -> None:
         """Expand beliefs in the order in which they were found.
 
         Args:
-            limit: stop when there are more beliefs.
+            limit: stop when there are more beliefs, or when numbers become long.
             resolution: replace successors by points of a grid; None: keep them.
-            levels: expand so many generations at most; None: all.
+            levels: expand so many generations, whatever their numbers; None: all.
+            upper: whether tiny weights in a grid are made larger; otherwise, they are dropped.
         """
+        self._upper = upper
         size_of_state = np.add.reduceat(self.model.matrix.lengths, self.model.groups[:-1])
         while levels is None or levels > 0:
             pending = self.pending
             if not len(pending):
                 return
             beliefs = self.beliefs
+            if resolution is None and levels is None:
+                newest = beliefs.values[beliefs.starts[pending[0]] :]
+                if max(newest) > (_LONGEST**4 if self._rational else _LONGEST):
+                    return
             sizes = np.add.reduceat(size_of_state[beliefs.states], beliefs.starts[:-1][pending])
             batch = np.cumsum(sizes) // _BATCH
             ends = np.flatnonzero(np.diff(batch, append=-1)) + 1
@@ -224,24 +206,13 @@ class Exploration:
                 begin = end
             levels = None if levels is None else levels - 1
 
-    def rows(self, beliefs: int | None = None, rows: int | None = None) -> Rows:
-        """The rows found so far; only the first ones of the first beliefs if that is asked for."""
-        rows = self._row_count if rows is None else rows
-        first = self._first.array[:beliefs].copy()
-        first[first >= rows] = -1
-        empty = np.zeros(0, np.int64)
-        number = np.zeros(0, object if self._rational else np.float64)
-        parts = zip(*self._entries, strict=True) if self._entries else ([empty],) * 4
-        row, target, observed, weight = (np.concatenate(p) for p in parts)
-        kept = slice(None, int(np.searchsorted(row, rows)))
-        owners = np.concatenate((empty, *self._belief_of_row))[:rows]
-        earned = np.concatenate((number, *self._earned_by_row))[:rows]
-        return Rows(first, owners, earned, row[kept], target[kept], observed[kept], weight[kept])
-
-    @property
-    def row_count(self) -> int:
-        """The number of rows found so far."""
-        return self._row_count
+    def rows(self) -> Rows:
+        """The rows found so far."""
+        if not self._parts:
+            none = np.zeros(0, np.int64)
+            number = none.astype(object if self._rational else np.float64)
+            return Rows(self._first, none, number, none, none, none, number)
+        return Rows(self._first, *(np.concatenate(p) for p in zip(*self._parts, strict=True)))
 
     # ------------------------------------------------------------------------------------ internals
 
@@ -261,11 +232,13 @@ class Exploration:
             self._known.update(zip(listed, numbers.tolist(), strict=True))
             begin, end = starts[:-1][where[fresh]], starts[1:][where[fresh]]
             entries = spans(begin, end)
-            last = self._starts.array[-1]
-            self._states.extend(states[entries])
-            self._values.extend(values[entries])
-            self._starts.extend(last + np.cumsum(end - begin))
-            self._first.extend(np.full(len(fresh), -1, np.int64))
+            old = self.beliefs
+            self.beliefs = Beliefs(
+                np.append(old.starts, old.starts[-1] + np.cumsum(end - begin)),
+                np.append(old.states, states[entries]),
+                np.append(old.values, values[entries]),
+            )
+            self._first = np.append(self._first, np.full(len(fresh), -1))
         numbers = numbers[of]
         stored = self.beliefs
         begin, end = stored.starts[numbers], stored.starts[numbers + 1]
@@ -332,34 +305,29 @@ class Exploration:
             order = np.argsort(of_pair[keep], kind="stable")
             keep, target, share = keep[order], target[order], share[order]
             mass, of_pair, observed = mass[keep], of_pair[keep], observed[keep]
-        if self._rational:
-            weight: Numbers = np.array(
-                [Fraction(int(a), int(b)) for a, b in zip(mass, below[of_pair], strict=True)],
-                object,
-            )
-        else:
-            weight = np.asarray(mass / below[of_pair], np.float64)
+        weight = self._ratio(mass, below[of_pair])
         if share is not None:
-            weight = weight * share
+            weight = np.maximum(weight * share, _LEAST if self._upper else 0.0)
+            kept = weight >= _LEAST
+            of_pair, target, observed = of_pair[kept], target[kept], observed[kept]
+            weight = weight[kept]
         number = self._row_count + np.arange(len(of_node))
-        self._first.array[nodes] = self._row_count + starts_of(choices)[:-1]
-        self._belief_of_row.append(nodes[of_node])
-        self._earned_by_row.append(self._reward(pair, row, beliefs.values[entries]))
-        self._entries.append((number[of_pair], target, observed, weight))
+        self._first = self._first.copy()
+        self._first[nodes] = self._row_count + starts_of(choices)[:-1]
         self._row_count += len(of_node)
+        earned = np.zeros(len(of_node), np.int64)
+        if self._earned is not None:
+            each = beliefs.values[entries] * self._earned[row]
+            earned = np.add.reduceat(each, np.flatnonzero(np.diff(pair, prepend=-1)))
+        earned = self._ratio(earned, sums[of_node].astype(object) * self._unit)
+        self._parts.append((nodes[of_node], earned, number[of_pair], target, observed, weight))
 
-    def _reward(self, pair: Int64s, row: Int64s, values: Whole) -> Numbers:
-        """The expected reward of each row; `row`: those of the states of each belief."""
-        starts = np.flatnonzero(np.diff(pair, prepend=-1))
-        if self._earned is None:
-            zero = Fraction(0) if self._rational else 0.0
-            return np.full(len(starts), zero, object if self._rational else np.float64)
-        sums = np.add.reduceat(values, starts)
-        if self._rational:
-            whole = np.add.reduceat(values.astype(object) * self._earned[row], starts)
-            return np.asarray(whole / sums.astype(object), object)
-        share = np.asarray(values / np.repeat(sums, np.diff(np.append(starts, len(pair)))), float)
-        return np.add.reduceat(share * doubles(self._earned)[row], starts)
+    def _ratio(self, above: Whole, below: Whole) -> Numbers:
+        """Quotients of whole numbers: rationals, or the nearest doubles."""
+        if not self._rational:
+            return np.asarray(above / below, np.float64)
+        pairs = zip(above.tolist(), below.tolist(), strict=True)
+        return rationals(Fraction(*pair) for pair in pairs)
 
 
 def _mixed(x: NDArray[np.uint64]) -> NDArray[np.uint64]:

@@ -65,6 +65,12 @@ class Memory:
         first = self.model.groups[self.beliefs.states]
         return spans(first, first + self._choices[self.of_pair])
 
+    def pair(self, memory: Int64s, states: Int64s) -> Int64s:
+        """The numbers of pairs."""
+        size, rank = self.model.states, self.model.rank
+        stored = self.of_pair * size + rank[self.beliefs.states]
+        return np.searchsorted(stored, memory * size + rank[states])
+
     @cached_property
     def matrix(self) -> SparseMatrix:
         """The product: after the pairs come two states, GOAL and SINK, without rows."""
@@ -78,8 +84,7 @@ class Memory:
         width = len(model.choices) + 2
         sought = np.repeat(self.row_of_memory, lengths) * width + classes
         after = rows.target[np.searchsorted(rows.row * width + rows.observed, sought)]
-        stored = self.of_pair * model.states + model.rank[self.beliefs.states]
-        pair = np.searchsorted(stored, after * model.states + model.rank[states])
+        pair = self.pair(after, states)
         pair[after == GOAL], pair[after == SINK] = n, n + 1
         order = np.lexsort((pair, np.repeat(np.arange(len(inner)), lengths)))
         split = SparseMatrix(

@@ -22,7 +22,7 @@ def totals(starts: Int64s, values: Whole) -> Whole:
 
 def reduced(starts: Int64s, values: Whole) -> Whole:
     """The beliefs divided by the greatest common divisor of each."""
-    return values // np.repeat(np.gcd.reduceat(values, starts[:-1]), np.diff(starts))
+    return np.asarray(values // np.repeat(np.gcd.reduceat(values, starts[:-1]), np.diff(starts)))
 
 
 def triangulate(

@@ -9,10 +9,12 @@ Markov models'.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from symcheck.matrices.numbers import Numbers, doubles
+from symcheck.matrices.function_table import FunctionTable
+from symcheck.matrices.numbers import at_sample, doubles
 from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.matrices.rows import Int64s, SparseMatrix, starts_of
 from symcheck.numerics.bisimulation import lump
@@ -24,9 +26,9 @@ _FEW = 10
 """Equations that are solved as they are."""
 
 
-def least_functions(matrix: SparseMatrix, constant: Sequence[RationalFunction]) -> list[object]:
+def least_functions(matrix: SparseMatrix, constant: Sequence[RationalFunction]) -> list[Any]:
     """The least solution of x = A x + b over the functions, where every row is a state."""
-    table = _Distinct()
+    table = FunctionTable()
     weights = table.numbers(matrix.data)
     block = _blocks(matrix, weights, table.numbers(constant), table)
     rows = np.unique(block, return_index=True)[1]
@@ -39,43 +41,17 @@ def least_functions(matrix: SparseMatrix, constant: Sequence[RationalFunction]) 
     return [x[b] for b in block.tolist()]
 
 
-class _Distinct:
-    """Distinct functions by number."""
-
-    def __init__(self) -> None:
-        self.functions: list[RationalFunction] = []
-        self._known: dict[RationalFunction, int] = {}
-        self._of_objects: dict[int, int] = {}
-        self._sums: dict[tuple[int, ...], int] = {}
-
-    def number(self, function: RationalFunction) -> int:
-        known = self._known.setdefault(function, len(self.functions))
-        if known == len(self.functions):
-            self.functions.append(function)
-        return known
-
-    def numbers(self, functions: Sequence[RationalFunction] | Numbers) -> Int64s:
-        of = self._of_objects
-        return np.array(
-            [of[id(f)] if id(f) in of else of.setdefault(id(f), self.number(f)) for f in functions],
-            np.int64,
-        )
-
-    def sum(self, numbers: tuple[int, ...]) -> int:
-        key = tuple(sorted(numbers))
-        if key not in self._sums:
-            first, *others = (self.functions[i] for i in key)
-            self._sums[key] = self.number(sum(others, first))
-        return self._sums[key]
-
-
-def _blocks(matrix: SparseMatrix, weights: Int64s, constants: Int64s, table: _Distinct) -> Int64s:
+def _blocks(
+    matrix: SparseMatrix, weights: Int64s, constants: Int64s, table: FunctionTable
+) -> Int64s:
     """Blocks of states that satisfy the same equations; each state alone where that is not so."""
     alone = np.arange(matrix.rows)
     if matrix.rows <= _FEW:
         return alone
     block = lump(
-        SparseMatrix(matrix.indptr, matrix.indices, doubles(matrix.data), matrix.columns),
+        SparseMatrix(
+            matrix.indptr, matrix.indices, doubles(at_sample(matrix.data)), matrix.columns
+        ),
         [constants],
     ).block.astype(np.int64)
     (columns, numbers), starts = _merged(matrix, weights, block, table)
@@ -90,7 +66,7 @@ def _blocks(matrix: SparseMatrix, weights: Int64s, constants: Int64s, table: _Di
 
 
 def _merged(
-    matrix: SparseMatrix, weights: Int64s, block: Int64s, table: _Distinct
+    matrix: SparseMatrix, weights: Int64s, block: Int64s, table: FunctionTable
 ) -> tuple[Int64s, Int64s]:
     """The entries summed by blocks of columns: block and number of each, and starts of rows."""
     row, column = matrix.row_of_entry, block[matrix.indices]
@@ -99,9 +75,6 @@ def _merged(
     differs = np.ones(len(row), bool)
     differs[1:] = (row[1:] != row[:-1]) | (column[1:] != column[:-1])
     first = np.flatnonzero(differs)
-    ends = [*first[1:].tolist(), len(row)]
-    numbers = weights[first]
-    for i in np.flatnonzero(np.diff([*first, len(row)]) > 1).tolist():
-        numbers[i] = table.sum(tuple(weights[first[i] : ends[i]].tolist()))
+    numbers = table.sums(weights, first)
     starts = starts_of(np.bincount(row[first], minlength=matrix.rows))
     return np.stack([column[first], numbers]), starts

@@ -29,6 +29,7 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError, UnsupportedError
+from symcheck.kernels.solve.game_sweeps import sweep_game
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, doubles, full
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, first_best, starts_of
@@ -228,18 +229,25 @@ class _Game:
         wanted), so that the strategy of each iterate attains it.
         """
         problem = self.problem
-        sign = 1.0 if problem.least else -1.0
         x = np.zeros(problem.n)
         if not problem.least:
             x = self._response(policy, leads).upper.copy()
-        original = policy
-        most = max(tuning.GAME_SWEEPS, tuning.GAME_ENTRIES // (problem.rows.entries + problem.n))
-        for _ in range(min(most, self.settings.max_iterations)):
-            rows, best, _ = self._best_rows(x)
-            better = sign * (best - x) > tuning.SMALLEST_CHANGE * np.abs(x)
-            policy = np.where(better & leads, rows, policy)
-            change = largest_width(np.minimum(x, best), np.maximum(x, best), relative=True)
-            x = np.where(better, best, x)
+        original, policy, rows = policy, policy.copy(), problem.rows
+        assert rows.groups is not None
+        most = max(tuning.GAME_SWEEPS, tuning.GAME_ENTRIES // (rows.entries + problem.n))
+        for i in range(min(most, self.settings.max_iterations)):
+            change = sweep_game(
+                *rows.arrays,
+                rows.groups,
+                problem.constant,
+                problem.maximises.view(np.uint8),
+                leads.view(np.uint8),
+                problem.least,
+                tuning.SMALLEST_CHANGE,
+                x,
+                policy,
+                i % 2 == 1,
+            )
             if change <= tuning.GAME_CHANGE:
                 break
         return policy if problem.least or self._leaves(policy, leads) else original
@@ -274,7 +282,7 @@ def _process_values(problem: LinearProblem, settings: Settings, inner: Inner) ->
         arena = Arena(graph, every ^ maximise)
         unknown, _ = arena.attract(pays, every)
         if not problem.probability:
-            infinite = arena.repeatedly(pays, leaves)
+            infinite, _ = arena.repeatedly(pays, leaves)
     else:
         unknown, _ = Arena(graph, every & maximise).almost_surely(leaves, never, every)
         infinite = ~unknown

@@ -49,7 +49,7 @@ Row = dict[int, F]
 """The entries of a row by column."""
 
 
-def flint_number(value: Fraction) -> Number:
+def flint_number(value: Number) -> Number:
     """The rational in FLINT's form; a rational function as it is."""
     if isinstance(value, RationalFunction):
         return value
@@ -63,7 +63,7 @@ def number_form(unknowns: int) -> Callable[[Fraction], Number]:
     return flint_number if unknowns > SMALL_SYSTEM else _fraction
 
 
-def _fraction(value: Fraction) -> Number:
+def _fraction(value: Number) -> Number:
     return value if isinstance(value, RationalFunction) else Fraction(value)
 
 
@@ -94,10 +94,13 @@ def solve_chain(matrix: SparseMatrix, constant: Numbers) -> Rationals:
 
 def fractions(values: Sequence[Number]) -> Rationals:
     """Numbers as a vector of Fractions."""
-    return rationals(
-        v if isinstance(v, RationalFunction) else Fraction(int(v.numerator), int(v.denominator))
-        for v in values
-    )
+    return rationals(map(_as_fraction, values))
+
+
+def _as_fraction(value: Number) -> Number:
+    if isinstance(value, RationalFunction):
+        return value
+    return Fraction(int(value.numerator), int(value.denominator))
 
 
 def least_solution(rows: Sequence[Row[F]], constant: Sequence[F]) -> list[F | int]:

@@ -39,7 +39,15 @@ from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
 from symcheck.numerics.linear.rational import solve_chain
 from symcheck.numerics.settings import Accuracy, Settings
 
-__all__ = ["Gain", "Gains", "component_gains", "gain_policy", "mec_quotient"]
+__all__ = [
+    "Gain",
+    "Gains",
+    "component_gains",
+    "gain_policy",
+    "larger_components",
+    "mec_quotient",
+    "ratio_gains",
+]
 
 
 @dataclass(frozen=True)
@@ -150,7 +158,7 @@ def component_gains(
         best = full(parts.count, -np.inf, rational=matrix.is_rational)
         np.maximum.at(best, parts.of[owner[parts.rows]], sign * rewards[parts.rows])
         lower[singleton] = upper[singleton] = best[singleton]
-    for c, part in _larger_components(matrix, sign * rewards, parts, sizes, owner):
+    for c, part in larger_components(matrix, sign * rewards, parts, sizes, owner):
         gain = _gain(replace(part, error=error), settings, observer)
         lower[c], upper[c] = gain.lower, gain.upper
         iterations += gain.iterations
@@ -160,7 +168,88 @@ def component_gains(
     return Gains(parts, lower, upper, iterations, largest)
 
 
-def _larger_components(
+def ratio_gains(
+    matrix: SparseMatrix,
+    rewards: Numbers,
+    times: Numbers,
+    direction: Direction,
+    settings: Settings,
+    observer: Observer | None = None,
+) -> Gains:
+    """The optimal long-run average reward per unit of time in each maximal end component.
+
+    It is the g for which the optimal average of `rewards - g * times` per step is 0. This average
+    is a convex function of g (for a maximum), which falls as steeply as steps take time. Secants
+    from below approach its zero, and meet it where they lie on the last of its linear pieces.
+
+    Args:
+        matrix: the MDP.
+        rewards: what each row earns, float64[rows] or rationals.
+        times: what it takes, alike. Each end component takes time.
+        direction: maximise or minimise the average.
+        settings: the accuracy.
+        observer: receives the progress.
+
+    Returns:
+        Certified bounds.
+
+    Source: Dinkelbach (1967) for the function; Guck et al. (2014) for Markov automata.
+    """
+    sign = -1 if direction is Direction.MIN else 1
+    rewards = sign * rewards
+    shortest = component_gains(matrix, times, Direction.MIN, settings, observer)
+    longest = component_gains(matrix, times, Direction.MAX, settings, observer)
+    parts, iterations = shortest.parts, shortest.iterations + longest.iterations
+    if not parts.count:
+        return shortest
+    exact = matrix.is_rational
+    of = np.where(parts.rows, parts.of[graph.Incidence(matrix).owner_of_rows], 0)
+    unit = 0 if exact else 8.0 * tuning.UNIT_ROUNDOFF
+
+    def excess(g: Numbers, epsilon: float) -> Gains:
+        gained = rewards - g[of] * times
+        found = component_gains(
+            matrix,
+            np.where(parts.rows, gained, 0),
+            Direction.MAX,
+            Accuracy(epsilon=epsilon, relative=False, max_iterations=settings.max_iterations),
+            observer,
+        )
+        error = full(parts.count, 0, rational=exact)
+        np.maximum.at(error, of, np.where(parts.rows, abs(rewards) + abs(g[of] * times), 0))
+        error = unit * np.where(g == 0, 0, error)
+        return replace(found, lower=found.lower - error, upper=found.upper + error)
+
+    least, most = shortest.lower, longest.upper
+    before = full(parts.count, 0, rational=exact)
+    size = float(np.max(np.abs(rewards), initial=0))
+    first = excess(before, 0.01 * settings.epsilon * size)
+    g = np.where(first.lower >= 0, first.lower / most, first.lower / least)
+    before, old = np.where(first.lower >= 0, before, 2 * g), first.lower
+    if (first.lower < 0).any():
+        old = np.where(first.lower >= 0, old, excess(before, 0.01 * settings.epsilon * size).lower)
+    for _ in range(tuning.MEAN_PAYOFF_SECANTS):
+        scale = np.abs(g)[g != 0] if settings.relative else np.ones(1)
+        width = 0.1 * settings.epsilon * float((np.min(scale, initial=1e300)) * least.min())
+        found = excess(g, 0.0 if exact else max(width, 1e-15 * size))
+        iterations += found.iterations
+        value = found.lower
+        if (found.upper <= width).all() if not exact else not value.any():
+            break
+        slope = old - value
+        moves = (slope > 0) & (value > 0)
+        following = np.where(moves, g + value * (g - before) / np.where(moves, slope, 1), g)
+        if (following == g).all():
+            break
+        before, old, g = np.where(moves, g, before), np.where(moves, value, old), following
+    lower = g + np.minimum(found.lower, 0) / least
+    upper = g + np.maximum(found.upper, 0) / least
+    if sign < 0:
+        lower, upper = -upper, -lower
+    return Gains(parts, lower, upper, iterations, longest.largest)
+
+
+def larger_components(
     matrix: SparseMatrix, rewards: Numbers, parts: graph.EndComponents, sizes: Int64s, owner: Int32s
 ) -> Iterator[tuple[int, _EndComponent]]:
     """The components of more than one state, with their numbers."""
@@ -203,7 +292,7 @@ def gain_policy(
     inside = np.flatnonzero(parts.rows & (sizes[parts.of[owner]] == 1))
     order = inside[np.argsort(signed[inside], kind="stable")]
     policy[owner[order]] = order  # the greatest reward is the last
-    for c, part in _larger_components(matrix, signed, parts, sizes, owner):
+    for c, part in larger_components(matrix, signed, parts, sizes, owner):
         gain = sign * gains.lower[c], sign * gains.upper[c]
         policy[part.states] = part.rows_of[_best_policy(part, min(gain), max(gain), settings)]
     return policy

@@ -101,13 +101,12 @@ def bind(
     check_values_given(table, program.constants)
     checked = check_program(program, table)
     report.raise_all()
-    kind, divides = model_type or program.type or WITHOUT_KEYWORD, normalise
+    kind = model_type or program.type or WITHOUT_KEYWORD
     require_type(kind)
     check_players(checked, kind)
     report.raise_all()
-    bound = _Builder(checked, constants or {}).build(
-        kind, not exact if divides is None else divides
-    )
+    divides = not exact if normalise is None else normalise and not parameters
+    bound = _Builder(checked, constants or {}).build(kind, divides)
     if not parameters:
         return bound
     if bound.weights is not Weights.NUMBERS:
@@ -144,11 +143,9 @@ class _Builder:
         weights = self._weights(modules, kind)
         labels = {x.name: root.expand(x.expression) for x in self.program.labels}
         observables = tuple(root.expand(x.expression) for x in self.program.observables)
-        labels |= {
-            x.name: seen
-            for x, seen in zip(self.program.observables, observables, strict=True)
-            if x.name is not None and root.typer().state(seen) is Type.BOOL
-        }
+        for x, seen in zip(self.program.observables, observables, strict=True):
+            if x.name is not None and root.typer().state(seen) is Type.BOOL:
+                labels.setdefault(x.name, seen)
         rewards = tuple(self._rewards(r) for r in self.program.rewards)
         initial = None if self.program.initial is None else root.expand(self.program.initial)
         if initial is not None:
@@ -331,7 +328,7 @@ def exactly_bound(model: BoundModel) -> BoundModel:
     exact = bind(
         model.program,
         model.given,
-        model_type=model.type,
+        model_type=model.type if model.clocks is None else model.clocks.automaton.type,
         exact=True,
         normalise=model.sums_divided,
     )

@@ -15,6 +15,7 @@ from symcheck.errors import NO_SPAN, Diagnostic, InputError, NameFault, Span
 from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.binding.bound_conditions import check_conditions, for_one_player
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, undefined
+from symcheck.semantics.binding.parameters import with_open_thresholds
 from symcheck.semantics.binding.property_references import PropertyReferences
 from symcheck.semantics.binding.static_checks import check_constants, check_label, set_constants
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
@@ -123,11 +124,9 @@ def needed_constants(program: Program, file: PropertiesFile) -> tuple[tuple[str,
     table = SymbolTable(report, exact=False)
     table.add(program.constants, program.formulas)
     table.add(file.constants, file.formulas)
-    texts = PropertyReferences(
-        table,
-        file,
-        {x.name: x.expression for x in (*program.labels, *program.observables) if x.name},
-    )
+    labels = {x.name: x.expression for x in program.observables if x.name is not None}
+    labels |= {x.name: x.expression for x in program.labels}
+    texts = PropertyReferences(table, file, labels)
     return tuple(texts.undefined(p.formula, program.constants) for p in file.properties)
 
 
@@ -437,6 +436,7 @@ class _Properties:
             for label in self.texts.used_labels(whole):
                 self.scope.expand(self.texts.label(label))
             formula = for_one_player(self.scope.expand(whole), self.model)
+            formula = with_open_thresholds(formula, self.model.parameters)
             check_conditions(formula, self.model)
         except InputError as error:
             fault = error

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from fractions import Fraction
 
 from symcheck.errors import NO_SPAN, Diagnostic, NameFault, TypeFault, UnsupportedError
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Name, Type, Unary
+from symcheck.syntax.ast import (
+    Binary,
+    Call,
+    Conditional,
+    Expression,
+    Measure,
+    Name,
+    Type,
+    Unary,
+)
 from symcheck.syntax.declarations import Constant
 from symcheck.syntax.operators import Function, Operator
-from symcheck.syntax.traversal import children, nodes
+from symcheck.syntax.traversal import Tree, children, names, nodes, transform
 
-__all__ = ["Ranges", "check_places", "check_ranges"]
+__all__ = ["Ranges", "check_places", "check_ranges", "with_open_thresholds"]
 
 Ranges = Mapping[str, tuple[Fraction, Fraction]]
 """The range of each parameter, whose ends do not belong to it."""
@@ -25,9 +35,9 @@ _POWERS = {Operator.POWER, Function.POW}
 def check_ranges(
     parameters: Ranges, declared: Iterable[Constant], report: DiagnosticCollector
 ) -> None:
-    """Report parameters that are no open constants of type double, and empty ranges."""
+    """Report parameters that are no open constants of type double."""
     known = {c.name: c for c in declared}
-    for name, (low, high) in parameters.items():
+    for name in parameters:
         constant = known.get(name)
         if constant is None or constant.value is not None:
             why = "is defined in the text" if constant else "is not declared in the model"
@@ -38,9 +48,6 @@ def check_ranges(
             message = f"{name} is of type {constant.type.value}: a parameter is a real number"
             hint = f"-const {name}=VALUE gives it a value"
             report.absorb(TypeFault(Diagnostic(message, constant.span, "parameter", hint)))
-        elif not low < high:
-            message = f"the range {low}:{high} of parameter {name} is empty"
-            report.absorb(NameFault(Diagnostic(message, constant.span, "parameter")))
 
 
 def check_places(model: BoundModel) -> None:
@@ -50,25 +57,43 @@ def check_places(model: BoundModel) -> None:
         UnsupportedError: a parameter stands in a guard, an assignment, a condition or a label, or
             in an operation that gives no rational function.
     """
-    for what, expression in _without_parameters(model):
-        _refuse(model.parameters, expression, f"in {what}")
-    for command in {c for e in model.events for part in e.participants for c in part}:
+
+    def refuse(where: str, expression: Expression) -> None:
+        _refuse(model.parameters, expression, f"in {where}")
+
+    for command in (c for m in model.modules for c in m.commands):
+        refuse("a guard", command.guard)
         for update in command.updates:
             _check_function(model.parameters, update.probability)
-    for structure in model.rewards:
-        for item in structure.items:
-            _check_function(model.parameters, item.value)
-
-
-def _without_parameters(model: BoundModel) -> Iterator[tuple[str, Expression]]:
-    for command in {c for e in model.events for part in e.participants for c in part}:
-        yield "a guard", command.guard
-        for update in command.updates:
-            yield from (("an assignment", value) for _, value in update.assignments)
-    yield from (("the guard of a reward", i.guard) for r in model.rewards for i in r.items)
-    yield from (("a label", expression) for expression in model.labels.values())
+            for _, value in update.assignments:
+                refuse("an assignment", value)
+    for item in (i for r in model.rewards for i in r.items):
+        refuse("the guard of a reward", item.guard)
+        _check_function(model.parameters, item.value)
+    for label in model.labels.values():
+        refuse("a label", label)
     if model.initial is not None:
-        yield "the condition on initial states", model.initial
+        refuse("the condition on initial states", model.initial)
+
+
+def with_open_thresholds(formula: Expression, parameters: Ranges) -> Expression:
+    """The formula with comparisons in place of bounds that depend on parameters: `P=? [...] >= p`.
+
+    A bound without a direction must hold under all strategies.
+    """
+
+    def compared(node: Tree) -> Tree:
+        if not isinstance(node, Measure) or node.bound is None:
+            return node
+        bound = node.bound
+        if parameters.keys().isdisjoint(names(bound.threshold)):
+            return node
+        query = replace(node, bound=None)
+        if node.direction is None:
+            query = replace(query, direction="min" if bound.operator.is_lower_bound else "max")
+        return Binary(bound.operator, query, bound.threshold, span=node.span)
+
+    return transform(formula, compared) if parameters else formula
 
 
 def _refuse(parameters: Ranges, expression: Expression, where: str) -> None:

@@ -1,4 +1,4 @@
-"""The players of a game: their declarations, who is meant by a coalition, and whose states are whose.
+"""The players of a game: their declarations, who a coalition is, and whose states are whose.
 
 A state belongs to the player who owns what can be done there: an unlabelled command belongs to the
 player of its module, an event of an action to the player of the action. So it is decided by the

@@ -127,8 +127,9 @@ def _check(checked: CheckedProgram) -> None:
     for label in program.labels:
         check_label(checked.table, label, taken)
         typer.boolean(label.expression, f'label "{label.name}"')
+    observed: set[str] = set()  # a label may have the same name
     for observable in program.observables:
-        check_label(checked.table, observable, taken)
+        check_label(checked.table, observable, observed)
         typer.state(observable.expression)
     if program.initial is not None:
         typer.boolean(program.initial, "the condition on initial states")

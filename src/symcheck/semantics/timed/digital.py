@@ -230,6 +230,7 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
         modules=modules,
         events=tuple(events),
         labels=labels,
+        observables=tuple(map(in_units, automaton.observables)),
         rewards=tuple(rewards),
         derivation=partial(digital_clocks, asked=for_property),
         clocks=DigitalClocks(

@@ -8,6 +8,7 @@ enumerated.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from symcheck.semantics.model import BoundCommand, BoundUpdate, Event
@@ -25,6 +26,7 @@ __all__ = [
     "positive",
     "possible",
     "touched_by",
+    "with_maximal_progress",
 ]
 
 
@@ -46,6 +48,30 @@ def encode_event(translator: Translator, event: Event) -> EncodedEvent:
     return EncodedEvent(
         event, participants, touched, guard, relation, evaluated_valuations(translator, event)
     )
+
+
+def with_maximal_progress(
+    translator: Translator, events: Sequence[EncodedEvent]
+) -> list[EncodedEvent]:
+    """The events of a Markov automaton, of which those that take time wait for all others."""
+    manager = translator.manager
+    at_once = [e for e in events if not e.event.is_markovian]
+    if len(at_once) == len(events):
+        return list(events)
+    waits = ~manager.disjunction([e.guard & possible(translator, e.participants) for e in at_once])
+
+    def waiting(event: EncodedEvent) -> EncodedEvent:
+        return replace(
+            event,
+            participants=tuple(
+                tuple(replace(c, guard=c.guard & waits) for c in commands)
+                for commands in event.participants
+            ),
+            guard=event.guard & waits,
+            relation=event.relation & waits,
+        )
+
+    return [waiting(e) if e.event.is_markovian else e for e in events]
 
 
 def evaluated_valuations(translator: Translator, event: Event) -> int | None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from symcheck.semantics.model import BoundModel
 from symcheck.symbolic.encoding.translate import Translator
 from symcheck.symbolic.encoding.variables import encode
-from symcheck.symbolic.events.commands import encode_event
+from symcheck.symbolic.events.commands import encode_event, with_maximal_progress
 from symcheck.symbolic.events.relations import group_relations
 from symcheck.symbolic.model import EncodedEvent, SymbolicModel
 from symcheck.symbolic.tuning import EncodingLimits
@@ -49,6 +49,7 @@ def encode_events(
         events.append(encoded)
         if observer is not None:
             observer(encoded)
+    events = with_maximal_progress(translator, events)
     initial = _initial_states(model, translator)
     return SymbolicModel(
         model,

@@ -17,7 +17,7 @@ from symcheck.symbolic.model import EncodedCommand, EncodedEvent, StateSpace
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd
 
-__all__ = ["JointClass", "choice_classes", "color_greedily"]
+__all__ = ["JointClass", "choice_classes", "color_greedily", "race"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +36,26 @@ class JointClass:
 
 def choice_classes(space: StateSpace) -> tuple[tuple[JointClass, ...], ...]:
     """The choice classes of an MDP, each a tuple of joint classes with disjoint guards."""
-    joint = [j for event in space.symbolic.events for j in _joint_classes(space, event)]
+    joint = [
+        j
+        for event in space.symbolic.events
+        if not event.event.is_markovian
+        for j in _joint_classes(space, event)
+    ]
     order = sorted(range(len(joint)), key=lambda i: (joint[i].event.event.action is None, i))
     groups = color_greedily([joint[i].guard for i in order])
     return tuple(tuple(joint[order[i]] for i in group) for group in groups)
+
+
+def race(space: StateSpace) -> tuple[JointClass, ...]:
+    """What takes time in a Markov automaton: one class, in which a state may have several commands,
+    whose rates add up.
+    """
+    return tuple(
+        JointClass(e, e.participants, space.states & e.guard)
+        for e in space.symbolic.events
+        if e.event.is_markovian and not e.guard.disjoint(space.states)
+    )
 
 
 def _joint_classes(space: StateSpace, event: EncodedEvent) -> list[JointClass]:

@@ -13,7 +13,7 @@ from symcheck.semantics.model import BoundRewards
 from symcheck.symbolic.events.commands import possible
 from symcheck.symbolic.matrix.choice_coloring import JointClass
 from symcheck.symbolic.matrix.products import nothing_lost
-from symcheck.symbolic.model import EncodedCommand, LazySequence, StateSpace
+from symcheck.symbolic.model import EncodedCommand, EncodedEvent, LazySequence, StateSpace
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, Mtbdd
@@ -41,16 +41,19 @@ def chain_rewards(space: StateSpace, numbers: Mtbdd | None) -> LazySequence[tupl
         space: the reachable states.
         numbers: enabled joint commands per state, where a DTMC may have several.
     """
-    return _lazily(space, lambda structure: _chain_reward(space, structure, numbers))
+    return _lazily(space, lambda s: _chain_reward(space, s, numbers, space.symbolic.events))
 
 
 def _chain_reward(
-    space: StateSpace, structure: BoundRewards, numbers: Mtbdd | None
+    space: StateSpace,
+    structure: BoundRewards,
+    numbers: Mtbdd | None,
+    events: Sequence[EncodedEvent],
 ) -> tuple[Mtbdd, ...]:
     parts = []
-    for action in dict.fromkeys(e.event.action for e in space.symbolic.events):
+    for action in dict.fromkeys(e.event.action for e in events):
         if _rewards_action(structure, action):
-            weight = _action_weight(space, action)
+            weight = _action_weight(space, events, action)
             earned = _earned(space, structure, weight.compare(">", 0.0), False, action)
             parts.append(nothing_lost(weight * earned, weight, earned))
     total = space.symbolic.manager.sum(parts)
@@ -71,6 +74,8 @@ def _class_reward(
     space: StateSpace, structure: BoundRewards, choice_class: Sequence[JointClass]
 ) -> Mtbdd:
     manager = space.symbolic.manager
+    if choice_class and choice_class[0].event.event.is_markovian:
+        return _chain_reward(space, structure, None, [j.event for j in choice_class])[0]
     by_action: dict[str | None, list[Bdd]] = {}
     for joint in choice_class:
         if _rewards_action(structure, joint.event.event.action):
@@ -127,12 +132,12 @@ def _raise_fault(space: StateSpace, faulty: Bdd, on_states: bool) -> None:
         )
 
 
-def _action_weight(space: StateSpace, action: str | None) -> Mtbdd:
+def _action_weight(space: StateSpace, events: Sequence[EncodedEvent], action: str | None) -> Mtbdd:
     """Sum of the probabilities (rates) of all transitions of an action, before division by the
     number of choices.
     """
     parts = []
-    for event in space.symbolic.events:
+    for event in events:
         enabled = event.guard & space.states
         if event.event.action == action and enabled:
             weight = enabled.to_mtbdd()

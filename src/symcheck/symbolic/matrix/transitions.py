@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from symcheck.options import Options
 from symcheck.symbolic.checks import check_model
 from symcheck.symbolic.events.commands import frame, touched_by
-from symcheck.symbolic.matrix.choice_coloring import choice_classes
+from symcheck.symbolic.matrix.choice_coloring import choice_classes, race
 from symcheck.symbolic.matrix.products import nothing_lost
 from symcheck.symbolic.matrix.rewards import chain_rewards, class_rewards, state_rewards
 from symcheck.symbolic.model import (
@@ -123,6 +123,8 @@ def _mdp_transitions(space: StateSpace) -> Transitions:
     symbolic = space.symbolic
     manager = symbolic.manager
     classes = choice_classes(space)
+    if symbolic.model.type.immediate_choices:
+        classes = (race(space), *classes)
     actions: dict[tuple[int, str | None], Bdd] = {}
     choices: list[ChoiceClass] = []
     for number, joint in enumerate(classes):

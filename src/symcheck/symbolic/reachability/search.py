@@ -22,7 +22,11 @@ from typing import TYPE_CHECKING
 
 from symcheck.errors import converts_memory_error
 from symcheck.symbolic.checks import check_initial
-from symcheck.symbolic.events.commands import encode_event, evaluated_valuations
+from symcheck.symbolic.events.commands import (
+    encode_event,
+    evaluated_valuations,
+    with_maximal_progress,
+)
 from symcheck.symbolic.events.relations import group_relations
 from symcheck.symbolic.model import EncodedEvent, Iteration, StateSpace, SymbolicModel
 from symcheck.symbolic.reachability.clock_search import (
@@ -278,6 +282,7 @@ def extend_relations(symbolic: SymbolicModel, states: Bdd) -> SymbolicModel:
             event = events[number] = encode_event(translator, event.event)
     if all(new is old for new, old in zip(events, symbolic.events, strict=True)):
         return symbolic
+    events = with_maximal_progress(translator, events)
     return replace(
         symbolic,
         events=tuple(events),

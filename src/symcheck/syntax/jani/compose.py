@@ -135,7 +135,11 @@ class _Composer:
                 yield _EventClass(result, parts)
 
     def _check_rates(self, event_class: _EventClass) -> None:
-        if not self.network.type.continuous_time:
+        kind, edges_of = self.network.type, list(event_class.parts.values())
+        if kind.immediate_choices and len(edges_of) > 1:
+            for edge in (e for edges in edges_of for e in edges if e.rate is not None):
+                raise edge.node.unsupported("edges with a rate cannot synchronise")
+        if kind.has_probabilities:
             return
         # An event has a rate if each choice of edges has one: all edges of some participant do.
         parts = event_class.parts.values()
@@ -298,7 +302,8 @@ class _Composer:
                 weight = self.network.in_states(weight)
             updates.append(Update(weight, assignments, span=branch.span))
         guard = self.network.in_states(edge.guard)
-        return Command(action, guard, tuple(updates), span=edge.node.span)
+        markovian = self.network.type.immediate_choices and edge.rate is not None
+        return Command(action, guard, tuple(updates), markovian, span=edge.node.span)
 
     def _initial(self) -> tuple[Expression | None, list[VariableDeclaration]]:
         """The condition of initial states where values do not say it all, and the variables."""

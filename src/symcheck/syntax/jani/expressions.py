@@ -30,11 +30,14 @@ from symcheck.syntax.operators import (
 from symcheck.syntax.traversal import Tree, transform
 
 __all__ = [
+    "MOST_CELLS",
     "ONE",
     "TRUE",
     "ZERO",
+    "Cells",
     "ExpressionReader",
     "FunctionDefinition",
+    "at_index",
     "conjunction",
     "is_boolean",
     "is_literal",
@@ -49,11 +52,28 @@ _LARGEST_INT = 2**63 - 1
 
 _CONSTANTS = {"π": math.pi, "e": math.e}
 _MISSING = {
-    **dict.fromkeys(("aa", "ac", "av"), "arrays"),
     **dict.fromkeys(("da", "dv"), "datatypes"),
     "nondet": "nondeterministic selections of values",
     "der": "derivatives of continuous variables",
 }
+
+
+MOST_CELLS = 16
+"""Cells of an array whose length is a constant without a value, and values of a choice."""
+
+
+@dataclass(frozen=True)
+class Cells:
+    """An array: its cells; `length` None: it has all of them, else as many as the constant says."""
+
+    cells: tuple[Expression, ...]
+    length: Expression | None = None
+
+    def has(self, i: int) -> Expression:
+        """Whether it has a cell with this number."""
+        if self.length is None:
+            return TRUE
+        return Binary(Operator.GT, self.length, Literal(i, Type.INT))
 
 
 @dataclass(frozen=True)
@@ -73,12 +93,50 @@ class ExpressionReader:
         functions: the functions of the model or automaton.
         calls: the functions whose bodies are being read.
         outside: within a function, the names outside of it.
+        arrays: the arrays by identifier.
+        selected: the value of nondeterministic selections; None: they are refused.
     """
 
     names: Mapping[str, Expression]
     functions: Mapping[str, FunctionDefinition] = field(default_factory=dict)
     calls: tuple[str, ...] = ()
     outside: Mapping[str, Expression] | None = None
+    arrays: Mapping[str, Cells] = field(default_factory=dict)
+    selected: int | None = None
+
+    def with_name(self, name: str, value: Expression) -> ExpressionReader:
+        """A reader for the scope of a bound variable."""
+        return replace(self, names={**self.names, name: value})
+
+    def array(self, node: Json) -> Cells:
+        """The array of a value. Raises SyntaxFault, UnsupportedError."""
+        if isinstance(node.value, str):
+            if node.text not in self.arrays:
+                raise node.fault(f"there is no array '{node.text}'")
+            return self.arrays[node.text]
+        operator = node["op"].text if isinstance(node.value, Mapping) else ""
+        if operator == "av":
+            return Cells(tuple(map(self.read, node["elements"].items)))
+        if operator == "ac":
+            length, name = self.read(node["length"]), node["var"].text
+            known = length.value if isinstance(length, Literal) else None
+            numbers = range(int(known) if isinstance(known, int) else MOST_CELLS)
+            cells = (self.with_name(name, Literal(i, Type.INT)).read(node["exp"]) for i in numbers)
+            return Cells(tuple(cells), None if isinstance(known, int) else length)
+        raise node.unsupported("an array is a name, a list (av) or a comprehension (ac)")
+
+    def _cell(self, node: Json) -> Expression:
+        """The cell of an array at an index, which is in its range."""
+        array, index = self.array(node["exp"]), self.read(node["index"])
+        if isinstance(index, Literal) and isinstance(index.value, int):
+            if 0 <= index.value < len(array.cells):
+                return array.cells[index.value]
+            if array.length is None:
+                raise node["index"].fault(f"the array has {len(array.cells)} cells")
+        *cells, result = array.cells
+        for i in range(len(cells) - 1, -1, -1):
+            result = Conditional(at_index(index, i), cells[i], result)
+        return result
 
     def read(self, node: Json) -> Expression:
         """The expression of a value. Raises SyntaxFault, UnsupportedError."""
@@ -147,6 +205,10 @@ class ExpressionReader:
                 return Conditional(Binary(Operator.GE, value, ZERO), *parts, span=node.span)
             case "call":
                 return self._call(node)
+            case "aa":
+                return self._cell(node)
+            case "nondet" if self.selected is not None:
+                return Literal(self.selected, Type.INT)
             case _ if operator in _MISSING:
                 raise node["op"].unsupported(
                     f"{_MISSING[operator]} ('{operator}') are not supported"
@@ -173,6 +235,11 @@ class ExpressionReader:
             self, names={**outside, **arguments}, calls=(*self.calls, name), outside=outside
         )
         return inner.read(function.body)
+
+
+def at_index(index: Expression, i: int) -> Expression:
+    """Whether an index is a number."""
+    return Binary(Operator.EQ, index, Literal(i, Type.INT))
 
 
 def _minus(value: Expression) -> Expression:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from fractions import Fraction
@@ -80,6 +80,13 @@ class Json:
         """The items of the list that is a member of an object; none without the member."""
         member = self.get(key)
         return () if member is None else member.items
+
+    def nodes(self) -> Iterator[Json]:
+        """The value and all values within it."""
+        yield self
+        parts = self.value if isinstance(self.value, list) else ()
+        for part in self.members.values() if isinstance(self.value, Mapping) else parts:
+            yield from part.nodes()
 
     def check_members(self, known: Sequence[str]) -> None:
         """Refuse a member that resembles a known one; other members belong to other tools.

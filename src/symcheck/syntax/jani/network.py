@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -21,12 +21,16 @@ from symcheck.syntax.ast import (
 from symcheck.syntax.declarations import Constant, VariableDeclaration
 from symcheck.syntax.grammars import load
 from symcheck.syntax.jani.expressions import (
+    MOST_CELLS,
     ONE,
     TRUE,
     ZERO,
+    Cells,
     ExpressionReader,
     FunctionDefinition,
+    at_index,
     conjunction,
+    is_literal,
     negation,
 )
 from symcheck.syntax.jani.json_tree import Json
@@ -49,7 +53,6 @@ _TYPES = {
     kind.value: kind for kind in ModelType if kind.players < 2 and not kind.partially_observed
 } | {"lts": WITHOUT_KEYWORD}
 _OTHER_TYPES = {
-    "ma": "Markov automata",
     "ctmdp": "continuous-time Markov decision processes",
     "ta": "timed automata",
     "pta": "probabilistic timed automata",
@@ -66,10 +69,13 @@ class UniqueNames:
     def __init__(self) -> None:
         self._taken: set[str] = set()
 
-    def take(self, proposal: str) -> str:
-        """The wanted name if it is free and valid, or else one that is close to it."""
+    def take(self, proposal: str, *, given: bool = False) -> str:
+        """The wanted name if it is free and valid, or else one that is close to it.
+
+        A constant that is `given` a value by its name may be called as a word of the language.
+        """
         name = re.sub(r"\W|[^\x00-\x7f]", "_", proposal)
-        if not name or name[0].isdigit() or load("prism").reserves(name):
+        if not name or name[0].isdigit() or (load("prism").reserves(name) and not given):
             name = f"_{name}"
         free, number = name, 1
         while free in self._taken:
@@ -149,7 +155,7 @@ class Network:
     """A model without its properties.
 
     Attributes:
-        names: for expressions of properties, what each identifier stands for.
+        names, arrays: for expressions of properties, what each identifier stands for.
         vectors: the synchronisation vectors: an action or None for each element, and the result.
         initial: a condition of initial states, if the initial values do not say it all.
         unique: the names in use.
@@ -165,6 +171,7 @@ class Network:
     vectors: tuple[tuple[tuple[str | None, ...], str | None], ...]
     initial: Expression
     unique: UniqueNames = field(repr=False)
+    arrays: Mapping[str, Cells] = field(default_factory=dict)
 
     @property
     def variables(self) -> dict[str, VariableDeclaration]:
@@ -246,6 +253,9 @@ def assigned_values(
 
 # ------------------------------------------------------------------------------------------ reading
 
+_SELECTED = "?"
+"""Stands for the value of a selection."""
+
 _MODEL = (
     "jani-version", "name", "metadata", "type", "features", "actions", "constants", "variables",
     "restrict-initial", "properties", "automata", "system", "functions", "datatypes",
@@ -265,7 +275,7 @@ def read_network(root: Json) -> Network:
     kind = root["type"]
     if kind.text in _OTHER_TYPES:
         raise kind.unsupported(
-            f"{_OTHER_TYPES[kind.text]} are not supported: models are DTMCs, CTMCs and MDPs"
+            f"{_OTHER_TYPES[kind.text]} are not supported: models are DTMCs, CTMCs, MDPs and MAs"
         )
     if kind.text not in _TYPES:
         raise kind.fault(f"'{kind.text}' is no model type", f"the types are {', '.join(_TYPES)}")
@@ -282,6 +292,9 @@ class _NetworkReader:
         self.names: dict[str, Expression] = {}
         self.transients: dict[str, Transient] = {}
         self.functions: dict[str, FunctionDefinition] = {}
+        self.arrays: dict[str, Cells] = {}
+        self.all_arrays: dict[str, Cells] = {}
+        self.limits: list[VariableDeclaration] = []
         self.actions: set[str] = set()
         self.boolean: set[str] = set()
 
@@ -292,15 +305,16 @@ class _NetworkReader:
         constants = tuple(map(self._constant, root.each("constants")))
         variables = self._variables(root, self.names)
         self.functions = self._functions(root)
+        shared = dict(self.arrays)
         automata = {a["name"].text: a for a in root["automata"].items}
         parts = self._elements(automata)
-        elements = tuple(self._element(automata[name], enabled) for name, enabled in parts)
-        initial = self._restriction(root, ExpressionReader(self.names, self.functions))
+        elements = tuple(self._element(automata[name], enabled, shared) for name, enabled in parts)
+        initial = self._restriction(root, self._reader(self.names))
         actions = {e.action for element in elements for e in element.edges}
         return Network(
             self.kind,
             constants,
-            variables,
+            (*variables, *self.limits),
             self.transients,
             self.functions,
             self.names,
@@ -308,7 +322,18 @@ class _NetworkReader:
             self._vectors(len(parts), actions),
             initial,
             self.unique,
+            self.all_arrays,
         )
+
+    def _reader(self, names: Mapping[str, Expression]) -> ExpressionReader:
+        return ExpressionReader(names, self.functions, arrays=self.arrays)
+
+    def _limit(self, what: str, count: Expression) -> None:
+        """Refuse a constant above the most cells when it has a value: a range without values."""
+        name = self.unique.take(f"{what}_up_to_{MOST_CELLS}")
+        room = Binary(Operator.MINUS, Literal(MOST_CELLS, Type.INT), count, span=count.span)
+        limit = VariableDeclaration(name, Type.INT, ZERO, room, ZERO, span=count.span)
+        self.limits.append(limit)
 
     # ------------------------------------------------------------------------------ declarations
 
@@ -318,7 +343,7 @@ class _NetworkReader:
         value = node.get("value")
         expression = None if value is None else ExpressionReader(self.names).read(value)
         self._check_new(node["name"], self.names)
-        name = self.unique.take(identifier)
+        name = self.unique.take(identifier, given=expression is None)
         self.names[identifier] = Name(name)
         return Constant(name, kind, expression, span=node["name"].span)
 
@@ -355,8 +380,13 @@ class _NetworkReader:
     ) -> tuple[VariableDeclaration, ...]:
         """Declare the variables of a model or an automaton in `names`."""
         result = []
-        reader = ExpressionReader(dict(self.names), self.functions)
+        reader = self._reader(dict(self.names))
         for node in owner.each("variables"):
+            kind_of = node["type"]
+            if isinstance(kind_of.value, Mapping) and kind_of["kind"].text == "array":
+                node.check_members(_VARIABLE)
+                result += self._array(node, reader, names)
+                continue
             node.check_members(_VARIABLE)
             identifier = node["name"].text
             self._check_new(node["name"], names)
@@ -388,6 +418,32 @@ class _NetworkReader:
             span = node["name"].span
             result.append(VariableDeclaration(name, kind, first, last, value, span=span))
         return tuple(result)
+
+    def _array(
+        self, node: Json, reader: ExpressionReader, names: Mapping[str, Expression]
+    ) -> list[VariableDeclaration]:
+        """Declare a variable for each cell of an array."""
+        identifier, initial = node["name"].text, node.get("initial-value")
+        self._check_new(node["name"], names)
+        kind, low, high = self._type(node["type"]["base"], "a cell of an array")
+        if initial is None or node.flag("transient") or kind is Type.DOUBLE:
+            raise node["type"].unsupported(
+                f"the array '{identifier}' is transient, of reals, or without an initial value"
+            )
+        first, last = (None if b is None else reader.read(b) for b in (low, high))
+        start, span = reader.array(initial), node["name"].span
+        default = first or (Literal(False, Type.BOOL) if kind is Type.BOOL else ZERO)
+        cells = []
+        for i, value in enumerate(start.cells):
+            name = self.unique.take(f"{identifier}_{i}")
+            if start.length is not None:
+                value = Conditional(start.has(i), value, default)
+            cells.append(VariableDeclaration(name, kind, first, last, value, span=span))
+        if start.length is not None:
+            self._limit(identifier, start.length)
+        self.arrays[identifier] = Cells(tuple(Name(c.name) for c in cells), start.length)
+        self.all_arrays.setdefault(identifier, self.arrays[identifier])
+        return cells
 
     def _functions(self, owner: Json) -> dict[str, FunctionDefinition]:
         return {
@@ -452,7 +508,10 @@ class _NetworkReader:
 
     # ---------------------------------------------------------------------------------- automata
 
-    def _element(self, node: Json, input_enable: Sequence[Json]) -> Element:
+    def _element(
+        self, node: Json, input_enable: Sequence[Json], shared: Mapping[str, Cells]
+    ) -> Element:
+        self.arrays = dict(shared)
         node.check_members(_AUTOMATON)
         module = self.unique.take(node["name"].text)
         names = dict(self.names)
@@ -461,7 +520,8 @@ class _NetworkReader:
         names |= local
         for identifier, name in local.items():
             self.names.setdefault(identifier, name)
-        reader = ExpressionReader(names, {**self.functions, **self._functions(node)})
+        functions = {**self.functions, **self._functions(node)}
+        reader = replace(self._reader(names), functions=functions)
         locations = [x["name"].text for x in node["locations"].items]
         starts = [self._location(x, locations) for x in node["initial-locations"].items]
         if not starts:
@@ -478,7 +538,9 @@ class _NetworkReader:
         if location_variable is not None and len(starts) > 1:
             initial = conjunction(_any(_at(location_variable, s) for s in starts), initial)
         edges = [
-            self._edge(edge, location_variable, locations, reader) for edge in node["edges"].items
+            self._edge(edge, location_variable, locations, selecting, condition)
+            for edge in node["edges"].items
+            for selecting, condition in self._selections(edge, reader)
         ]
         for action in input_enable:
             edges += self._input_edges(action, edges, node)
@@ -514,11 +576,39 @@ class _NetworkReader:
 
     def _target(self, node: Json, reader: ExpressionReader) -> str:
         if not isinstance(node.value, str):
-            raise node.unsupported("arrays and datatypes are not supported")
+            raise node.unsupported("datatypes are not supported, and no arrays here")
         found = reader.read(node)
         if not isinstance(found, Name):
             raise node.fault("a variable is expected here")
         return found.name
+
+    def _selections(
+        self, edge: Json, reader: ExpressionReader
+    ) -> Iterator[tuple[ExpressionReader, Expression]]:
+        """A reader for each value that an edge may select, and when it may: an edge each."""
+        found = [n for n in edge.nodes() if isinstance(n.value, Mapping) and "op" in n.value]
+        found = [n for n in found if n["op"].value == "nondet"]
+        if not found:
+            yield reader, TRUE
+            return
+        variable, condition = found[0]["var"].text, found[0]["exp"]
+        match reader.with_name(variable, Name(_SELECTED)).read(condition):
+            case Binary(
+                Operator.AND,
+                Binary(Operator.LE, Literal(int() as first), Name("?")),
+                Binary(Operator.LE, Name("?"), last),
+            ) if len(found) == 1 and first >= 0:
+                pass
+            case _:
+                raise found[0].unsupported("a selection has a range, from a number to a constant")
+        if isinstance(last, Literal):
+            most = int(last.value)
+        else:
+            most = MOST_CELLS
+            self._limit(variable, last)
+        for value in range(first, most + 1):
+            at = Literal(value, Type.INT)
+            yield replace(reader, selected=value), Binary(Operator.LE, at, last)
 
     def _edge(
         self,
@@ -526,13 +616,14 @@ class _NetworkReader:
         location_variable: Name | None,
         locations: Sequence[str],
         reader: ExpressionReader,
+        selected: Expression = TRUE,
     ) -> Edge:
         node.check_members(_EDGE)
         action, guard, rate = node.get("action"), node.get("guard"), node.get("rate")
         if rate is not None and not self.kind.continuous_time:
             raise rate.fault(f"edges of {self.kind.name}s have no rate")
         at = _at(location_variable, self._location(node["location"], locations))
-        condition = TRUE if guard is None else reader.read(guard["exp"])
+        condition = selected if guard is None else conjunction(selected, reader.read(guard["exp"]))
         shared = self._assignments(node, reader)
         branches = []
         if not node["destinations"].items:
@@ -568,15 +659,39 @@ class _NetworkReader:
             index = node.get("index")
             if index is not None and not isinstance(index.value, int):
                 raise index.fault("the index of an assignment is an integer")
-            result.append(
-                RawAssignment(
-                    index.value if index is not None and isinstance(index.value, int) else 0,
-                    self._target(node["ref"], reader),
-                    reader.read(node["value"]),
-                    node.span,
-                )
-            )
+            at = index.value if index is not None and isinstance(index.value, int) else 0
+            cells = self._assigned_cells(node, reader)
+            if cells is None:
+                cells = {self._target(node["ref"], reader): reader.read(node["value"])}
+            result += [RawAssignment(at, name, value, node.span) for name, value in cells.items()]
         return result
+
+    def _assigned_cells(self, node: Json, reader: ExpressionReader) -> dict[str, Expression] | None:
+        """What an assignment to an array, or to one of its cells, gives to each cell; None: it is
+        to another variable.
+        """
+        ref = node["ref"]
+        if isinstance(ref.value, str):
+            if ref.text not in reader.arrays or ref.text in reader.names:
+                return None
+            array, given = reader.arrays[ref.text], reader.array(node["value"])
+            if len(array.cells) != len(given.cells):
+                raise node["value"].unsupported("the lengths of the arrays are not the same")
+            whens = [array.has(i) for i in range(len(array.cells))]
+            values: Sequence[Expression] = given.cells
+        elif ref["op"].text != "aa":
+            return None
+        else:
+            array, index = reader.array(ref["exp"]), reader.read(ref["index"])
+            whens = [at_index(index, i) for i in range(len(array.cells))]
+            values = [reader.read(node["value"])] * len(array.cells)
+            if isinstance(index, Literal):
+                whens = [Literal(i == index.value, Type.BOOL) for i in range(len(array.cells))]
+        return {
+            cell.name: value if when == TRUE else Conditional(when, value, cell)
+            for cell, value, when in zip(array.cells, values, whens, strict=True)
+            if isinstance(cell, Name) and not is_literal(when, False)
+        }
 
     def _check_assigned_once(self, assignments: Sequence[RawAssignment], node: Json) -> None:
         seen = set()
@@ -589,7 +704,7 @@ class _NetworkReader:
         """The edge that does nothing where no edge has the action."""
         guards = [e.guard for e in edges if e.action == action.text]
         guard = negation(_any(guards)) if guards else TRUE
-        rate = ONE if self.kind.continuous_time else None
+        rate = None if self.kind.has_probabilities else ONE
         return [Edge(action.text, guard, rate, (Branch(None, (), node.span),), node)]
 
 

@@ -61,7 +61,13 @@ def read_jani(text: str, name: str = "<model>") -> JaniFile:
     root = parse_json(Source(name, text))
     network = read_network(root)
     requests = default_requests(network)
-    reader = PropertyReader(network.names, network.functions, network=network, requests=requests)
+    reader = PropertyReader(
+        network.names,
+        network.functions,
+        arrays=network.arrays,
+        network=network,
+        requests=requests,
+    )
     properties: list[Property] = []
     faults: dict[int, SymcheckError] = {}
     for i, node in enumerate(root.each("properties")):

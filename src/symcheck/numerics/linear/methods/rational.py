@@ -16,14 +16,16 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
-from symcheck.matrices.numbers import doubles, rationals
-from symcheck.matrices.rational_functions import RationalFunction
+from symcheck.matrices.numbers import at_sample, doubles, rationals
+from symcheck.matrices.rational_functions import FunctionField, RationalFunction
 from symcheck.matrices.rows import Floats, Int64s
 from symcheck.matrices.weights import O
 from symcheck.numerics import graph
 from symcheck.numerics.linear.functions import least_functions
+from symcheck.numerics.linear.lifting import lifted
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.linear.rational import (
+    Number,
     Row,
     fractions,
     least_solution,
@@ -46,13 +48,21 @@ Chooser = Callable[[LinearProblem, Settings], Solution]
 
 def solve(
     problem: LinearProblem,
-    settings: Settings,  # noqa: ARG001 (nothing to choose: the solution is exact)
+    settings: Settings,
     observer: Observer | None,
     *,
     chooser: Chooser,
 ) -> Solution:
     """The exact least solution. Raises NumericalError where it is not unique or not finite."""
-    if _is_parametric(problem):
+    field = _parameters(problem)
+    if field is not None and field.lifting is not None:
+        from symcheck.numerics.linear.methods import solve_linear
+
+        box, direction = field.lifting
+        opposed = problem.mode and problem.direction is not direction
+        policy = _first_policy(_sampled(problem), chooser) if opposed else None
+        return solve_linear(lifted(problem, policy, box, direction), settings, observer)
+    if field is not None:
         return _solve_functions(problem, observer, chooser)
     form = number_form(problem.n)
     rows, constant = number_rows(problem.rows, form), [form(c) for c in problem.constant]
@@ -67,21 +77,33 @@ def solve(
     return Solution(values, values, "rational", True, True, rounds, note, strategy=policy)
 
 
-def _is_parametric(problem: LinearProblem) -> bool:
-    return any(isinstance(v, RationalFunction) for v in (*problem.rows.data, *problem.constant))
+def _parameters(problem: LinearProblem) -> FunctionField | None:
+    """The field of the functions of a problem; None if it has none."""
+    numbers = (*problem.rows.data, *problem.constant)
+    return next((v.field for v in numbers if isinstance(v, RationalFunction)), None)
+
+
+def _sampled(problem: LinearProblem) -> LinearProblem:
+    """The problem at the sample point."""
+    matrix = replace(problem.rows, data=at_sample(problem.rows.data))
+    return replace(problem, matrix=matrix, constant=at_sample(problem.constant), exit=None)
 
 
 def _solve_functions(
     problem: LinearProblem, observer: Observer | None, chooser: Chooser
 ) -> Solution:
     """The solution over functions of parameters; comparisons are those at the sample point."""
+    constant: list[Number] = problem.constant.tolist()
+    policy: Int64s | None = None
     if problem.mode == 0:
-        x, policy, rounds = least_functions(problem.rows, problem.constant), None, 1
+        rounds = 1
+        values = rationals(least_functions(problem.rows, constant))
     else:
-        rows = number_rows(problem.rows, lambda function: function)
-        policy = _first_policy(problem, chooser)
-        x, rounds = _policy_iteration(problem, rows, problem.constant, policy, observer)
-    values, note = rationals(x), f"{counted(problem.n, 'state')}: elimination over functions"
+        rows: list[Row[Number]] = number_rows(problem.rows, lambda function: function)
+        policy = _first_policy(_sampled(problem), chooser)
+        x, rounds = _policy_iteration(problem, rows, constant, policy, observer)
+        values = rationals(x)
+    note = f"{counted(problem.n, 'state')}: elimination over functions"
     return Solution(values, values, "rational", True, True, rounds, note, strategy=policy)
 
 
@@ -137,10 +159,8 @@ def _first_policy(problem: LinearProblem, chooser: Chooser) -> Int64s:
     groups = problem.choices
     assert groups is not None
     # Beyond doubles, constants are divided by the largest one: the best policy is the same.
-    scale = 1
-    if not _is_parametric(problem):
-        largest = np.abs(problem.constant).max(initial=0)
-        scale = largest if _LARGE < largest < inf else 1
+    largest = np.abs(problem.constant).max(initial=0)
+    scale = largest if _LARGE < largest < inf else 1
     rounded = replace(
         problem,
         matrix=problem.rows.doubles(),

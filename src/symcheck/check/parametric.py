@@ -1,0 +1,301 @@
+"""Checking of models with parameters: the ranges are divided into boxes, each with one outcome.
+
+A formula is checked at a sample point over rational functions. The comparisons that were made on
+the way are the conditions under which the outcome (a function, or a truth value) is the same; they
+are proved for a box, or the box is split. One outcome usually serves many boxes.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Mapping
+from dataclasses import replace
+from fractions import Fraction
+from itertools import count
+from math import inf
+from random import Random
+from time import perf_counter
+from typing import Any
+
+from symcheck.check.checker import check
+from symcheck.check.regions import Case, Condition, Extremum, Point, Regions, volume
+from symcheck.check.result import Exact, Result
+from symcheck.direction import Direction
+from symcheck.engines.base import Engine
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.parametric.build import ParametricModel, random_point
+from symcheck.errors import NumericalError, UnsupportedError
+from symcheck.matrices.rational_functions import RationalFunction
+from symcheck.numerics.bernstein import Box, function_bounds
+from symcheck.options import Options
+from symcheck.semantics.path_formulas import UntilPath
+from symcheck.semantics.query import PathProbability, ReachReward, query_of
+from symcheck.syntax.ast import Expression, Measure
+from symcheck.syntax.declarations import Property
+
+__all__ = ["Search", "check_parametric"]
+
+_MOST_BOXES = 4000
+"""Boxes after which an undecided rest is left."""
+_SAMPLES = 40
+"""Points at which a box is searched for one where all probabilities are positive."""
+
+
+def halves(box: Box, whole: Box) -> tuple[Box, Box]:
+    """A box divided across its longest side, relative to the whole one."""
+
+    def length(name: str) -> Fraction:
+        (low, high), (first, last) = box[name], whole[name]
+        return (high - low) / (last - first)
+
+    name = max(box, key=length)
+    low, high = box[name]
+    middle = (low + high) / 2
+    return {**box, name: (low, middle)}, {**box, name: (middle, high)}
+
+
+class Search:
+    """Divides the ranges of a model's parameters by the outcomes of a formula."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        formula: Expression,
+        options: Options,
+        labels: Mapping[str, Expression] | None,
+    ) -> None:
+        explicit = engine.capability(ExplicitEngine)
+        assert explicit is not None
+        assert isinstance(explicit.explored, ParametricModel)
+        self.engine, self.formula, self.options, self.labels = engine, formula, options, labels
+        self.model = explicit.explored
+        self.field = self.model.field
+        self.box: Box = dict(self.model.model.parameters)
+        self.random = Random(0)
+        self.field.sample(random_point(self.model.model, self.random))
+        for weight in self.model.weights:
+            odd = (self.field.factors[i] for i, n in weight.bottom if n % 2)
+            self.field.note([weight.top, *odd], 1)
+        self.positive = self._conditions(set())
+        self.cases: list[Case] = []
+        self.boxes: list[list[Box]] = []
+        self.result: Result | None = None
+        self.lifting = options.lifting
+
+    def _conditions(self, known: set[str]) -> tuple[Condition, ...]:
+        """The conditions that were noted, without those that are known."""
+        noted = self.field.conditions.items()
+        return tuple(Condition(p, s, self.field) for k, (p, s) in noted if k not in known)
+
+    def sample(self, box: Box) -> Point | None:
+        """A point inside a box where all probabilities are positive; None if none was found."""
+        for _ in range(_SAMPLES):
+            point = {
+                n: low + (high - low) * Fraction(self.random.randrange(1, 1024), 1024)
+                for n, (low, high) in box.items()
+            }
+            if all(c.holds(point) for c in self.positive):
+                return point
+        return None
+
+    def case(self, point: Point) -> int:
+        """The number of the case whose conditions hold at a point, which may be new."""
+        for i, case in enumerate(self.cases):
+            if case.holds(point):
+                return i
+        self.field.sample(point)
+        result = check(self.engine, self.formula, self.options, labels=self.labels)
+        if self.result is None:
+            self.result = result
+        known = {" * ".join(map(str, c.parts)) for c in self.positive}
+        (strategy,) = result.strategies or (None,)
+        self.cases.append(Case(result.value, self._conditions(known), point, (), strategy))
+        self.boxes.append([])
+        return len(self.cases) - 1
+
+    def lifted(self, box: Box) -> tuple[Fraction, Fraction]:
+        """Bounds of the value of the measure over a box, by parameter lifting.
+
+        Raises:
+            UnsupportedError: bounds of this measure do not follow from those of its equations.
+            NumericalError: there are none over this box.
+        """
+        measure = self.formula
+        if not isinstance(measure, Measure):
+            raise UnsupportedError("parameter lifting bounds P and R alone")
+        query = query_of(measure, self.model.model)
+        match query.quantity:
+            case PathProbability(UntilPath()) | ReachReward():
+                pass
+            case _:
+                raise UnsupportedError(
+                    "parameter lifting bounds P [ F … ], P [ G … ], P [ … U … ] and R [ F … ]"
+                )
+        direction = query.direction and query.direction.value
+        asked = replace(measure, bound=None, direction=direction)
+        found: list[Any] = []
+        if not all(c.proved(box) for c in self.positive):
+            raise NumericalError("probabilities are not known to be positive")
+        try:
+            for self.field.lifting in ((box, Direction.MIN), (box, Direction.MAX)):
+                self.result = check(self.engine, asked, self.options, labels=self.labels)
+                found.append(self.result.value)
+        except ZeroDivisionError:
+            raise NumericalError("a denominator is 0 on the border of the box") from None
+        finally:
+            self.field.lifting = None
+        if any(isinstance(value, RationalFunction) for value in found):
+            raise UnsupportedError("parameter lifting has no bounds on steps")
+        return min(found), max(found)  # a complement exchanges them
+
+    def by_lifting(self, box: Box, point: Point) -> bool:
+        """Whether a box with a point is decided by lifting; then it belongs to a case."""
+        threshold = None
+        if isinstance(self.formula, Measure):
+            threshold = query_of(self.formula, self.model.model).threshold
+        if threshold is None:
+            raise UnsupportedError("parameter lifting decides P and R with a threshold")
+        self.field.sample(point)
+        try:
+            values = {threshold.operator.compare(v, threshold.value) for v in self.lifted(box)}
+        except NumericalError:
+            return False
+        if len(values) == 2:
+            return False
+        (value,) = values
+        if value not in (known := [c.value for c in self.cases]):
+            self.cases.append(Case(value, None, point))
+            self.boxes.append([])
+        self.boxes[[*known, value].index(value)].append(box)
+        return True
+
+    def bounds(self, case: Case, box: Box) -> tuple[Fraction, Fraction] | None:
+        """Bounds of the values over a box, where a case holds somewhere; None if not known."""
+        if all(c.proved(box) for c in case.conditions or ()):
+            function = case.value
+            if not isinstance(function, RationalFunction):
+                function = self.field.constant(function)
+            return function_bounds(function, box)
+        try:
+            return self.lifted(box)
+        except (NumericalError, UnsupportedError):
+            return None
+
+    def extremum(self, direction: Direction, gap: Fraction) -> Extremum:
+        """A least or greatest value over the box, by branch and bound.
+
+        Raises NumericalError: the bounds do not come close.
+        """
+        sign = 1 if direction is Direction.MIN else -1
+        number = count()
+        queue: list[tuple[Fraction | float, int, Box]] = [(-inf, next(number), self.box)]
+        best: tuple[Fraction, Point] | None = None
+        for _ in range(_MOST_BOXES):
+            least, _, box = heapq.heappop(queue)
+            if best is not None and best[0] - least <= gap:
+                return Extremum(sign * best[0], sign * Fraction(least), best[1])
+            for half in halves(box, self.box):
+                point = self.sample(half)
+                bound: Fraction | float = -inf
+                if point is not None:
+                    case = self.cases[self.case(point)]
+                    value = sign * case(**point)
+                    if best is None or value < best[0]:
+                        best = value, point
+                    if (bounds := self.bounds(case, half)) is not None:
+                        bound = min(sign * b for b in bounds)
+                heapq.heappush(queue, (bound, next(number), half))
+        raise NumericalError(f"the bounds are not within {float(gap):g} after {_MOST_BOXES} boxes")
+
+    def regions(self, share: float, *, feasible: bool = False) -> Regions:
+        """Divide the box until a share of its volume is decided, or one value is true."""
+        whole, number = volume(self.box), count()
+        rest = (1 - Fraction(repr(share))) * whole
+        queue: list[tuple[Fraction, int, Box, frozenset[Condition]]] = []
+        heapq.heappush(queue, (-whole, next(number), self.box, frozenset()))
+        left, empty = whole, []
+        for _ in range(_MOST_BOXES):
+            found = feasible and any(c.value is True for c in self.cases)
+            if found or not queue or left <= rest:
+                break
+            negative, _, box, proved = heapq.heappop(queue)
+            point = self.sample(box)
+            if self.lifting and point is not None:
+                done = self.by_lifting(box, point)
+            elif point is None:
+                done = any(
+                    Condition(c.parts, -c.sign, self.field).proved(box) for c in self.positive
+                )
+                if done:
+                    empty.append(box)
+            else:
+                chosen = self.case(point)
+                conditions = self.cases[chosen].conditions or ()
+                proved |= {c for c in conditions if c not in proved and c.proved(box)}
+                done = proved.issuperset(conditions)
+                if done:
+                    self.boxes[chosen].append(box)
+            if done:
+                left += negative
+                continue
+            for half in halves(box, self.box):
+                heapq.heappush(queue, (negative / 2, next(number), half, proved))
+        if not self.cases:
+            raise NumericalError(
+                "at no point of the ranges that was tried are all probabilities positive",
+                hint="give ranges in which the probabilities lie between 0 and 1",
+            )
+        return Regions(
+            self.box,
+            tuple(c for c in self.positive if not c.proved(self.box)),
+            tuple(replace(c, boxes=tuple(b)) for c, b in zip(self.cases, self.boxes, strict=True)),
+            tuple(empty),
+            tuple(box for _, _, box, _ in queue) if left else (),
+        )
+
+
+def check_parametric(
+    engine: Engine,
+    formula: Expression | Property,
+    options: Options | None = None,
+    *,
+    labels: Mapping[str, Expression] | None = None,
+) -> Result:
+    """Check a bound formula on a model with parameters.
+
+    Returns:
+        A result whose `regions` have the outcomes; its value is that of all of them, None if they
+        differ.
+
+    Raises:
+        SymcheckError: see `symcheck.check.checker.check`.
+        NumericalError: no point was found at which all probabilities are positive.
+    """
+    started = perf_counter()
+    if isinstance(formula, Property):
+        formula = formula.formula
+    options = options or Options()
+    search = Search(engine, formula, options, labels)
+    regions = search.regions(options.regions)
+    assert search.result is not None
+    first, *others = regions.cases
+    same = all(other.value == first.value for other in others)
+    where = [str(c) for c in regions.well_defined]
+    explanation = search.result.explanation
+    if not same:
+        explanation = f"{len(regions.cases)} cases"
+    if regions.undecided:
+        explanation += f"; {regions.share:.2%} of the volume are decided"
+    if where:
+        explanation += f"; where {', '.join(where)}"
+    return replace(
+        search.result,
+        value=first.value if same and not regions.undecided else None,
+        accuracy=Exact(),
+        explanation=explanation,
+        values_or_none=None,
+        satisfying_or_none=None if first.conditions or others else search.result.satisfying_or_none,
+        strategies=(first.strategy,) if same and first.strategy is not None else (),
+        regions_or_none=regions,
+        seconds=perf_counter() - started,
+    )

@@ -1,0 +1,146 @@
+"""Outcomes of a formula over the ranges of parameters: conditions, cases and boxes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+from fractions import Fraction
+from math import prod
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from symcheck.errors import UsageError
+from symcheck.lazy_dataclass import dataclass
+from symcheck.matrices.rational_functions import FunctionField, Polynomial, RationalFunction
+from symcheck.numerics.bernstein import Box, sign_on
+
+if TYPE_CHECKING:
+    from symcheck.engines.explicit.strategy import Strategy
+
+__all__ = ["Case", "Condition", "Extremum", "Point", "Regions", "volume"]
+
+Point = Mapping[str, Fraction]
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """A product of polynomials has a sign: `p*q - 1 > 0`."""
+
+    parts: tuple[Polynomial, ...]
+    sign: int
+    ring: FunctionField = field(repr=False)
+
+    def __str__(self) -> str:
+        product = str(self.parts[0])
+        if len(self.parts) > 1:
+            product = "*".join(f"({p})" for p in self.parts)
+        return f"{product} {'>' if self.sign > 0 else '<' if self.sign < 0 else '='} 0"
+
+    def holds(self, point: Point) -> bool:
+        """Whether it holds at a point."""
+        value = prod(RationalFunction(self.ring, p, ())(**point) for p in self.parts)
+        return (value > 0) - (value < 0) == self.sign
+
+    def proved(self, box: Box) -> bool:
+        """Whether it holds everywhere inside a box; False if that is not known."""
+        return sign_on(self.parts, self.ring, box) == self.sign
+
+
+@dataclass(frozen=True)
+class Case:
+    """An outcome, and where it holds.
+
+    Attributes:
+        value: a function of the parameters, a truth value, or an infinite number.
+        conditions: where all of them hold, and all probabilities are positive, so does the value;
+            None: it holds in `boxes`.
+        sample: the point at which it was found.
+        boxes: where the conditions are proved.
+        strategy: with the option `strategy`, that of an MDP.
+    """
+
+    value: Any
+    conditions: tuple[Condition, ...] | None = field(repr=False)
+    sample: Point = field(repr=False)
+    boxes: tuple[Box, ...] = field(default=(), repr=False)
+    strategy: Strategy | None = field(default=None, repr=False)
+
+    def holds(self, point: Point) -> bool:
+        """Whether it is known to hold at a point."""
+        if self.conditions is not None:
+            return all(c.holds(point) for c in self.conditions)
+        return any(all(low <= point[n] <= high for n, (low, high) in b.items()) for b in self.boxes)
+
+    def __call__(self, **point: Fraction | float | str) -> Any:
+        """The value at a point, whether or not it is valid there."""
+        return self.value(**point) if isinstance(self.value, RationalFunction) else self.value
+
+
+@dataclass(frozen=True)
+class Regions:
+    """The outcomes of a formula over the ranges of the parameters.
+
+    Attributes:
+        box: the ranges.
+        well_defined: the conditions under which all probabilities (rates) are positive: every
+            outcome holds only there. Those that hold in all of `box` are left out.
+        cases: the outcomes, in the order in which they were found.
+        empty: boxes without a point where all probabilities are positive.
+        undecided: boxes for which no outcome is proved.
+    """
+
+    box: Box
+    well_defined: tuple[Condition, ...]
+    cases: tuple[Case, ...]
+    empty: tuple[Box, ...] = field(default=(), repr=False)
+    undecided: tuple[Box, ...] = field(default=(), repr=False)
+
+    @property
+    def share(self) -> float:
+        """The share of the volume that is decided."""
+        return float(1 - sum(map(volume, self.undecided), Fraction(0)) / volume(self.box))
+
+    def where(self, value: object) -> tuple[Box, ...]:
+        """The boxes in which the formula has a value."""
+        return tuple(b for c in self.cases if c.value == value for b in c.boxes)
+
+    def at(self, **point: Fraction | float | str) -> Case:
+        """The case whose conditions hold at a point. Raises UsageError if there is none."""
+        exact = {n: Fraction(str(v)) for n, v in point.items()}
+        if all(c.holds(exact) for c in self.well_defined):
+            for case in self.cases:
+                if case.holds(exact):
+                    return case
+        raise UsageError(f"no case is known at {_shown(exact)}")
+
+    def __str__(self) -> str:
+        lines = []
+        first: dict[str, Case] = {}
+        for case in self.cases:
+            text = "[{},{}]".format(*case.value) if isinstance(case.value, tuple) else case.value
+            first.setdefault(str(text).lower() if isinstance(text, bool) else str(text), case)
+        for text, case in first.items():
+            share = sum(map(volume, self.where(case.value)), Fraction(0)) / volume(self.box)
+            lines.append(f"  {float(share):7.2%}  {text}, first found at {_shown(case.sample)}")
+        if self.empty:
+            share = sum(map(volume, self.empty), Fraction(0)) / volume(self.box)
+            lines.append(f"  {float(share):7.2%}  no model: a probability is negative or 0")
+        if self.undecided:
+            lines.append(f"  {1 - self.share:7.2%}  undecided")
+        return "\n".join(lines)
+
+
+class Extremum(NamedTuple):
+    """The value at a point, and a proved bound of the values at all points."""
+
+    value: Fraction
+    bound: Fraction
+    point: Point
+
+
+def volume(box: Box) -> Fraction:
+    """The product of the lengths of a box."""
+    return prod((high - low for low, high in box.values()), start=Fraction(1))
+
+
+def _shown(point: Point) -> str:
+    return ", ".join(f"{n}={float(v):g}" for n, v in point.items())

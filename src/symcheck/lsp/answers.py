@@ -1,0 +1,456 @@
+"""What an editor shows of a text: faults, help at a name, completions, an outline, and edits.
+
+Places are offsets in the text; `server` converts them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+from symcheck.errors import Diagnostic, InputError, SymcheckError
+from symcheck.lsp.symbols import QUOTED, Kind, Names, Occurrence, Symbol, names_of
+from symcheck.lsp.words import Word, comments, keywords, words
+from symcheck.semantics.binding.bind import bind
+from symcheck.semantics.binding.bind_model import undefined_constants
+from symcheck.semantics.binding.bind_properties import bind_properties
+from symcheck.semantics.expressions.literals import format_value
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import MEASURE_WORDS
+from symcheck.syntax.declarations import Program, PropertiesFile
+from symcheck.syntax.grammars import load
+from symcheck.syntax.operators import Function
+from symcheck.syntax.parse import parse_model, parse_properties
+
+__all__ = ["Document", "Edit", "Item", "Place", "formatted", "quick_fixes"]
+
+
+class Place(NamedTuple):
+    """A piece of the text of a document."""
+
+    document: Document
+    start: int
+    end: int
+
+
+class Edit(NamedTuple):
+    """New text for a piece of a document."""
+
+    place: Place
+    text: str
+
+
+class Item(NamedTuple):
+    """A completion: a word, what it is, and more about it."""
+
+    word: str
+    what: str
+    detail: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Document:
+    """One version of a text in an editor, and the model that it belongs to.
+
+    Attributes:
+        uri: its name in the editor.
+        text: its characters.
+        language: 'prism', or 'properties'.
+        model: the document of the model, of properties; None if none is known.
+        states: the number of reachable states, if it is known.
+    """
+
+    uri: str
+    text: str
+    language: str
+    model: Document | None = None
+    states: int | None = field(default=None, init=False)
+
+    @property
+    def name(self) -> str:
+        """The last part of the uri."""
+        return self.uri.rpartition("/")[2]
+
+    @cached_property
+    def names(self) -> Names:
+        """Declarations and uses."""
+        return names_of(self.text, self.language)
+
+    @cached_property
+    def words(self) -> list[Word]:
+        """The words."""
+        return words(self.text, self.language)
+
+    # ------------------------------------------------------------------------------------- analysis
+
+    @cached_property
+    def _analysis(
+        self,
+    ) -> tuple[Program | PropertiesFile | None, BoundModel | None, list[Diagnostic]]:
+        """The tree and the bound model, as far as there are any, and the faults."""
+        try:
+            if self.language == "prism":
+                program = parse_model(self.text, self.name)
+                return program, *self._bound(program)
+            file = parse_properties(self.text, self.name)
+            return file, None, self._faults_of_properties(file)
+        except InputError as error:
+            return None, None, list(error.diagnostics)
+        except SymcheckError as error:
+            return None, None, [Diagnostic(str(error))]
+
+    def _bound(self, program: Program) -> tuple[BoundModel | None, list[Diagnostic]]:
+        """The model with the least values that open constants may have, for all that needs none."""
+        given = {
+            c.name: "true" if c.type.value == "bool" else "1" for c in undefined_constants(program)
+        }
+        try:
+            bound = bind(program, given)
+        except InputError as error:
+            return None, list(error.diagnostics)
+        except SymcheckError as error:
+            return None, [Diagnostic(str(error))]
+        return bound, [Diagnostic(text, severity="warning") for text in bound.warnings if not given]
+
+    def _faults_of_properties(self, file: PropertiesFile) -> list[Diagnostic]:
+        if self.model is None or self.model.bound is None:
+            return []
+        try:
+            found = bind_properties(file, self.model.bound, {}).properties
+            faults = [d for p in found if p.fault is not None for d in p.fault.diagnostics]
+        except InputError as error:
+            faults = list(error.diagnostics)
+        except SymcheckError as error:
+            faults = [Diagnostic(str(error))]
+        return [d for d in faults if d.code != "undefined-constant"]
+
+    @property
+    def bound(self) -> BoundModel | None:
+        """The bound model of a model without faults; open constants are 1 or true."""
+        return self._analysis[1]
+
+    @property
+    def diagnostics(self) -> list[Diagnostic]:
+        """The faults that are found without exploring states."""
+        return self._analysis[2]
+
+    @property
+    def program(self) -> Program | PropertiesFile | None:
+        """The syntax tree; None of a faulty text."""
+        return self._analysis[0]
+
+    # ---------------------------------------------------------------------------------------- names
+
+    @property
+    def _family(self) -> tuple[Document, ...]:
+        """The document, and that of its model."""
+        return (self,) if self.model is None else (self, self.model)
+
+    def declaration(self, offset: int) -> tuple[Place, Symbol] | None:
+        """Where the name at an offset is declared, in this document or in that of its model."""
+        found = self.names.at(offset)
+        if found is None:
+            return None
+        for document in self._family:
+            symbol = document.names.declared(found.name, found.kinds)
+            if symbol is not None:
+                return Place(document, symbol.start, symbol.end), symbol
+        return None
+
+    def uses(self, offset: int, others: Sequence[Document] = ()) -> list[Place]:
+        """All places of what the name at an offset stands for, its declaration among them.
+
+        Args:
+            offset: a place in this document.
+            others: further documents, such as properties of this model.
+        """
+        found = self.declaration(offset)
+        if found is None:
+            return []
+        place, symbol = found
+        documents = [
+            d for d in dict.fromkeys((place.document, self, *others)) if place.document in d._family
+        ]
+        return [
+            Place(document, o.start, o.end)
+            for document in documents
+            for o in document.names.occurrences
+            if o.name == symbol.name and document._means(o, symbol)
+        ]
+
+    def _means(self, occurrence: Occurrence, symbol: Symbol) -> bool:
+        """Whether a name stands for what a symbol declares."""
+        for document in self._family:
+            declared = document.names.declared(occurrence.name, occurrence.kinds)
+            if declared is not None:
+                return declared.kind is symbol.kind
+        return False
+
+    def renamed(self, offset: int, name: str, others: Sequence[Document] = ()) -> list[Edit]:
+        """The edits that rename what stands at an offset.
+
+        Raises ValueError: it is no name, or the new one is none, or taken.
+        """
+        found = self.declaration(offset)
+        if found is None:
+            raise ValueError("there is no name that could be changed")
+        place, symbol = found
+        if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
+            raise ValueError(f"'{name}' is no name: letters, digits and _ are, not a digit first")
+        if symbol.kind not in QUOTED:
+            if load("prism").reserves(name) or load("properties").reserves(name):
+                raise ValueError(f"'{name}' is a word of the language")
+        taken = place.document.names.declared(name, (symbol.kind, *_LIKE.get(symbol.kind, ())))
+        if taken is not None and taken.name != symbol.name:
+            raise ValueError(f"'{name}' is already a {taken.kind.value}")
+        return [Edit(use, name) for use in self.uses(offset, others)]
+
+    # ----------------------------------------------------------------------------------------- help
+
+    def hover(self, offset: int) -> tuple[str, Place] | None:
+        """What stands at an offset, in Markdown, and the piece of the text that this is about."""
+        found, declared = self.names.at(offset), self.declaration(offset)
+        if found is not None and declared is not None:
+            place, symbol = declared
+            text = place.document.about(symbol)
+            return text, Place(self, found.start, found.end)
+        word = next((w for w in self.words if w.start <= offset < w.end), None)
+        if word is None:
+            return None
+        if word.text in MODEL_WORDS and self.states is not None:
+            return f"{self.states:,} reachable states", Place(self, word.start, word.end)
+        if word.text in HELP:
+            return HELP[word.text], Place(self, word.start, word.end)
+        return None
+
+    def about(self, symbol: Symbol) -> str:
+        """A declaration, and what is known of it, in Markdown."""
+        text = self.text[symbol.first : symbol.last]
+        if symbol.kind in (Kind.MODULE, Kind.REWARDS, Kind.PLAYER):
+            text = text.splitlines()[0]
+        lines = [f"```prism\n{text}\n```"]
+        bound = self.bound
+        match symbol.kind:
+            case Kind.VARIABLE:
+                where = (
+                    f"variable of module {symbol.within}" if symbol.within else "global variable"
+                )
+                copied = f", a copy of {symbol.copy_of}" if symbol.copy_of else ""
+                lines.append(where + copied + self._range(symbol, bound))
+            case Kind.CONSTANT if bound is not None:
+                value = bound.constants.get(symbol.name)
+                is_open = bound.given.get(symbol.name) is not None
+                lines.append(
+                    "without a value"
+                    if is_open
+                    else f"= {format_value(value)}"
+                    if value is not None
+                    else ""
+                )
+            case Kind.MODULE if symbol.copy_of:
+                lines.append(f"a copy of module {symbol.copy_of}")
+            case Kind.ACTION:
+                modules = dict.fromkeys(self._modules_with(symbol.name))
+                lines.append(f"action of {', '.join(modules)}")
+            case _:
+                lines.append(symbol.kind.value)
+        return "\n\n".join(line for line in lines if line)
+
+    def _range(self, symbol: Symbol, bound: BoundModel | None) -> str:
+        found = [v for v in bound.variables if v.name == symbol.name] if bound else []
+        if not found or found[0].low is None or bound is None or bound.given:
+            return ""
+        variable = found[0]
+        return f", {variable.type.value}" + (
+            f" from {variable.low} to {variable.high}" if variable.type.value == "int" else ""
+        )
+
+    def _modules_with(self, action: str) -> Iterator[str]:
+        for module in (s for s in self.names.symbols if s.kind is Kind.MODULE):
+            for o in self.names.occurrences:
+                if (
+                    o.name == action
+                    and Kind.ACTION in o.kinds
+                    and module.first <= o.start < module.last
+                ):
+                    yield module.name
+
+    # ---------------------------------------------------------------------------------- completions
+
+    def completions(self, offset: int) -> list[Item]:
+        """The words that may stand at an offset."""
+        line = self.text[self.text.rfind("\n", 0, offset) + 1 : offset]
+        if "//" in line:
+            return []
+        symbols = [(s, document) for document in self._family for s in document.names.symbols]
+        if line.count('"') % 2:
+            return _items(symbols, QUOTED) + [Item(w, "label") for w in ("deadlock", "init")]
+        before = line.rstrip(_NAME_CHARACTERS).rstrip()
+        if before.endswith("[") and self.language == "prism":
+            return _items(symbols, (Kind.ACTION,))
+        values = _items(symbols, (Kind.VARIABLE, Kind.CONSTANT, Kind.FORMULA))
+        functions = [Item(f"{f}(", "function") for f in Function]
+        if self.language == "prism":
+            return [*values, *functions, *(Item(w, "keyword") for w in keywords("prism"))]
+        measures = [Item(f"{word}=? [ ", "operator") for word in sorted(MEASURE_WORDS)]
+        paths = [Item(w, "path operator", HELP.get(w, "")) for w in "XFGUWR"]
+        return [
+            *measures,
+            *paths,
+            *values,
+            *functions,
+            *(Item(w, "keyword") for w in keywords("properties") if len(w) > 1),
+        ]
+
+    # -------------------------------------------------------------------------------------- outline
+
+    def outline(self) -> list[tuple[Symbol, list[Symbol]]]:
+        """The declarations in the order of the text; those of a module within it."""
+        inner: dict[str, list[Symbol]] = {}
+        outer: list[Symbol] = []
+        for symbol in self.names.symbols:
+            if symbol.kind is Kind.ACTION:
+                continue
+            if symbol.within is not None and symbol.kind is not Kind.MODULE:
+                inner.setdefault(symbol.within, []).append(symbol)
+            else:
+                outer.append(symbol)
+        return [(s, inner.get(s.name, []) if s.kind is Kind.MODULE else []) for s in outer]
+
+    def colours(self) -> list[tuple[int, int, str]]:
+        """Where which kind of word stands: start, end and a type of semantic tokens, in order."""
+        kinds = {o.start: o for o in self.names.occurrences}
+        found = [(start, end, "comment") for start, end in comments(self.text)]
+        for word in self.words:
+            inner = kinds.get(word.start) or kinds.get(
+                word.start + 1 if word.kind == "STRING" else -1
+            )
+            if inner is not None:
+                found.append((word.start, word.end, self._colour(inner)))
+            elif word.kind in ("INTEGER", "REAL"):
+                found.append((word.start, word.end, "number"))
+            elif word.kind == "FUNCTION" or word.text in ("min", "max"):
+                found.append((word.start, word.end, "function"))
+            elif word.text[:1].isalpha():
+                found.append((word.start, word.end, "keyword"))
+        return sorted(found)
+
+    def _colour(self, occurrence: Occurrence) -> str:
+        for document in self._family:
+            symbol = document.names.declared(occurrence.name, occurrence.kinds)
+            if symbol is not None:
+                return COLOURS[symbol.kind]
+        return COLOURS[occurrence.kinds[0]]
+
+    def properties(self) -> list[tuple[int, int, str]]:
+        """Where the properties of a file stand, and their texts."""
+        if not isinstance(self.program, PropertiesFile):
+            return []
+        spans = [p.span for p in self.program.properties]
+        return [(span.start, span.end, span.text) for span in spans]
+
+
+_NAME_CHARACTERS = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_"
+_VALUES = (Kind.VARIABLE, Kind.CONSTANT, Kind.FORMULA)
+_LIKE: Mapping[Kind, tuple[Kind, ...]] = dict.fromkeys(_VALUES, _VALUES)
+"""The kinds that share their names."""
+
+COLOURS: Mapping[Kind, str] = {
+    Kind.VARIABLE: "variable",
+    Kind.CONSTANT: "parameter",
+    Kind.FORMULA: "macro",
+    Kind.LABEL: "string",
+    Kind.MODULE: "class",
+    Kind.ACTION: "event",
+    Kind.REWARDS: "string",
+    Kind.PROPERTY: "string",
+    Kind.PLAYER: "class",
+}
+"""The type of semantic tokens for each kind."""
+
+MODEL_WORDS = ("dtmc", "ctmc", "mdp", "probabilistic", "stochastic", "nondeterministic")
+HELP: Mapping[str, str] = {
+    "X": "`X a`: a holds in the next state",
+    "F": "`F a`: a holds now or later; `F<=k a`: within k steps, or units of time",
+    "G": "`G a`: a holds now and always",
+    "U": "`a U b`: b holds now or later, and a until then",
+    "W": "`a W b`: a holds until b does, or always",
+    "R": "`a R b`: b holds until a and b hold together, or always",
+    "S": "`S=? [ a ]`: the share of the time in which a holds, in the long run",
+    "C": "`C<=k`: the reward up to k; `C`: the whole reward",
+    "I": "`I=k`: the reward of the state at k",
+    "dtmc": "a Markov chain in discrete time: commands have probabilities",
+    "ctmc": "a Markov chain in continuous time: commands have rates",
+    "mdp": "a Markov decision process: somebody chooses among the enabled commands",
+    "init": "the initial value of a variable; `init … endinit`: a condition on initial states",
+    "global": "a variable that all modules may write",
+    "formula": "a name for an expression",
+    "label": "a name for the states in which something holds",
+}
+"""What words mean, in Markdown."""
+
+
+def _items(symbols: Sequence[tuple[Symbol, Document]], kinds: Sequence[Kind]) -> list[Item]:
+    found: dict[str, Item] = {}
+    for symbol, document in symbols:
+        if symbol.kind in kinds:
+            text = " ".join(document.text[symbol.first : symbol.last].split())
+            found.setdefault(symbol.name, Item(symbol.name, symbol.kind.value, text[:80]))
+    return sorted(found.values())
+
+
+_MEANT = re.compile(r"did you mean '?([A-Za-z_]\w*)'?\?")
+_MISSING = re.compile(r"put '(.+)' here")
+
+
+def quick_fixes(diagnostic: Diagnostic) -> list[tuple[str, int, int, str]]:
+    """What the hint of a fault can put right: a title, and a piece of text with its new text."""
+    span, hint = diagnostic.span, diagnostic.hint or ""
+    if meant := _MEANT.search(hint):
+        return [(f"Change to '{meant[1]}'", span.start, span.end, meant[1])]
+    if missing := _MISSING.fullmatch(hint):
+        return [(f"Insert '{missing[1]}'", span.end, span.end, missing[1])]
+    return []
+
+
+def formatted(text: str) -> str:
+    r"""A model or properties with even indentation; lines, comments and words stay.
+
+    The lines of a block are indented by two spaces, and the further lines of a statement by two
+    more, unless they were indented further.
+
+    Examples:
+        >>> print(formatted("module m\nx : bool;\n[] x ->\n(x'=false);\nendmodule"))
+        module m
+          x : bool;
+          [] x ->
+            (x'=false);
+        endmodule
+    """
+    result: list[str] = []
+    depth, goes_on = 0, False
+    for line in text.splitlines():
+        code = line.partition("//")[0].strip()
+        first = code.split(" ", 1)[0]
+        if first.startswith("end") and depth:
+            depth, goes_on = depth - 1, False
+        indent = "  " * (depth + (goes_on and not code.startswith("//")))
+        own = line[: len(line) - len(line.lstrip())].expandtabs(4)
+        if goes_on and len(own) > len(indent):
+            indent = own
+        result.append((indent + line.strip()).rstrip())
+        opens = first in _BLOCKS and f"end{first}" not in code
+        depth += opens
+        if code:
+            ended = code.endswith((";", "endmodule", "endrewards")) or opens or first in _LONE
+            goes_on = not ended and not first.startswith("end")
+    while len(result) > 1 and not result[-1]:
+        result.pop()
+    return "\n".join(result) + "\n"
+
+
+_BLOCKS = ("module", "rewards", "init", "system", "player", "observables", "invariant")
+_LONE = (*MODEL_WORDS, "ma", "pta", "pomdp", "popta", "smg", "tsg")

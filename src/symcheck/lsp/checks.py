@@ -1,0 +1,116 @@
+"""Explorations and checks in processes of their own, so that typing never waits for them."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from symcheck.errors import InputError, ResourceError, SymcheckError
+
+__all__ = ["Exploration", "Fault", "Verdict", "check", "explore"]
+
+SECONDS = 5.0
+"""The longest time of an exploration after a change."""
+
+CHECK_SECONDS = 60.0
+"""The longest time of a check that is asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A fault of a model in some state. It is a `Diagnostic` that can leave its process.
+
+    Attributes:
+        message, code, hint: as those of a diagnostic.
+        start, end: offsets in the text.
+    """
+
+    message: str
+    code: str
+    hint: str | None
+    start: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
+class Exploration:
+    """What is known of a model after an exploration; `states` None: it did not end."""
+
+    states: int | None
+    faults: tuple[Fault, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The answer of a check, on one line, or why there is none."""
+
+    text: str
+
+
+async def explore(text: str) -> Exploration:
+    """Explore a model in another process, which ends if this is cancelled."""
+    found = await _answer({"model": text})
+    if found is None:  # it was killed
+        return Exploration(None, ())
+    return Exploration(found["states"], tuple(Fault(**fault) for fault in found["faults"]))
+
+
+async def check(model: str, properties: str, number: int) -> Verdict:
+    """Check property `number`, counted from 0, of a properties text, in another process."""
+    found = await _answer({"model": model, "properties": properties, "number": number})
+    return Verdict("the check was stopped" if found is None else found["text"])
+
+
+async def _answer(question: dict[str, Any]) -> dict[str, Any] | None:
+    process = await asyncio.create_subprocess_exec(
+        *(sys.executable, "-m", "symcheck.lsp.checks"),
+        stdin=asyncio.subprocess.PIPE,
+        stdout=asyncio.subprocess.PIPE,
+        stderr=asyncio.subprocess.DEVNULL,
+    )
+    try:
+        said, _ = await process.communicate(json.dumps(question).encode())
+    except asyncio.CancelledError:
+        with suppress(ProcessLookupError):
+            process.kill()
+        raise
+    return json.loads(said) if process.returncode == 0 else None
+
+
+def _explored(text: str) -> Exploration:
+    import symcheck
+
+    try:
+        return Exploration(symcheck.loads(text, time_limit=SECONDS).engine.states, ())
+    except InputError as error:
+        faults = (
+            Fault(d.message, d.code, d.hint, d.span.start, d.span.end) for d in error.diagnostics
+        )
+        return Exploration(None, tuple(faults))
+    except SymcheckError:  # too large, or not supported: no fault of the text
+        return Exploration(None, ())
+
+
+def _checked(model: str, properties: str, number: int) -> Verdict:
+    import symcheck
+
+    try:
+        loaded = symcheck.loads(model, time_limit=CHECK_SECONDS)
+        (instance,) = loaded.instances(symcheck.parse_properties(properties), {}, [number])
+        return Verdict(str(loaded.check_instance(instance)))
+    except ResourceError:
+        return Verdict(f"no answer within {CHECK_SECONDS:.0f} seconds")
+    except InputError as error:
+        return Verdict(error.diagnostics[0].message)
+    except SymcheckError as error:
+        return Verdict(error.message.splitlines()[0])
+
+
+if __name__ == "__main__":
+    asked = json.load(sys.stdin)
+    answer = _checked(**asked) if "number" in asked else _explored(asked["model"])
+    json.dump(asdict(answer), sys.stdout)

@@ -1,0 +1,360 @@
+"""The language server: the protocol of editors, spoken by pygls. `main` is `symcheck-lsp`."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Sequence
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+from lsprotocol import types as lsp
+from pygls.exceptions import JsonRpcInvalidParams
+from pygls.lsp.server import LanguageServer
+
+from symcheck.errors import Diagnostic
+from symcheck.lsp.answers import COLOURS, Document, Place, formatted, quick_fixes
+from symcheck.lsp.checks import Fault, Verdict, check, explore
+from symcheck.lsp.symbols import Kind, Symbol
+from symcheck.version import __version__
+
+__all__ = ["SymcheckServer", "main", "make_server"]
+
+MODELS = (".pm", ".nm", ".sm", ".prism", ".mm", ".ma", ".pta", ".smg", ".pomdp")
+"""The endings of the names of models; other files that a client sends hold properties."""
+
+PAUSE = 0.4
+"""Seconds without typing after which a model is explored."""
+
+CHECK = "symcheck.check"
+"""The command of a lens: check a property."""
+
+_TOKEN_TYPES = sorted({*COLOURS.values(), "comment", "number", "function", "keyword"})
+_SYMBOLS = {
+    Kind.VARIABLE: lsp.SymbolKind.Variable,
+    Kind.CONSTANT: lsp.SymbolKind.Constant,
+    Kind.FORMULA: lsp.SymbolKind.Function,
+    Kind.LABEL: lsp.SymbolKind.String,
+    Kind.MODULE: lsp.SymbolKind.Module,
+    Kind.ACTION: lsp.SymbolKind.Event,
+    Kind.REWARDS: lsp.SymbolKind.Struct,
+    Kind.PROPERTY: lsp.SymbolKind.Property,
+    Kind.PLAYER: lsp.SymbolKind.Class,
+}
+_ITEMS = {
+    "variable": lsp.CompletionItemKind.Variable,
+    "constant": lsp.CompletionItemKind.Constant,
+    "formula": lsp.CompletionItemKind.Function,
+    "function": lsp.CompletionItemKind.Function,
+    "action": lsp.CompletionItemKind.Event,
+    "keyword": lsp.CompletionItemKind.Keyword,
+    "operator": lsp.CompletionItemKind.Operator,
+    "path operator": lsp.CompletionItemKind.Operator,
+}
+
+
+class SymcheckServer(LanguageServer):
+    """The server, the documents that are open, and what is known of them."""
+
+    def __init__(self) -> None:
+        super().__init__("symcheck-lsp", __version__)
+        self.documents: dict[str, Document] = {}
+        self.verdicts: dict[tuple[str, str, str], Verdict] = {}
+        self.timers: dict[str, asyncio.Task[None]] = {}
+
+    # ------------------------------------------------------------------------------------ documents
+
+    def document(self, uri: str) -> Document:
+        """The present version of a document, with the model of its properties."""
+        source = self.workspace.get_text_document(uri)
+        language = "prism" if _is_model(uri, source.language_id) else "properties"
+        model = None if language == "prism" else self.model_of(uri)
+        known = self.documents.get(uri)
+        if known is None or known.text != source.source or known.model is not model:
+            known = self.documents[uri] = Document(uri, source.source, language, model)
+        return known
+
+    def model_of(self, uri: str) -> Document | None:
+        """The model of properties: of the files beside them the one with the same name, or the
+        only one.
+        """
+        path = Path(unquote(urlsplit(uri).path))
+        beside = [p for p in _listed(path.parent) if p.suffix in MODELS]
+        same = [p for p in beside if p.stem == path.stem]
+        found = same[:1] or (beside if len(beside) == 1 else [])
+        return self.document(found[0].as_uri()) if found else None
+
+    def others(self) -> list[Document]:
+        """All documents that are open."""
+        return [self.document(uri) for uri in self.workspace.text_documents]
+
+    # --------------------------------------------------------------------------------------- places
+
+    def offset(self, uri: str, position: lsp.Position) -> int:
+        """The offset of a position of the client."""
+        return self.workspace.get_text_document(uri).offset_at_position(position)
+
+    def range(self, place: Place) -> lsp.Range:
+        """A piece of a text as a range of the client."""
+        return _range(self, place.document, place.start, place.end)
+
+    def location(self, place: Place) -> lsp.Location:
+        """A piece of a text as a location of the client."""
+        return lsp.Location(place.document.uri, self.range(place))
+
+    # ---------------------------------------------------------------------------------- diagnostics
+
+    def publish(self, uri: str, faults: Sequence[Diagnostic | Fault] = ()) -> None:
+        """Tell the faults of a document: those of its text, and further ones."""
+        document = self.document(uri)
+        known = [_diagnostic(self, document, d) for d in document.diagnostics]
+        further = [_diagnostic(self, document, fault) for fault in faults]
+        version = self.workspace.get_text_document(uri).version
+        self.text_document_publish_diagnostics(
+            lsp.PublishDiagnosticsParams(uri, [*known, *further], version)
+        )
+
+    def changed(self, uri: str) -> None:
+        """Tell the faults of a changed document, and of properties of it; explore it later."""
+        self.publish(uri)
+        document = self.document(uri)
+        for other in self.others():
+            if other.model is not None and other.model.uri == uri:
+                self.publish(other.uri)
+        if uri in self.timers:
+            self.timers.pop(uri).cancel()
+        if document.language == "prism" and document.bound is not None and not document.bound.given:
+            self.timers[uri] = asyncio.ensure_future(self._explore_later(document))
+
+    async def _explore_later(self, document: Document) -> None:
+        await asyncio.sleep(PAUSE)
+        found = await explore(document.text)
+        if self.documents.get(document.uri) is document:
+            object.__setattr__(document, "states", found.states)
+            self.publish(document.uri, found.faults)
+
+
+def _is_model(uri: str, language: str | None) -> bool:
+    return language == "prism" or (language != "prism-properties" and uri.lower().endswith(MODELS))
+
+
+def _listed(folder: Path) -> list[Path]:
+    try:
+        return sorted(folder.iterdir())
+    except OSError:
+        return []
+
+
+def _range(server: SymcheckServer, document: Document, start: int, end: int) -> lsp.Range:
+    source = server.workspace.get_text_document(document.uri)
+    before = document.text[:start]
+    line, column = before.count("\n"), start - (before.rfind("\n") + 1)
+    piece = document.text[start:end]
+    last = line + piece.count("\n")
+    width = len(piece) - (piece.rfind("\n") + 1)
+    whole = lsp.Range(
+        lsp.Position(line, column), lsp.Position(last, width if last > line else column + width)
+    )
+    return source.position_codec.range_to_client_units(source.lines, whole)
+
+
+def _diagnostic(
+    server: SymcheckServer, document: Document, fault: Diagnostic | Fault
+) -> lsp.Diagnostic:
+    match fault:
+        case Fault():
+            start, end, severity = fault.start, fault.end, "error"
+        case Diagnostic():
+            start, end, severity = fault.span.start, fault.span.end, fault.severity
+    hint = f"\nhint: {fault.hint}" if fault.hint else ""
+    return lsp.Diagnostic(
+        _range(server, document, start, max(end, min(start + 1, len(document.text)))),
+        fault.message + hint,
+        lsp.DiagnosticSeverity.Warning if severity == "warning" else lsp.DiagnosticSeverity.Error,
+        fault.code,
+        source="symcheck",
+    )
+
+
+def make_server() -> SymcheckServer:
+    """A server with all that it answers."""
+    server = SymcheckServer()
+
+    @server.feature(lsp.TEXT_DOCUMENT_DID_OPEN)
+    def opened(ls: SymcheckServer, params: lsp.DidOpenTextDocumentParams) -> None:
+        ls.changed(params.text_document.uri)
+
+    @server.feature(lsp.TEXT_DOCUMENT_DID_CHANGE)
+    def changed(ls: SymcheckServer, params: lsp.DidChangeTextDocumentParams) -> None:
+        ls.changed(params.text_document.uri)
+
+    @server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
+    def closed(ls: SymcheckServer, params: lsp.DidCloseTextDocumentParams) -> None:
+        uri = params.text_document.uri
+        ls.documents.pop(uri, None)
+        ls.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, []))
+
+    @server.feature(lsp.TEXT_DOCUMENT_HOVER)
+    def hover(ls: SymcheckServer, params: lsp.HoverParams) -> lsp.Hover | None:
+        document = ls.document(params.text_document.uri)
+        found = document.hover(ls.offset(document.uri, params.position))
+        if found is None:
+            return None
+        text, place = found
+        return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text), ls.range(place))
+
+    @server.feature(
+        lsp.TEXT_DOCUMENT_COMPLETION, lsp.CompletionOptions(trigger_characters=["[", '"', "{"])
+    )
+    def completion(ls: SymcheckServer, params: lsp.CompletionParams) -> list[lsp.CompletionItem]:
+        document = ls.document(params.text_document.uri)
+        return [
+            lsp.CompletionItem(
+                item.word, kind=_ITEMS.get(item.what), detail=item.detail or item.what
+            )
+            for item in document.completions(ls.offset(document.uri, params.position))
+        ]
+
+    @server.feature(lsp.TEXT_DOCUMENT_DEFINITION)
+    def definition(ls: SymcheckServer, params: lsp.DefinitionParams) -> lsp.Location | None:
+        document = ls.document(params.text_document.uri)
+        found = document.declaration(ls.offset(document.uri, params.position))
+        return None if found is None else ls.location(found[0])
+
+    @server.feature(lsp.TEXT_DOCUMENT_REFERENCES)
+    def references(ls: SymcheckServer, params: lsp.ReferenceParams) -> list[lsp.Location]:
+        document = ls.document(params.text_document.uri)
+        offset = ls.offset(document.uri, params.position)
+        declared = document.declaration(offset)
+        return [
+            ls.location(use)
+            for use in document.uses(offset, ls.others())
+            if params.context.include_declaration or declared is None or use != declared[0]
+        ]
+
+    @server.feature(lsp.TEXT_DOCUMENT_PREPARE_RENAME)
+    def prepare_rename(ls: SymcheckServer, params: lsp.PrepareRenameParams) -> lsp.Range | None:
+        document = ls.document(params.text_document.uri)
+        offset = ls.offset(document.uri, params.position)
+        found = document.names.at(offset)
+        if found is None or document.declaration(offset) is None:
+            return None
+        return ls.range(Place(document, found.start, found.end))
+
+    @server.feature(lsp.TEXT_DOCUMENT_RENAME, lsp.RenameOptions(prepare_provider=True))
+    def rename(ls: SymcheckServer, params: lsp.RenameParams) -> lsp.WorkspaceEdit:
+        document = ls.document(params.text_document.uri)
+        offset = ls.offset(document.uri, params.position)
+        try:
+            edits = document.renamed(offset, params.new_name, ls.others())
+        except ValueError as error:
+            raise JsonRpcInvalidParams(str(error)) from None
+        changes: dict[str, list[lsp.TextEdit]] = {}
+        for place, text in edits:
+            changes.setdefault(place.document.uri, []).append(lsp.TextEdit(ls.range(place), text))
+        return lsp.WorkspaceEdit(changes)
+
+    @server.feature(lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
+    def outline(ls: SymcheckServer, params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
+        document = ls.document(params.text_document.uri)
+
+        def shown(symbol: Symbol, inner: Sequence[Symbol]) -> lsp.DocumentSymbol:
+            return lsp.DocumentSymbol(
+                symbol.name,
+                _SYMBOLS[symbol.kind],
+                ls.range(Place(document, symbol.first, symbol.last)),
+                ls.range(Place(document, symbol.start, symbol.end)),
+                symbol.kind.value,
+                children=[shown(one, ()) for one in inner],
+            )
+
+        return [shown(symbol, inner) for symbol, inner in document.outline()]
+
+    @server.feature(lsp.TEXT_DOCUMENT_FORMATTING)
+    def formatting(ls: SymcheckServer, params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit]:
+        document = ls.document(params.text_document.uri)
+        text = formatted(document.text)
+        if text == document.text:
+            return []
+        return [lsp.TextEdit(ls.range(Place(document, 0, len(document.text))), text)]
+
+    @server.feature(
+        lsp.TEXT_DOCUMENT_SEMANTIC_TOKENS_FULL, lsp.SemanticTokensLegend(_TOKEN_TYPES, [])
+    )
+    def colours(ls: SymcheckServer, params: lsp.SemanticTokensParams) -> lsp.SemanticTokens:
+        document = ls.document(params.text_document.uri)
+        data: list[int] = []
+        before = lsp.Position(0, 0)
+        for start, end, kind in document.colours():
+            at = ls.range(Place(document, start, end))
+            line, column = at.start.line, at.start.character
+            same = line == before.line
+            data += [
+                line - before.line,
+                column - before.character if same else column,
+                at.end.character - column,
+                _TOKEN_TYPES.index(kind),
+                0,
+            ]
+            before = at.start
+        return lsp.SemanticTokens(data)
+
+    @server.feature(
+        lsp.TEXT_DOCUMENT_CODE_ACTION,
+        lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix]),
+    )
+    def fixes(ls: SymcheckServer, params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
+        document = ls.document(params.text_document.uri)
+        first = ls.offset(document.uri, params.range.start)
+        last = ls.offset(document.uri, params.range.end)
+        return [
+            lsp.CodeAction(
+                title,
+                lsp.CodeActionKind.QuickFix,
+                [_diagnostic(ls, document, fault)],
+                edit=lsp.WorkspaceEdit(
+                    {document.uri: [lsp.TextEdit(ls.range(Place(document, start, end)), text)]}
+                ),
+            )
+            for fault in document.diagnostics
+            if fault.span.start <= last and first <= max(fault.span.end, fault.span.start + 1)
+            for title, start, end, text in quick_fixes(fault)
+        ]
+
+    @server.feature(lsp.TEXT_DOCUMENT_CODE_LENS)
+    def lenses(ls: SymcheckServer, params: lsp.CodeLensParams) -> list[lsp.CodeLens]:
+        document = ls.document(params.text_document.uri)
+        if document.model is None:
+            return []
+        found = []
+        for number, (start, end, text) in enumerate(document.properties()):
+            verdict = ls.verdicts.get((document.model.text, document.text, text))
+            title = "check" if verdict is None else verdict.text
+            command = lsp.Command(title, CHECK, arguments=[document.uri, number])
+            found.append(lsp.CodeLens(ls.range(Place(document, start, end)), command))
+        return found
+
+    @server.command(CHECK)
+    async def checked(ls: SymcheckServer, uri: str, number: int) -> str | None:
+        document = ls.document(uri)
+        properties = document.properties()
+        if document.model is None or not 0 <= number < len(properties):
+            return None
+        model, text = document.model.text, properties[number][2]
+        verdict = await check(model, document.text, number)
+        ls.verdicts[model, document.text, text] = verdict
+        capabilities = ls.client_capabilities.workspace
+        if capabilities and capabilities.code_lens and capabilities.code_lens.refresh_support:
+            ls.workspace_code_lens_refresh(None)
+        return verdict.text
+
+    @server.feature(lsp.SHUTDOWN)
+    def ended(ls: SymcheckServer, _: None) -> None:
+        for timer in ls.timers.values():
+            timer.cancel()
+
+    return server
+
+
+def main() -> None:
+    """Serve an editor over standard input and output."""
+    make_server().start_io()

@@ -1,0 +1,317 @@
+"""Time-bounded values of Markov automata, from below and from above.
+
+The jumps of the states that take time are those of a Poisson process. The horizon is divided into
+intervals, and what is known at the end of one bounds the values at its begin:
+
+- from one side by a strategy that keeps to its choices within the interval;
+- from the other side by strategies that know at the begin how many jumps there will be, and so
+  are at least as good as any that does not: for each number, choices are optimal for what remains.
+
+Both are the same where choices do not change with time, for intervals of any length; elsewhere the
+distance shrinks with the square of the length, which is chosen accordingly.
+
+Sources: Butkova, Hatefi, Hermanns & Krcal, 'Optimal continuous time Markov decisions' (ATVA 2015),
+for the knowledge of the number of jumps; Buchholz & Schulz, 'Numerical analysis of continuous time
+Markov decision processes over finite horizons' (2011), for intervals with constant choices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from symcheck.direction import Direction
+from symcheck.errors import UnsupportedError
+from symcheck.kernels.chains.timed_choices import TimedChoices
+from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
+from symcheck.numerics import graph, tuning
+from symcheck.numerics.linear.problem import Observer, Progress, largest_width
+from symcheck.numerics.settings import Settings
+from symcheck.numerics.transient.horizon import Transient
+from symcheck.numerics.transient.poisson import poisson
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
+
+__all__ = ["TimedProblem", "TimedSteps", "timed_values"]
+
+
+@dataclass(frozen=True, eq=False)
+class TimedProblem:
+    """What is earned until a time by the states of a Markov automaton.
+
+    Attributes:
+        matrix: the probabilities of the rows, float64.
+        exit_rates: float64[rows], 0 where a row takes no time.
+        constant: float64[rows], what a row earns; at least 0.
+        leave: float64[rows], the probability of leaving the states.
+        lower, upper: float64[n], bounds on what is earned in a state at the end.
+        direction: of the choices.
+        instant: what is earned by choices that take no time for ever, and so keep time from
+            passing.
+        greatest: more than any value.
+    """
+
+    matrix: SparseMatrix
+    exit_rates: Floats
+    constant: Floats
+    leave: Floats
+    lower: Floats
+    upper: Floats
+    direction: Direction
+    instant: float
+    greatest: float
+
+    @cached_property
+    def groups(self) -> Int64s:
+        """The rows of each state."""
+        assert self.matrix.groups is not None
+        return self.matrix.groups
+
+    @cached_property
+    def instants(self) -> Bools:
+        """The states that take no time."""
+        return np.asarray(self.exit_rates[self.groups[:-1]] == 0.0)
+
+    def without_cycles(self) -> tuple[TimedProblem, Int32s]:
+        """The problem in which each end component of states that take no time is one state.
+
+        It may be left, or not, which earns `instant`. Also returns the state of each state.
+        """
+        m = self.matrix
+        parts = graph.maximal_end_components(m, self.instants, self.leave == 0.0)
+        state, count = parts.quotient_states()
+        if not parts.count:
+            return self, state
+        owner = m.state_of_row
+        rows = np.flatnonzero(~parts.rows)
+        kept = m.choose(rows).merge(state, count)
+        indptr = np.concatenate((kept.indptr, np.full(parts.count, kept.entries)))
+        staying = np.empty(parts.count, np.int32)
+        inside = parts.of >= 0
+        staying[parts.of[inside]] = state[inside]
+        of = np.concatenate((state[owner[rows]], staying))
+        order = np.argsort(of, kind="stable").astype(np.int64)
+        groups = starts_of(np.bincount(of, minlength=count))
+
+        def of_rows(values: Floats, new: float) -> Floats:
+            return np.concatenate((values[rows], np.full(parts.count, new)))[order]
+
+        first = np.unique(state, return_index=True)[1]
+        problem = replace(
+            self,
+            matrix=replace(kept, indptr=indptr).choose(order, groups),
+            exit_rates=of_rows(self.exit_rates, 0.0),
+            constant=of_rows(self.constant, self.instant),
+            leave=of_rows(self.leave, 1.0),
+            lower=self.lower[first],
+            upper=self.upper[first],
+        )
+        return problem, state
+
+
+@dataclass(eq=False)
+class TimedSteps:
+    """The steps of a problem, and how many were made."""
+
+    problem: TimedProblem
+    rate: float
+    jumps: int = 0
+    weight_error: float = 0.0
+    beyond: float = 0.0
+
+    def __post_init__(self) -> None:
+        p, instants = self.problem, self.problem.instants
+        parts = graph.sccs(p.matrix, instants)
+        rates = p.exit_rates[p.groups[:-1]]
+        self.depth = self._depth(parts)
+        self.has_cycles = bool((parts.sizes > 1).any())
+        self.most = (self.depth + 1) * float(p.constant.max(initial=0.0))
+        self.policy = np.zeros(p.matrix.states, np.int64)
+        self.steps = TimedChoices(
+            *p.matrix.arrays,
+            p.groups,
+            p.constant,
+            p.leave,
+            rates / self.rate,
+            (self.rate - rates) / self.rate,
+            np.flatnonzero(~instants).astype(np.int32),
+            parts.order,
+            parts.start[1:],
+        )
+
+    def _depth(self, parts: graph.Components) -> int:
+        """The most choices that follow each other in no time, or their number where that is not
+        plain.
+        """
+        depth = np.zeros(parts.count + 1, np.int64)
+        m, of = self.problem.matrix, parts.of
+        source, target = of[m.state_of_row[m.row_of_entry]], of[m.indices]
+        inner = (source > target) & (target >= 0)
+        source, target = source[inner], target[inner]
+        for level in range(1, tuning.TIMED_LEVELS):
+            deeper = depth.copy()
+            np.maximum.at(deeper, source, depth[target] + 1)
+            if np.array_equal(deeper, depth):
+                return level
+            depth = deeper
+        return parts.count + 1
+
+    @property
+    def error(self) -> float:
+        """A bound on the relative error of all steps and weights so far."""
+        each = (self.depth + 1) * (2 * self.problem.matrix.longest + 10)
+        return 1.01 * (self.jumps * each * UNIT_ROUNDOFF + self.weight_error)
+
+    def resolved(self, x: Floats, start: float) -> Floats:
+        """The values with those of the states that take no time; the policy is kept."""
+        maximise = self.problem.direction is Direction.MAX
+        self.steps.resolve(x, maximise, self.policy, start)
+        return x
+
+    def jumped(self, x: Floats, count: int) -> Floats:
+        """The values before a number of jumps, from those after them."""
+        masses, total = np.zeros(count + 1), np.zeros(len(x))
+        masses[-1] = 1.0
+        maximise, average = self.problem.direction is Direction.MAX, np.zeros(len(x))
+        self.steps.advance(
+            x.copy(),
+            masses,
+            np.zeros(count + 1),
+            1.0,
+            maximise,
+            self.policy,
+            False,
+            0.0,
+            total,
+            average,
+        )
+        return total
+
+    def interval(
+        self, lower: Floats, upper: Floats, jumps: float, least: float
+    ) -> tuple[Floats, Floats]:
+        """The bounds before an interval with so many jumps on average, from those after it.
+
+        If they are few, the number of jumps tells little about the time of each if there are more
+        that change nothing.
+
+        least: the probability that is left out.
+        """
+        rate = max(jumps, tuning.TIMED_JUMPS)
+        weights = poisson(rate, least)
+        masses, tails = weights.masses(), weights.tails()
+        mass, tail = (sequence.between(0, masses.end) for sequence in (masses, tails))
+        maximise = self.problem.direction is Direction.MAX
+        low, high = 0.0, self.problem.greatest
+        better, worse = ((upper, high), (lower, low)) if maximise else ((lower, low), (upper, high))
+        average, none = np.zeros(len(lower)), np.empty(0)
+        best = np.zeros(len(lower))
+        bound, start = better
+        last = bound.copy()
+        share = jumps / rate
+        self.steps.advance(
+            last, mass, tail, share, maximise, self.policy, False, start, best, average
+        )
+        self.resolved(average / max(float(tail.sum()), 1e-300), low)
+        kept = np.zeros(len(lower))
+        bound, start = worse
+        other = bound.copy()
+        self.steps.advance(other, mass, tail, share, maximise, self.policy, True, start, kept, none)
+        self.jumps += 2 * len(mass)
+        lower, upper = (kept, best) if maximise else (best, kept)
+        self.weight_error += weights.error
+        # Of later jumps, each earns `most` at most, and is less likely than the one before.
+        later = (weights.right + 2.0) / (weights.right + 2.0 - rate)
+        greatest = max(float(last.max(initial=0.0)), float(other.max(initial=0.0)))
+        greatest = min(greatest + self.most * later, self.problem.greatest)
+        self.beyond += 2.0 * weights.missing * greatest
+        return lower, upper
+
+
+def timed_values(
+    problem: TimedProblem,
+    time: float,
+    settings: Settings,
+    interest: Int64s | None = None,
+    observer: Observer | None = None,
+) -> Transient:
+    """Bounds on the optimal expected earnings until a time.
+
+    Args:
+        problem: what is earned.
+        time: the horizon.
+        settings: the accuracy.
+        interest: states whose values need the accuracy; None: all.
+        observer: receives the progress.
+
+    Returns:
+        Bounds, float64[n], further apart than requested if that would take too much work.
+
+    Raises:
+        UnsupportedError: choices that take no time form a cycle, and rewards have no bound there.
+    """
+    problem, state = problem.without_cycles()
+    wanted = np.unique(state if interest is None else state[interest])
+    rate = float(problem.exit_rates.max(initial=0.0)) or 1.0
+    total = rate * time
+    tolerance = 0.5 * settings.epsilon
+    allowed, jumps, before = 0.2 * tolerance, 0, np.inf
+    if not np.isfinite(problem.greatest) and TimedSteps(problem, rate).has_cycles:
+        raise UnsupportedError(
+            "rewards up to a time are not supported where choices that take no time form a cycle"
+        )
+    while True:
+        run = TimedSteps(problem, rate)
+        lower, upper, intervals = _swept(run, total, allowed, tolerance, observer)
+        jumps += run.jumps
+        lower = lower * (1.0 - run.error)
+        upper = upper * (1.0 + run.error) + run.beyond + tuning.UNDERFLOW_BOUND
+        low, high = lower[wanted], upper[wanted]
+        width = largest_width(low, np.maximum(low, high - 1e-299), settings.relative)
+        work = jumps * max(problem.matrix.entries, 1)
+        least = float(high[high > 1e-290].min(initial=1.0)) if settings.relative else 1.0
+        finer = min(tolerance, 0.5 * settings.epsilon * least)
+        stuck = width > 0.5 * before and finer > 0.5 * tolerance
+        if width <= settings.epsilon or work > tuning.TIMED_WORK or stuck:
+            break
+        before, tolerance = width, finer
+        allowed *= max(min(0.25, (settings.epsilon / width) ** 1.5), 1e-4)
+    text = f"{intervals:,} intervals of {total:.6g} jumps"
+    return Transient(lower[state], upper[state], jumps, text)
+
+
+def _swept(
+    run: TimedSteps, total: float, allowed: float, tolerance: float, observer: Observer | None
+) -> tuple[Floats, Floats, int]:
+    """The bounds at time 0, interval by interval; each may move them by `allowed` apart."""
+    problem = run.problem
+    lower = run.resolved(problem.lower.copy(), 0.0)
+    upper = run.resolved(problem.upper.copy(), min(problem.greatest, 1e300))
+    left, length, gap, intervals = total, min(total, tuning.TIMED_FIRST_JUMPS), 0.0, 0
+    gap = float((upper - lower).max(initial=0.0))
+    while left > 0.0:
+        length = min(length, left)
+        least = min(max(1e-4 * tolerance * length / total, 1e-290), 1e-16)
+        low, high = run.interval(lower, upper, length, least)
+        low, high = run.resolved(low, 0.0), run.resolved(high, min(problem.greatest, 1e300))
+        apart = float((high - low).max(initial=0.0))
+        if (
+            apart - gap > max(allowed, 1e-15 * float(high.max()))
+            and length > tuning.TIMED_LEAST_JUMPS
+        ):
+            length *= min(0.7, max(0.1, 0.8 * (allowed / (apart - gap)) ** 0.5))
+            continue
+        lower, upper = low, high
+        left -= length
+        intervals += 1
+        if apart - gap < 0.3 * allowed:
+            length = min(2.0 * length, tuning.TIMED_MOST_JUMPS)
+        gap = max(gap, apart)
+        if observer is not None:
+            observer(Progress("intervals", intervals, apart, problem.matrix.states))
+        if run.jumps * problem.matrix.entries > tuning.TIMED_WORK:
+            break
+    if left > 0.0:  # too much work: what is known without it
+        return np.zeros_like(lower), np.full_like(upper, problem.greatest), intervals
+    return lower, upper, intervals

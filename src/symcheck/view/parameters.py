@@ -1,0 +1,72 @@
+"""Plots of functions and regions of one or two parameters, by matplotlib (extra `plot`)."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import product
+from textwrap import shorten
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from symcheck.errors import UsageError
+from symcheck.view.plots import axes_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from symcheck.check.regions import Regions
+    from symcheck.matrices.rational_functions import RationalFunction
+    from symcheck.numerics.bernstein import Box
+
+__all__ = ["plot_function", "plot_regions"]
+
+_COLOURS = {"True": "#7fb58a", "False": "#d98880"}
+_OTHERS = ("#8aa8cf", "#e0b070", "#b09cc8", "#9cc8c0")
+
+
+def _labelled(box: Box, axes: Axes | None) -> Axes:
+    """Axes with the names and ranges of one or two parameters."""
+    if len(box) > 2:
+        raise UsageError(f"a plot has one or two parameters, and there are {len(box)}")
+    axes = axes_of(axes)
+    set_label, set_range = (axes.set_xlabel, axes.set_ylabel), (axes.set_xlim, axes.set_ylim)
+    for i, (name, (low, high)) in enumerate(box.items()):
+        set_label[i](name)
+        set_range[i](float(low), float(high))
+    return axes
+
+
+def plot_regions(regions: Regions, axes: Axes | None = None) -> Axes:
+    """The boxes of each value in a colour; undecided ones stay white."""
+    from matplotlib.patches import Patch, Rectangle
+
+    axes = _labelled(regions.box, axes)
+    colours: dict[str, str] = {}
+    for case in regions.cases:
+        text = str(case.value)
+        other = _OTHERS[len(colours) % len(_OTHERS)]
+        colour = colours.setdefault(text, _COLOURS.get(text, other))
+        for box in case.boxes:
+            (x, right), (y, top) = [*box.values(), (Fraction(0), Fraction(1))][:2]
+            size = float(right - x), float(top - y)
+            axes.add_patch(Rectangle((float(x), float(y)), *size, color=colour))
+    axes.legend(handles=[Patch(color=c, label=shorten(t, 30)) for t, c in colours.items()])
+    return axes
+
+
+def plot_function(
+    function: RationalFunction, box: Box, axes: Axes | None = None, points: int = 50
+) -> Axes:
+    """A function of one parameter as a line, of two as a map of colours, over their ranges."""
+    axes = _labelled(box, axes)
+    steps = [Fraction(2 * i + 1, 2 * points) for i in range(points)]
+    grid = [[low + (high - low) * step for step in steps] for low, high in box.values()]
+    found = [float(function(**dict(zip(box, p, strict=True)))) for p in product(*grid)]
+    places, values = np.array(grid, float), np.array(found)
+    if len(box) == 1:
+        axes.plot(places[0], values)
+    else:
+        image = axes.pcolormesh(places[0], places[1], values.reshape(points, points).T)
+        axes.figure.colorbar(image, ax=axes)
+    return axes

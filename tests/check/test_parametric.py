@@ -1,0 +1,278 @@
+"""Models with parameters: functions, regions, lifting, extremal values."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from random import Random
+
+import parameters
+import pytest
+
+import symcheck
+from symcheck.check.regions import volume
+from symcheck.errors import InputError, NumericalError, UnsupportedError, UsageError
+from symcheck.matrices.rational_functions import RationalFunction
+
+ZEROCONF = """dtmc
+const double p; const double q; const int N = 3;
+module host
+  s : [0..N+2];                       // probes without answer; N+1: error, N+2: a free address
+  [] s=0 -> q : (s'=1) + 1-q : (s'=N+2);
+  [] s>0 & s<=N -> p : (s'=s+1) + 1-p : (s'=0);
+  [] s>N -> true;
+endmodule
+rewards "probes" s>0 & s<=N : 1; endrewards
+"""
+CHOICE = """mdp
+const double p; const double q;
+module m
+  s : [0..3];
+  [a] s=0 -> p : (s'=1) + 1-p : (s'=2);
+  [b] s=0 -> q : (s'=1) + 1-q : (s'=2);
+  [] s=2 -> 1/2 : (s'=0) + 1/2 : (s'=3);
+  [] s=1 | s=3 -> true;
+endmodule
+rewards [a] true : p; [b] true : 1; endrewards
+"""
+QUEUE = """ctmc
+const double x;
+module queue
+  n : [0..2];
+  [] n<2 -> x : (n'=n+1);
+  [] n>0 -> 2 : (n'=n-1);
+endmodule
+rewards true : n*x; endrewards
+"""
+
+
+def function(text: str, ranges: str, formula: str) -> RationalFunction:
+    found = symcheck.loads(text).parametric(ranges).check(formula).value
+    assert isinstance(found, RationalFunction)
+    return found
+
+
+def test_the_function_of_zeroconf_is_that_of_the_literature() -> None:
+    # Bohnenkamp et al. (2003): q p^N / (1 - q (1 - p^N)).
+    error = function(ZEROCONF, "p,q", "P=? [ F s=N+1 ]")
+    rng = Random(0)
+    for _ in range(20):
+        p, q = (Fraction(rng.randint(1, 99), 100) for _ in "pq")
+        assert error(p=p, q=q) == q * p**3 / (1 - q * (1 - p**3))
+
+
+@pytest.mark.parametrize(
+    ("text", "formula", "expected"),
+    [
+        (ZEROCONF, "P=? [ X s=1 ]", "q"),
+        (ZEROCONF, "P=? [ G s!=N+1 ]", "-(q-1)/(p^3*q-q+1)"),
+        (ZEROCONF, "P=? [ F<=4 s=N+1 ]", "q*p^3"),
+        (ZEROCONF, 'R{"probes"}=? [ F s>N ]', "q*(1+p+p^2)/(p^3*q-q+1)"),
+        (ZEROCONF, 'R{"probes"}=? [ C<=2 ]', "q"),
+        (ZEROCONF, "S=? [ s=N+2 ]", "(1-q)/(1-q*(1-p^3))"),
+        (ZEROCONF, "1 - P=? [ F s=N+1 ] + p", "(1-q)/(1-q*(1-p^3)) + p"),
+        (QUEUE, "S=? [ n=2 ]", "x^2/(x^2+2*x+4)"),
+        (QUEUE, "R=? [ S ]", "x*(2*x+2*x^2)/(x^2+2*x+4)"),
+        (QUEUE, "P=? [ n<2 U n=0 ]", "1"),
+        (QUEUE, "R=? [ F n=2 ]", "1"),
+    ],
+)
+def test_functions(text: str, formula: str, expected: str) -> None:
+    from symcheck.engines.parametric.functions import function_of_text
+
+    value = symcheck.loads(text).parametric("x" if text is QUEUE else "p,q").check(formula).value
+    field = symcheck.loads(ZEROCONF).parametric("p,q,").check("P=? [ X s=1 ]").value.field
+    if isinstance(value, RationalFunction):
+        field = value.field
+    assert function_of_text(expected, field, {}) == value
+
+
+def test_expected_functions_are_compared_as_functions() -> None:
+    model = symcheck.loads(ZEROCONF).parametric("p,q")
+    right = "// RESULT: (1-q)/(p^3*q-q+1)\nP=? [ F s=N+2 ]"
+    assert model.test(right).ok
+    assert not model.test(right.replace("1-q", "1-p")).ok
+    assert model.test("// RESULT: Error\nP=? [ F<=p s=N+2 ]").ok
+
+
+def test_a_bounded_time_is_no_rational_function_of_rates() -> None:
+    with pytest.raises(UnsupportedError, match="within a bound are not available"):
+        symcheck.loads(QUEUE).parametric("x=1:2").check("P=? [ F<=2 n=2 ]")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("s=0 ->", "s=0 & p<0.5 ->", "in a guard"),
+        ("q : (s'=1)", "max(p,q) : (s'=1)", "under max"),
+        ("q : (s'=1)", "(p>q ? q : q) : (s'=1)", "in a condition"),
+        ("q : (s'=1)", "2^q : (s'=1)", "in an exponent"),
+        ("(s'=N+2)", "(s'=(p>0 ? N+2 : 0))", "in an assignment"),
+        ('rewards "probes" s>0 &', 'rewards "probes" p>0 &', "in the guard of a reward"),
+        ("const int N = 3", 'const int N = 3; label "x" = p<q', "in a label"),
+    ],
+)
+def test_places_of_parameters_that_are_refused(old: str, new: str, message: str) -> None:
+    assert old in ZEROCONF
+    with pytest.raises(UnsupportedError, match=f"parameter [pq] stands {message}"):
+        symcheck.loads(ZEROCONF.replace(old, new)).parametric("p,q")
+
+
+def test_ranges_of_variables_are_numbers() -> None:
+    with pytest.raises(InputError):
+        symcheck.loads(ZEROCONF.replace("[0..N+2]", "[0..ceil(p)+4]")).parametric("p,q")
+
+
+@pytest.mark.parametrize("ranges", ["r", "N=1:2", "p=0.5", "p=1:0", "", "p=x:1"])
+def test_faulty_ranges(ranges: str) -> None:
+    with pytest.raises((InputError, UsageError)):
+        _ = symcheck.loads(ZEROCONF).parametric(ranges).bound
+
+
+def test_sums_are_compared_as_functions() -> None:
+    text = ZEROCONF.replace("1-q : (s'=N+2)", "1-p : (s'=N+2)")
+    with pytest.raises(InputError, match="probabilities sum to -p"):
+        symcheck.loads(text).parametric("p,q").check("P=? [ F s=1 ]")
+
+
+def test_ranges_without_a_model_are_an_error() -> None:
+    with pytest.raises(NumericalError, match="all probabilities positive"):
+        symcheck.loads(ZEROCONF).parametric("p=2:3,q").check("P=? [ F s=1 ]")
+
+
+def test_a_function_says_where_it_holds() -> None:
+    text = ZEROCONF.replace("q : (s'=1) + 1-q", "2*q : (s'=1) + 1-2*q")
+    regions = symcheck.loads(text).parametric("p,q").check("P=? [ X s=1 ]").regions
+    assert [str(c) for c in regions.well_defined] == ["q - 1/2 < 0"]
+    assert regions.at(p=0.5, q=0.25).value(p=0.5, q=0.25) == Fraction(1, 2)
+    with pytest.raises(UsageError, match="no case"):
+        regions.at(p=0.5, q=0.75)
+
+
+def test_a_probability_that_is_0_in_some_states_leads_nowhere() -> None:
+    # Reaching x=-1 would be a fault of the model.
+    text = (
+        "dtmc const double p; module m x : [0..2] init 2;"
+        "[] true -> x/2*p : (x'=x-1) + 1-x/2*p : (x'=x); endmodule"
+    )
+    assert function(text, "p", "P=? [ F<=2 x=0 ]")(p=0.5) == Fraction(1, 2) * Fraction(1, 4)
+
+
+def test_an_mdp_has_a_function_and_a_strategy_for_each_region() -> None:
+    model = symcheck.loads(CHOICE).parametric("p,q").with_options(strategy=True, regions=0.95)
+    regions = model.check("Pmax=? [ F s=1 ]").regions
+    assert regions.share >= 0.95
+    found = {c.strategy.actions[0]: c for c in regions.cases}
+    assert found.keys() == {"a", "b"}
+    for action, name in (("a", "p"), ("b", "q")):
+        assert (
+            found[action].value(p=0.3, q=0.7) == {"p": Fraction(6, 13), "q": Fraction(14, 17)}[name]
+        )
+        for box in found[action].boxes:
+            corners = [(x, y) for x in box["p"] for y in box["q"]]
+            assert all((x >= y) if action == "a" else (x <= y) for x, y in corners)
+
+
+@pytest.mark.parametrize("lifting", [False, True])
+@pytest.mark.parametrize(
+    ("text", "formula"),
+    [
+        (ZEROCONF, "P<=0.1 [ F s=N+1 ]"),
+        (ZEROCONF, "P>=0.9 [ G s!=N+1 ]"),
+        (ZEROCONF, 'R{"probes"}<2 [ F s>N ]'),
+        (CHOICE, "Pmax>=0.5 [ F s=1 ]"),
+        (CHOICE, "P<0.5 [ F s=1 ]"),
+        (CHOICE, "Pmin>0.4 [ F s=1 ]"),
+        (CHOICE, "Pmin<0.5 [ G s!=1 ]"),
+        (CHOICE, "Rmax<1.2 [ F s=1|s=3 ]"),
+        (QUEUE, "R<=2 [ F n=2 ]"),
+    ],
+)
+def test_regions_have_the_verdicts_of_the_exact_engine(
+    text: str, formula: str, lifting: bool
+) -> None:
+    ranges = "x=0.1:2" if text is QUEUE else "p=0.01:0.99,q=0.01:0.99"
+    model = symcheck.loads(text).parametric(ranges)
+    regions = model.with_options(lifting=lifting, regions=0.8).check(formula).regions
+    assert regions.share >= 0.8
+    parts = [*(b for c in regions.cases for b in c.boxes), *regions.undecided]
+    assert sum(map(volume, parts)) == volume(regions.box)
+    rng = Random(formula)
+    boxes = [(c.value, b) for c in regions.cases for b in c.boxes]
+    for value, box in rng.sample(boxes, min(10, len(boxes))):
+        point = {n: str(a + (b - a) * Fraction(rng.randint(1, 9), 10)) for n, (a, b) in box.items()}
+        assert symcheck.loads(text, point, exact=True).check(formula).value is value
+
+
+def test_lifting_refuses_what_is_not_multilinear() -> None:
+    text = ZEROCONF.replace("q : (s'=1) + 1-q", "q^2 : (s'=1) + 1-q^2")
+    model = symcheck.loads(text).parametric("p,q").with_options(lifting=True)
+    with pytest.raises(UnsupportedError, match="linear in each parameter"):
+        model.check("P<=0.1 [ F s=N+1 ]")
+    with pytest.raises(UnsupportedError, match="lifting bounds"):
+        model.check("P<=0.1 [ G F s=N+1 ]")
+
+
+def test_thresholds_may_be_parameters_and_formulas_nested() -> None:
+    model = symcheck.loads(ZEROCONF).parametric("p=0.1:0.9,q=0.1:0.9")
+    assert model.check("P<=q [ F s=N+1 ]").value is True
+    nested = model.check("P=? [ F P>0.5 [ X s=N ] ]").regions
+    for case in nested.cases:
+        # From s=N-1, the next probe is lost with probability p.
+        over = case.sample["p"] > Fraction(1, 2)
+        assert (case.value != 0) == over
+
+
+def test_extremal_values_and_feasible_points() -> None:
+    model = symcheck.loads(ZEROCONF).parametric("p=0.1:0.9,q=0.1:0.9")
+    greatest = model.extremum("P=? [ F s=N+1 ]", "max", 1e-4)
+    p = q = Fraction(9, 10)
+    limit = q * p**3 / (1 - q * (1 - p**3))
+    assert greatest.value <= limit <= greatest.bound <= greatest.value + Fraction(1, 10_000)
+    point = model.feasible("P>=0.8 [ F s=N+1 ]")
+    constants = {n: str(v) for n, v in point.items()}
+    assert symcheck.loads(ZEROCONF, constants, exact=True).check("P>=0.8 [ F s=N+1 ]").value
+    assert model.feasible("P>=0.9 [ F s=N+1 ]") is None
+    by_ties = symcheck.loads(CHOICE).parametric("p,q").extremum("Pmax=? [ F s=1 ]", "max")
+    assert by_ties.bound == 1
+
+
+def test_derivatives_and_monotonicity() -> None:
+    error = function(ZEROCONF, "p,q", "P=? [ F s=N+1 ]")
+    slope = error.derivative("p")
+    p = q = Fraction(1, 2)
+    # The derivative of q p^3 / d with d = 1 - q + q p^3 is 3 q p^2 (1 - q) / d^2.
+    assert slope(p=p, q=q) == 3 * q * p**2 * (1 - q) / (1 - q + q * p**3) ** 2
+    from symcheck.numerics.bernstein import sign_on
+
+    box = {n: (Fraction(1, 10), Fraction(9, 10)) for n in "pq"}
+    assert sign_on([slope.top], slope.field, box) == 1  # the denominator is a square
+
+
+def test_plots() -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    from symcheck.view import plot_function, plot_regions
+
+    result = (
+        symcheck.loads(CHOICE)
+        .parametric("p,q")
+        .with_options(regions=0.8)
+        .check("Pmax>=0.5 [ F s=1 ]")
+    )
+    assert len(plot_regions(result.regions).patches) == sum(
+        len(c.boxes) for c in result.regions.cases
+    )
+    error = function(ZEROCONF, "p,q", "P=? [ F s=N+1 ]")
+    box = {"p": (Fraction(0), Fraction(1)), "q": (Fraction(0), Fraction(1))}
+    assert plot_function(error, box).get_ylabel() == "q"
+    one = function(QUEUE, "x=1:2", "S=? [ n=2 ]")
+    assert len(plot_function(one, {"x": (Fraction(1), Fraction(2))}).lines) == 1
+
+
+@pytest.mark.parametrize("number", range(40))
+def test_random_models_against_the_exact_engine(number: int) -> None:
+    rng = Random(f"test {number}")
+    kind = rng.choice(parameters.MODELS)
+    text = parameters.random_model(rng, kind)
+    wrong, _ = parameters.difference(rng, text, parameters.random_property(rng, kind))
+    assert wrong is None

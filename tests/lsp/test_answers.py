@@ -1,0 +1,181 @@
+"""What an editor shows of a text, also of one with faults."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from symcheck.lsp.answers import Document, formatted, quick_fixes
+from symcheck.lsp.symbols import Kind
+
+MODELS = Path(__file__).parents[2] / "models"
+OFFICE = (MODELS / "modelling" / "office.sm").read_text(encoding="utf-8")
+PRINTERS = (MODELS / "modelling" / "two_printers.sm").read_text(encoding="utf-8")
+PROPERTIES = '"q": P=? [ F<=60 "full" ];\nR{"waiting"}=? [ S ];\nP=? [ F queue=places ];\n'
+
+
+def model(text: str) -> Document:
+    return Document("file:///m.sm", text, "prism")
+
+
+def properties(text: str, of: str = OFFICE) -> Document:
+    return Document("file:///m.csl", text, "properties", model(of))
+
+
+def at(document: Document, piece: str, further: int = 0) -> int:
+    """The offset of a piece of the text, which stands there once."""
+    assert document.text.count(piece) == 1
+    return document.text.index(piece) + further
+
+
+def test_the_declarations_of_a_model() -> None:
+    found = [(s.kind, s.name, s.within) for s in model(OFFICE).names.symbols]
+    assert (Kind.VARIABLE, "away", "technician") in found
+    assert (Kind.REWARDS, "waiting", None) in found
+    assert [n for k, n, _ in found if k is Kind.ACTION] == ["send", "print", "repair"]
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*/*.[pns]m")), ids=lambda p: p.name)
+def test_names_are_those_of_the_syntax_tree(path: Path) -> None:
+    document = model(path.read_text(encoding="utf-8"))
+    bound = document.bound
+    assert document.diagnostics == []
+    assert bound is not None
+    found = {s.name for s in document.names.symbols if s.kind is Kind.VARIABLE}
+    assert found == {v.name for v in bound.variables}
+    assert {s.name for s in document.names.symbols if s.kind is Kind.LABEL} == set(bound.labels)
+    assert {s.name for s in document.names.symbols if s.kind is Kind.MODULE} == {
+        m.name for m in bound.modules
+    }
+
+
+def test_a_declaration_is_found_from_a_use() -> None:
+    document = model(OFFICE)
+    place, symbol = document.declaration(at(document, "queue<places", 7)) or pytest.fail("none")
+    assert (symbol.kind, symbol.name) == (Kind.CONSTANT, "places")
+    assert place.start == at(document, "const int places", 10)
+
+
+def test_a_declaration_is_found_in_a_faulty_text() -> None:
+    broken = model(OFFICE.replace("queue>0 & !jammed -> 2 :", "queue>0 & -> 2"))
+    assert broken.diagnostics
+    assert broken.bound is None
+    found = broken.declaration(at(broken, "queue<places", 7))
+    assert found is not None
+    assert found[1].name == "places"
+
+
+def test_a_declaration_of_a_property_is_that_of_its_model() -> None:
+    document = properties(PROPERTIES)
+    for piece, kind in (
+        ('"full"', Kind.LABEL),
+        ('"waiting"', Kind.REWARDS),
+        ("queue", Kind.VARIABLE),
+    ):
+        place, symbol = document.declaration(at(document, piece, 2)) or pytest.fail("none")
+        assert symbol.kind is kind
+        assert place.document is document.model
+
+
+def test_a_variable_made_by_renaming() -> None:
+    document = model(PRINTERS)
+    found = document.declaration(at(document, "a=places & b=places", 11))
+    assert found is not None
+    assert (found[1].name, found[1].copy_of, found[1].within) == ("b", "a", "second")
+    shown = document.hover(at(document, "a=places & b=places", 11))
+    assert shown is not None
+    assert "variable of module second, a copy of a, int from 0 to 4" in shown[0]
+
+
+def test_hover_tells_type_range_value_and_definition() -> None:
+    document = model(OFFICE)
+    for piece, further, text in (
+        ("true : queue", 7, "variable of module printer, int from 0 to 4"),
+        ("pages : (queue'=queue+1)", 0, "= 0.5"),
+        ('"full"', 1, 'label "full" = queue=places;'),
+        ("[repair] !away", 1, "action of printer, technician"),
+    ):
+        shown = document.hover(at(document, piece, further))
+        assert shown is not None
+        assert text in shown[0]
+
+
+def test_renaming_changes_models_and_properties() -> None:
+    office = model(OFFICE)
+    asked = Document("file:///m.csl", PROPERTIES, "properties", office)
+    edits = office.renamed(at(office, "queue : [0..places]"), "waiting_pages", [asked])
+    texts = {office: office.text, asked: asked.text}
+    for place, text in sorted(edits, key=lambda e: -e.place.start):
+        old = texts[place.document]
+        assert old[place.start : place.end] == "queue"
+        texts[place.document] = old[: place.start] + text + old[place.end :]
+    assert model(texts[office]).diagnostics == []
+    assert "waiting_pages=places" in texts[asked]
+    assert "queue" not in texts[office].replace("with a queue", "")
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [("2x", "is no name"), ("module", "word of the language"), ("places", "already")],
+)
+def test_a_new_name_must_be_one(name: str, why: str) -> None:
+    document = model(OFFICE)
+    with pytest.raises(ValueError, match=why):
+        document.renamed(at(document, "queue : [0..places]"), name)
+
+
+def test_completions_depend_on_the_place() -> None:
+    def offered(document: Document, offset: int) -> set[str]:
+        return {item.word for item in document.completions(offset)}
+
+    office = model(OFFICE + "\n[")
+    assert offered(office, len(office.text)) == {"send", "print", "repair"}
+    assert {"queue", "places", "module", "floor("} <= offered(model(OFFICE), len(OFFICE))
+    asked = properties('P=? [ F "')
+    assert offered(asked, len(asked.text)) >= {"full", "waiting", "deadlock"}
+    assert {"Pmax=? [ ", "queue", "F"} <= offered(properties(""), 0)
+    assert offered(model("// a"), 4) == set()
+
+
+def test_quick_fixes_come_from_hints() -> None:
+    wrong = properties("P=? [ F quue=1 ]")
+    (fault,) = wrong.diagnostics
+    ((title, start, end, text),) = quick_fixes(fault)
+    assert (title, wrong.text[start:end], text) == ("Change to 'queue'", "quue", "queue")
+    wrong = model("dtmc\nmodule m\n  x : [0..3]\n  [] x<3 -> (x'=x+1);\nendmodule\n")
+    ((title, start, end, text),) = quick_fixes(wrong.diagnostics[0])
+    mended = wrong.text[:start] + text + wrong.text[end:]
+    assert (title, model(mended).diagnostics) == ("Insert ';'", [])
+
+
+@pytest.mark.parametrize("path", sorted(MODELS.glob("*/*.[pns]m")), ids=lambda p: p.name)
+def test_formatting_changes_space_alone(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    once = formatted(text)
+    assert formatted(once) == once
+    assert "".join(once.split()) == "".join(text.split())
+    unindented = "\n".join(line.strip() for line in text.splitlines())
+    assert "".join(formatted(unindented).split()) == "".join(text.split())
+
+
+def test_the_outline_has_variables_within_their_modules() -> None:
+    found = {s.name: [i.name for i in inner] for s, inner in model(OFFICE).outline()}
+    assert found["printer"] == ["queue", "jammed"]
+    assert found["technician"] == ["away"]
+    assert "full" in found
+
+
+def test_colours_tell_names_apart() -> None:
+    document = model(OFFICE)
+    found = {(document.text[a:b], kind) for a, b, kind in document.colours()}
+    assert {
+        ("queue", "variable"),
+        ("places", "parameter"),
+        ("send", "event"),
+        ("ctmc", "keyword"),
+        ('"full"', "string"),
+        ("0.5", "number"),
+    } <= found
+    starts = [a for a, _, _ in document.colours()]
+    assert starts == sorted(set(starts))

@@ -1,0 +1,204 @@
+"""The server, asked by a client over pipes as an editor does."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from shutil import copytree
+
+import pytest
+
+pytest.importorskip("pygls", reason="the extra lsp is not installed")
+
+from lsprotocol import types as lsp
+from pygls.lsp.client import LanguageClient
+
+MODELS = Path(__file__).parents[2] / "models"
+WAIT = 60.0
+
+
+class Editor(LanguageClient):
+    """A client that keeps what the server says of documents."""
+
+    def __init__(self) -> None:
+        super().__init__("editor", "1")
+        self.said: dict[str, list[lsp.Diagnostic]] = {}
+        self.refreshed = 0
+
+        @self.feature(lsp.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
+        def published(_: Editor, params: lsp.PublishDiagnosticsParams) -> None:
+            self.said[params.uri] = list(params.diagnostics)
+
+        @self.feature(lsp.WORKSPACE_CODE_LENS_REFRESH)
+        def refresh(_: Editor, __: None) -> None:
+            self.refreshed += 1
+
+    async def until(self, holds: Callable[[], bool]) -> None:
+        """Wait until something holds."""
+        for _ in range(int(WAIT / 0.05)):
+            if holds():
+                return
+            await asyncio.sleep(0.05)
+        pytest.fail("the server said nothing of the kind")
+
+    def open(self, path: Path, language: str) -> lsp.TextDocumentIdentifier:
+        text = path.read_text(encoding="utf-8")
+        self.text_document_did_open(
+            lsp.DidOpenTextDocumentParams(lsp.TextDocumentItem(path.as_uri(), language, 1, text))
+        )
+        return lsp.TextDocumentIdentifier(path.as_uri())
+
+    def change(self, document: lsp.TextDocumentIdentifier, text: str, version: int) -> None:
+        self.text_document_did_change(
+            lsp.DidChangeTextDocumentParams(
+                lsp.VersionedTextDocumentIdentifier(version, document.uri),
+                [lsp.TextDocumentContentChangeWholeDocument(text)],
+            )
+        )
+
+
+@asynccontextmanager
+async def editing() -> AsyncIterator[Editor]:
+    editor = Editor()
+    command = "from symcheck.lsp.server import main; main()"
+    await editor.start_io(sys.executable, "-c", command)
+    workspace = lsp.WorkspaceClientCapabilities(
+        code_lens=lsp.CodeLensWorkspaceClientCapabilities(refresh_support=True)
+    )
+    await editor.initialize_async(lsp.InitializeParams(lsp.ClientCapabilities(workspace=workspace)))
+    editor.initialized(lsp.InitializedParams())
+    try:
+        yield editor
+    finally:
+        await editor.shutdown_async(None)
+        editor.exit(None)
+        await editor.stop()
+
+
+def run(story: Callable[[Editor], Awaitable[None]]) -> None:
+    async def told() -> None:
+        async with editing() as editor:
+            await story(editor)
+
+    asyncio.run(told())
+
+
+def place(path: Path, piece: str, further: int = 0) -> lsp.Position:
+    text = path.read_text(encoding="utf-8")
+    before = text[: text.index(piece) + further]
+    return lsp.Position(before.count("\n"), len(before) - (before.rfind("\n") + 1))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return Path(copytree(MODELS / "modelling", tmp_path / "m"))
+
+
+def test_a_text_is_mended_while_it_is_typed(folder: Path) -> None:
+    path = folder / "printer.pm"
+    good = path.read_text(encoding="utf-8")
+
+    async def story(editor: Editor) -> None:
+        document = editor.open(path, "prism")
+        await editor.until(lambda: editor.said.get(document.uri) == [])
+        editor.change(document, good.replace("0.1 : (state'=0)", "0.2 : (state'=0)"), 2)
+        await editor.until(lambda: bool(editor.said[document.uri]))
+        (fault,) = editor.said[document.uri]
+        assert fault.code == "update-sum"
+        assert "sum to 1.1" in fault.message
+        editor.change(document, good.replace("state=1 ->", "stat=1 ->"), 3)
+        await editor.until(lambda: [d.code for d in editor.said[document.uri]] == ["unknown-name"])
+        (fault,) = editor.said[document.uri]
+        fixes = await editor.text_document_code_action_async(
+            lsp.CodeActionParams(document, fault.range, lsp.CodeActionContext([fault]))
+        )
+        assert fixes is not None
+        assert [fix.title for fix in fixes] == ["Change to 'state'"]
+        editor.change(document, good, 4)
+        await editor.until(lambda: editor.said[document.uri] == [])
+
+    run(story)
+
+
+def test_the_number_of_states_is_shown_at_the_type(folder: Path) -> None:
+    path = folder / "office.sm"
+
+    async def story(editor: Editor) -> None:
+        document = editor.open(path, "prism")
+        position = place(path, "ctmc", 1)
+        for _ in range(int(WAIT / 0.2)):
+            shown = await editor.text_document_hover_async(lsp.HoverParams(document, position))
+            if shown is not None and "18 reachable states" in shown.contents.value:
+                return
+            await asyncio.sleep(0.2)
+        pytest.fail("no number of states")
+
+    run(story)
+
+
+def test_a_property_is_checked_by_its_lens(folder: Path) -> None:
+    path = folder / "printer.pctl"
+
+    async def story(editor: Editor) -> None:
+        document = editor.open(path, "prism-properties")
+        asked = lsp.CodeLensParams(document)
+        (lens,) = await editor.text_document_code_lens_async(asked) or []
+        assert lens.command is not None
+        assert lens.command.title == "check"
+        answer = await editor.workspace_execute_command_async(
+            lsp.ExecuteCommandParams(lens.command.command, arguments=lens.command.arguments)
+        )
+        assert str(answer).startswith("0.1176470588235")
+        await editor.until(lambda: editor.refreshed == 1)
+        (lens,) = await editor.text_document_code_lens_async(asked) or []
+        assert lens.command is not None
+        assert lens.command.title == answer
+
+    run(story)
+
+
+def test_navigation_renaming_outline_formatting_and_colours(folder: Path) -> None:
+    path, asked = folder / "office.sm", folder / "office.csl"
+
+    async def story(editor: Editor) -> None:
+        document, queries = editor.open(path, "prism"), editor.open(asked, "prism-properties")
+        position = place(path, "queue<places", 8)
+        found = await editor.text_document_definition_async(
+            lsp.DefinitionParams(document, position)
+        )
+        assert isinstance(found, lsp.Location)
+        assert found.range.start == place(path, "places = 4")
+        label = place(path, '"full"', 2)
+        edit = await editor.text_document_rename_async(lsp.RenameParams(document, label, "busy"))
+        assert edit is not None
+        assert edit.changes is not None
+        assert {uri: len(edits) for uri, edits in edit.changes.items()} == {
+            document.uri: 1,
+            queries.uri: 1,
+        }
+        outline = await editor.text_document_document_symbol_async(
+            lsp.DocumentSymbolParams(document)
+        )
+        assert "printer" in [symbol.name for symbol in outline or []]
+        edits = await editor.text_document_formatting_async(
+            lsp.DocumentFormattingParams(document, lsp.FormattingOptions(2, True))
+        )
+        assert not edits
+        tokens = await editor.text_document_semantic_tokens_full_async(
+            lsp.SemanticTokensParams(document)
+        )
+        assert tokens is not None
+        assert len(tokens.data) % 5 == 0
+        items = await editor.text_document_completion_async(
+            lsp.CompletionParams(queries, lsp.Position(0, 0))
+        )
+        assert items
+        uses = await editor.text_document_references_async(
+            lsp.ReferenceParams(lsp.ReferenceContext(True), document, position)
+        )
+        assert [use.range.start.line for use in uses or []] == [4, 9, 12, 26]
+
+    run(story)
