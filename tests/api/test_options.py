@@ -90,6 +90,8 @@ SWITCHES = [
     ("-method interval", "method", "interval"),
     ("-exact", "exact", True),
     ("-ptamethod backwards", "timed_method", "backwards"),
+    ("-gridresolution 12", "grid_resolution", 12),
+    ("-beliefs 1e3", "beliefs", 1000),
     ("-e 1e-3", "epsilon", 1e-3),
     ("-regions 0.9", "regions", 0.9),
     ("-lifting", "lifting", True),

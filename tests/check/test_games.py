@@ -12,6 +12,7 @@ from oracles import draw_games
 from oracles.draw_games import draw
 from symcheck.check.result import Certified
 from symcheck.errors import InputError, NameFault, NoStrategyError, SyntaxFault, UnsupportedError
+from symcheck.simulate.steps import CommandSuccessors
 
 ENGINES = [{"engine": "explicit"}, {"engine": "sparse"}, {"engine": "mtbdd"}, {"exact": True}]
 
@@ -249,6 +250,18 @@ def test_the_power_method_is_an_estimate():
     assert stopped < 0.4
 
 
+@pytest.mark.parametrize("method", ["power", "interval", "optimistic"])
+@pytest.mark.parametrize(
+    "text", ["<<up>> Pmax=? [ (G F s=0) | (F G s=2) ]", '<<up>> R{"r"}max=? [ F0 s=2 ]']
+)
+def test_measures_that_need_bounds_on_the_way_take_any_method(text, method):
+    game = PASSING + 'rewards "r" [leave] true : 3; endrewards'
+    proved = symcheck.loads(game).check(text)
+    result = symcheck.loads(game, method=method).check(text)
+    assert result.value == proved.value
+    assert type(result.accuracy) is type(proved.accuracy)
+
+
 def test_rewards_of_the_three_kinds():
     """A run may collect for ever before it reaches the target, or miss it."""
     text = """
@@ -291,6 +304,43 @@ def test_strategies_of_lost_rewards_need_memory():
     # Stopping after n rounds gives n (7/8)^n, which is greatest for n = 7 and 8.
     result = symcheck.loads(text).check('<<up>> R{"r"}max=? [ F0 s=2 ]')
     assert float(result) == pytest.approx(7 * (7 / 8) ** 7, rel=1e-9)
+
+
+def test_timed_games_count_units_of_time():
+    """The sender decides when to send, from 2 to 5 units; the receiver acknowledges after 1 to 4."""
+    text = """
+    tptg
+    player sender [send] endplayer
+    player receiver [ack], [end] endplayer
+    module m
+      s : [0..2];
+      x : clock;
+      invariant (s=0 => x<=5) & (s=1 => x<=4) endinvariant
+      [send] s=0 & x>=2 -> (s'=1) & (x'=0);
+      [ack] s=1 & x>=1 -> 0.5:(s'=2) + 0.5:(s'=0) & (x'=0);
+      [end] s=2 -> true;
+    endmodule
+    rewards "time" true : 1; endrewards
+    """
+    model = symcheck.loads(text, exact=True)
+    for coalition, rounds in (("sender,receiver", 3), ("sender", 6), ("receiver", 6), ("", 9)):
+        result = model.check(f'<<{coalition}>> R{{"time"}}min=? [ F s=2 ]')
+        assert result.value == 2 * rounds
+    assert model.check("<<receiver>> Pmax=? [ F<=6 s=2 ]").value == Fraction(1, 2)
+    assert model.check("<<receiver>> Pmax=? [ F<=5 s=2 ]").value == 0
+    assert model.check("<<sender,receiver>> Pmax=? [ F<=6 s=2 ]").value == Fraction(3, 4)
+    with pytest.raises(UnsupportedError, match="bounds <=k only"):
+        model.check("<<receiver>> Pmax=? [ F<6 s=2 ]")
+
+
+def test_games_are_stepped_through():
+    steps = CommandSuccessors(symcheck.loads(LOTTERY).bound)
+    assert list(steps.initial()) == [(0,)]
+
+
+def test_games_have_numbers_as_probabilities():
+    with pytest.raises(InputError, match="games with intervals are not supported"):
+        value(LOTTERY.replace("0.25:(s'=1)", "[0.2,0.3]:(s'=1)"), "<<b>> Pmax=? [ F s=1 ]")
 
 
 # --------------------------------------------------------------------------------------- strategies

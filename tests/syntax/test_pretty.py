@@ -184,7 +184,11 @@ COMMANDS = st.builds(
     EXPRESSIONS,
     st.one_of(
         UPDATES.map(lambda a: (decl.Update(None, a),)),
-        st.lists(st.builds(decl.Update, EXPRESSIONS, UPDATES), min_size=1, max_size=3).map(tuple),
+        st.lists(
+            st.builds(decl.Update, EXPRESSIONS, UPDATES, st.none() | EXPRESSIONS),
+            min_size=1,
+            max_size=3,
+        ).map(tuple),
     ),
 )
 ACTIONS = st.lists(NAMES, min_size=1, max_size=2).map(tuple)

@@ -65,7 +65,7 @@ class CheckedModel(Stages):
         exchanges = options.symmetry and only_values and bool(instances)
         if not (options.reduce or stops or exchanges):
             return self
-        if options.fairness or self.parameters or self.bound.builder is not None:
+        if options.fairness or self.parameters or self.is_timed or self.bound.builder is not None:
             return self
         key = tuple((p.file, p.index, *p.constants.items(), all_states) for p in instances)
         if key not in self._reduced_models:
@@ -96,7 +96,7 @@ class CheckedModel(Stages):
         clocks = self.bound.clocks
         if clocks is None and not self.bound.type.has_clocks:
             return None
-        if clocks is not None and clocks.asked is not None:
+        if clocks is not None and clocks.for_property:
             return self
         from symcheck.api.timed import deciding_model
 
@@ -206,7 +206,8 @@ class CheckedModel(Stages):
         instances = self.instances(file, {n: (v,) for n, v in given.items()})
         try:
             prepared = self.prepared_for(instances)
-            _ = prepared.model.engine, prepared.shared
+            if not self.is_timed:
+                _ = prepared.model.engine, prepared.shared
         except ResourceError:
             raise
         except SymcheckError as error:  # RESULT lines may expect it
@@ -331,7 +332,7 @@ class PreparedModel(Generic[ModelT]):
     def shared(self) -> SharedQuotient | None:
         """One quotient for the properties, with the option `bisim` and if it pays."""
         model = self.model
-        if not model.options.bisim or len(self.instances) < 2:
+        if not model.options.bisim or len(self.instances) < 2 or model.is_timed:
             return None
         return model.within_limits(
             lambda: shared_quotient(model.engine, self.instances, model.options)

@@ -13,7 +13,7 @@ from symcheck.check.result import Line, SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import Engine, Equations, StateSet, Values, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
-from symcheck.errors import Diagnostic, NameFault
+from symcheck.errors import Diagnostic, NameFault, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Int64s
 from symcheck.numerics.linear.problem import Observer
@@ -128,9 +128,11 @@ class Context:
 
         If only one side has choices, it is that of a decision process.
         """
-        rows = self.engine.capability(ExplicitEngine)
-        if query.coalition is None or query.direction is None or rows is None:
+        if query.coalition is None or query.direction is None:
             return self, query.direction
+        rows = self.engine.capability(ExplicitEngine)
+        if rows is None:
+            raise UnsupportedError(f"games are not solved by the engine {self.engine.name}")
         game = rows.playing(query.coalition)
         assert game.opponents is not None
         assert rows.weights.groups is not None
@@ -140,6 +142,10 @@ class Context:
         if not (choosing & ~game.opponents).any():
             return self, query.direction.dual
         return replace(self, engine=erased(game)), query.direction
+
+    def with_any_method(self) -> Context:
+        """The context of what needs proved bounds on the way, by whatever method."""
+        return replace(self, options=replace(self.options, method="auto"))
 
     def without_strategy(self) -> Context:
         """The context of what needs no strategy, such as formulas within an operator."""

@@ -80,9 +80,12 @@ class PropertyInstance:
             return bind_property(self.file, self.index, model, self.constants)
         from symcheck.semantics.timed.properties import translated
 
-        return translated(
-            model, *bind_property(self.file, self.index, model.clocks.automaton, self.constants)
-        )
+        automaton = model.clocks.automaton
+        given, labels = bind_property(self.file, self.index, automaton, self.constants)
+        if given.bound is None:
+            return given, labels
+        bound, labels = translated(model, given.bound, labels)
+        return replace(given, bound=bound), labels
 
 
 def property_instances(

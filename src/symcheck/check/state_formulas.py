@@ -133,6 +133,10 @@ def values_of(context: Context, formula: Expression, relevant: StateSet) -> Valu
             return values_of(context.inside(formula), context.referred(formula), relevant)
         case Measure():
             query = query_of(context, formula)
+            if context.engine.model.type.partially_observed:
+                from symcheck.check.beliefs.values import belief_values
+
+                return belief_values(context, query)
             found = values(context, query, partial(_rationals, context, formula))
             return _clipped(context, found) if formula.is_probability else found
         case Filter() | StateFilter():

@@ -92,8 +92,10 @@ REWARD_PAIRS = 10_000_000
 # Beliefs of partially observed models (beliefs/).
 BELIEFS = (500, 4_000, 32_000)
 """Beliefs that are kept exactly in each round, until the bounds are close enough."""
-GRID_RESOLUTIONS = (4, 8, 16)
-"""The resolution of the grid beyond them, in each round."""
+GRID_RESOLUTION = 4
+"""The first resolution of the grid beyond them, which is doubled while it has few points."""
+FINEST_GRID = 64
+"""The last resolution; finer grids of few points take long, as they are explored step by step."""
 GRID_BELIEFS = 4
 """Points of the grid for each belief that is kept exactly, beyond a first thousand."""
 SUPPORTS = 20_000

@@ -136,7 +136,8 @@ class HasBestExpectations(Protocol):
         """Per row, bounds of the expectation that nature chooses, if the player has a direction.
 
         Args:
-            lower, upper: bounds of the values of all states, not negative in doubles.
+            lower: lower bounds of the values of all states, not negative in doubles.
+            upper: their upper bounds.
             direction: that of the player.
         """
         ...

@@ -13,26 +13,31 @@ import numpy as np
 
 from symcheck.engines.base import Engine, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
-from symcheck.engines.explicit.intervals import IntervalEngine, IntervalModel
+from symcheck.engines.explicit.intervals import IntervalEngine
+from symcheck.engines.rational.explore import RationalModel
 from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
 from symcheck.explicit.explored import ExploredModel
+from symcheck.explicit.model import ExplicitModel
+from symcheck.explicit.states import StateTable
 from symcheck.matrices.numbers import Numbers
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import exactly_bound
+from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate
 from symcheck.semantics.state_faults import describe_state
 from symcheck.syntax.ast import Binary, Expression, Literal, Type, Weights
 from symcheck.syntax.operators import Operator
+from symcheck.syntax.traversal import names
 
 __all__ = ["build_intervals"]
 
-BuildEngine = Callable[[BoundModel, Options], Engine]
-"""Builds a model without intervals on the engine that the options name."""
+BuildRows = Callable[[BoundModel, Options], ExplicitEngine]
+"""Builds the rows of a model without intervals, by the engine that the options name."""
 
 _ZERO, _ONE = (Literal(Fraction(v), Type.DOUBLE) for v in (0, 1))
 
 
-def build_intervals(model: BoundModel, options: Options, build: BuildEngine) -> Engine:
+def build_intervals(model: BoundModel, options: Options, build: BuildRows) -> Engine:
     """Build a model with intervals: explicit rows, which diagrams write if the engine has them.
 
     Args:
@@ -48,33 +53,40 @@ def build_intervals(model: BoundModel, options: Options, build: BuildEngine) -> 
     inner = replace(options, check_sums=False, order=None, bisim=False)
 
     def rows(of: Callable[[BoundCommand], BoundCommand]) -> ExplicitEngine:
-        return _on_rows(build(_mapped(model, of), inner), inner)
+        return build(_mapped(model, of), inner)
 
     high = rows(_upper)
     _check(high, model)
-    low = rows(_lower)
-    source, lower = high.explored, low.weights
-    if not np.array_equal(lower.indptr, high.weights.indptr) or not np.array_equal(
-        lower.indices, high.weights.indices
+    low = rows(_lower).weights
+    if not np.array_equal(low.indptr, high.weights.indptr) or not np.array_equal(
+        low.indices, high.weights.indices
     ):
         raise UnsupportedError("products of intervals underflow", hint="use -exact")
-    explored = IntervalModel(
-        source, lower.data, model, _rewards(model, source, rows), high.weights.groups
-    )
+    rewards = _rewards(model, high.explored, rows)
     exact = replace(options, exact=True)
     return erased(
         IntervalEngine(
-            explored,
+            _listed(high.explored, model, rewards),
             high.name,
+            lower=low.data,
+            source=high,
             twin=lambda: build_intervals(exactly_bound(model), exact, build),
         )
     )
 
 
-def _on_rows(engine: Engine, options: Options) -> ExplicitEngine:
-    from symcheck.engines.registry import on_rows
-
-    return on_rows(engine, options)
+def _listed(
+    found: ExploredModel, model: BoundModel, rewards: Sequence[Numbers]
+) -> ExplicitModel | RationalModel:
+    """What was found, as arrays, with the model and the rewards of rows."""
+    if isinstance(found, RationalModel):
+        return replace(found, model=model, choice_rewards=rewards)
+    states = found.states
+    assert isinstance(states, StateTable)
+    return ExplicitModel(
+        *(model, states, found.matrix, found.choice_actions, found.initial, found.deadlocks),
+        *(list(found.state_rewards), list(rewards)),
+    )
 
 
 def _mapped(model: BoundModel, of: Callable[[BoundCommand], BoundCommand]) -> BoundModel:
@@ -178,8 +190,9 @@ def _check_update(engine: ExplicitEngine, command: BoundCommand, update: BoundUp
 
 def _example(engine: ExplicitEngine, command: BoundCommand, condition: Expression) -> str | None:
     """The text of a reachable state in which a command has a fault; None if there is none."""
-    guard = command.guard
-    states = engine.where(Binary(Operator.AND, guard, condition))
+    if not names(condition) and not evaluate(condition, {}, exact=True):
+        return None
+    states = engine.where(Binary(Operator.AND, command.guard, condition))
     if not states:
         return None
     values = next(iter(engine.valuations(engine.first(states))))

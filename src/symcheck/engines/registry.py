@@ -47,6 +47,12 @@ def _exact(model: BoundModel, options: Options, _: Observer | None) -> Engine:
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.engines.rational.explore import explore_exactly
 
+    if model.clocks is not None:  # digital clocks have many states
+        from symcheck.engines.rational.whole_numbers import explore_in_whole_numbers
+
+        compiled = explore_in_whole_numbers(model, options)
+        if compiled is not None:
+            return erased(ExplicitEngine(compiled, "exact"))
     if model.parameters:
         from symcheck.engines.parametric.build import explore_parametric
 
@@ -122,6 +128,7 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
 
     Raises:
         UsageError: the order names unknown variables.
+        UnsupportedError: a timed automaton has constraints that digital clocks do not take.
         ModelFault: the model has a fault in some state.
         ResourceError: a limit of time or memory was reached.
     """
@@ -139,18 +146,21 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         from symcheck.symbolic.ordering.order import check_order
 
         check_order(model, options.order)
+    if model.type.has_clocks:  # its states are those that digital clocks have, or none are listed
+        from symcheck.semantics.timed.digital import digital_clocks
+
+        return build(digital_clocks(model), options, observer)
     if model.builder is not None:
         return cast(Engine, model.builder(replace(options, engine=name)))
     if model.weights is Weights.INTERVALS:
         from symcheck.engines.intervals import build_intervals
 
-        engine: EngineName = "explicit" if name == "auto" else name
-        inner = replace(options, engine=engine)
-        return build_intervals(model, inner, lambda end, o: build(end, o, observer))
+        inner = replace(options, engine="explicit" if name == "auto" else name)
+        return build_intervals(model, inner, lambda m, o: on_rows(build(m, o, observer), o))
     try:
-        engine = BUILDERS[name](model, options, observer)
+        built = BUILDERS[name](model, options, observer)
         # Games are solved on rows, which diagrams list.
-        return erased(on_rows(engine, options)) if model.type.players > 1 else engine
+        return erased(on_rows(built, options)) if model.type.players > 1 else built
     except AlmostOne as fault:
         model = normalised_at(model, fault)
     return build(model, options, observer)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from functools import partial
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from symcheck.engines.base import Engine, erased
 from symcheck.engines.capabilities import HasImportedStates, HasRationalTwin
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.explicit.intervals import IntervalEngine
 from symcheck.engines.rational.explore import RationalModel, StateList
 from symcheck.errors import Diagnostic, ModelFault, UnsupportedError, converts_memory_error
 from symcheck.explicit.explored import RACE
@@ -34,7 +35,7 @@ from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.state_faults import SUM_TOLERANCE, rounded_sum
-from symcheck.syntax.ast import Expression, Literal, ModelType, Name, Type
+from symcheck.syntax.ast import Expression, Literal, ModelType, Name, Type, Weights
 from symcheck.syntax.declarations import (
     Label,
     Module,
@@ -124,6 +125,8 @@ class ExplicitData:
         contributions: what each action contributes to the transitions of a chain; None without
             actions.
         names: constants and formulas that properties may use.
+        lower: the lower end of each entry, where probabilities are intervals with the upper ends in
+            `matrix`; the transitions of a row have one reward.
     """
 
     type: ModelType
@@ -135,6 +138,7 @@ class ExplicitData:
     rewards: Sequence[ExplicitRewards]
     contributions: Contributions | None = None
     names: Program | None = None
+    lower: Numbers | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,7 +178,7 @@ class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
         known = self.members.get(expression)
         return super().where(expression) if known is None else ArraySet(known)
 
-    def rational(self, *, strict: bool = False) -> Engine:
+    def rational(self, *, strict: bool = False, check_sums: bool = True) -> Engine:
         """The same model in rational arithmetic.
 
         A double becomes the fraction with a denominator of at most 10**6 that rounds to it, if
@@ -182,6 +186,7 @@ class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
 
         Args:
             strict: refuse rows that are divided by their sum.
+            check_sums: check that probabilities sum to 1.
 
         Raises:
             UnsupportedError: the probabilities then do not sum to 1.
@@ -200,7 +205,8 @@ class ImportedEngine(ExplicitEngine, HasImportedStates, HasRationalTwin):
             rewards = [_rewards_of(matrix, r) for r in rewards]
             sums = sum_segments(matrix.data, matrix.indptr)
         weighed = explored.choice_actions != RACE
-        if self.model.type.has_probabilities and any(s != 1 for s in sums[weighed]):
+        exact_sums = check_sums and self.model.type.has_probabilities
+        if exact_sums and any(s != 1 for s in sums[weighed]):
             raise UnsupportedError(
                 "the given probabilities are rounded, and do not sum to 1 exactly"
             )
@@ -247,6 +253,8 @@ def build_imported(given: ExplicitData, options: Options) -> Engine:
             engine is rational, and the probabilities do not sum to 1 exactly.
         ResourceError: a limit of memory or time was reached.
     """
+    if given.lower is not None:
+        return _interval_engine(given, given.lower, options)
     engine = _explicit(given, options.fix_deadlocks, options.check_sums)
     if options.exact:
         return engine.rational(strict=True)
@@ -255,6 +263,79 @@ def build_imported(given: ExplicitData, options: Options) -> Engine:
     from symcheck.exchange.symbolic_import import symbolic_engine
 
     return symbolic_engine(engine.explored, engine.members, options)
+
+
+def _interval_engine(given: ExplicitData, lower: Numbers, options: Options) -> Engine:
+    """The engine of a model with intervals.
+
+    Raises:
+        ModelFault: the intervals of a row hold no distribution.
+        UnsupportedError: the options name an engine with diagrams, or a lower end is 0.
+    """
+    if options.engine not in ("auto", "explicit") and not options.exact:
+        raise UnsupportedError(
+            "intervals that were read state by state have explicit rows", hint="use -ex"
+        )
+    given = replace(given, rewards=[_one_per_row(given.matrix, r) for r in given.rewards])
+    low, high = (
+        _explicit(
+            replace(given, matrix=replace(given.matrix, data=data)), options.fix_deadlocks, False
+        )
+        for data in (lower, given.matrix.data)
+    )
+    _check_intervals(low, high)
+
+    def made(low: Engine, high: Engine) -> Engine:
+        ends = [e.capability(ExplicitEngine) for e in (low, high)]
+        assert ends[0] is not None
+        assert ends[1] is not None
+        explored = cast(Any, ends[1].explored)
+        model = replace(explored.model, weights=Weights.INTERVALS)
+        return erased(
+            IntervalEngine(
+                replace(explored, model=model),
+                high.name,
+                lower=ends[0].weights.data,
+                source=ends[1],
+                twin=twin,
+            )
+        )
+
+    def twin() -> Engine:
+        return made(low.rational(check_sums=False), high.rational(check_sums=False))
+
+    return twin() if options.exact else made(erased(low), erased(high))
+
+
+def _one_per_row(matrix: SparseMatrix, given: ExplicitRewards) -> ExplicitRewards:
+    """Rewards whose transitions of each row have one reward, as nature chooses among these."""
+    if given.entries is None:
+        return given
+    rows = given.rows.copy()
+    rows[matrix.row_of_entry] = given.entries
+    if (rows[matrix.row_of_entry] != given.entries).any():
+        raise UnsupportedError("with intervals, the transitions of a row have one reward")
+    return given._replace(rows=rows, entries=None)
+
+
+def _check_intervals(low: ImportedEngine, high: ImportedEngine) -> None:
+    """Raise ModelFault for the first row without a distribution, and for a lower end of 0."""
+    assert low.given is not None
+    assert high.given is not None
+    lower, upper = low.given[0], high.given[0]
+    sums = [sum_segments(_rationals(m.data), m.indptr) for m in (lower, upper)]
+    wrong = (sums[0] > 1) | (sums[1] < 1)
+    odd = (lower.data < 0) | (lower.data > upper.data) | (upper.data > 1)
+    wrong[lower.row_of_entry[odd.astype(np.bool_)]] = True
+    for row in np.flatnonzero(wrong)[:1].tolist():
+        message = f"the intervals of row {row}, of state {lower.state_of_row[row]}, hold no "
+        hint = "0 <= lower <= upper <= 1, and 1 lies between the sums of the ends"
+        raise ModelFault(Diagnostic(message + "distribution", code="interval", hint=hint))
+    for entry in np.flatnonzero(lower.data == 0)[:1].tolist():
+        state = lower.state_of_row[lower.row_of_entry[entry]]
+        raise UnsupportedError(
+            f"an interval with the lower end 0 is not supported, for example in state {state}"
+        )
 
 
 def _explicit(given: ExplicitData, fix_deadlocks: bool, check_sums: bool) -> ImportedEngine:

@@ -12,6 +12,7 @@ from symcheck.check.beliefs.model import observations
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.capabilities import HasActions, HasImportedStates
 from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.explicit.intervals import IntervalEngine
 from symcheck.engines.transition_actions import contributions, state_columns, state_order
 from symcheck.exchange.explicit_data import ExplicitRewards
 from symcheck.explicit.explored import RACE
@@ -37,7 +38,8 @@ class ExplicitExport:
         variables: the variables.
         columns: the values of each variable, int64[n].
         matrix: the matrix in doubles.
-        values: probabilities (rates) of the entries, as doubles or rationals.
+        values: probabilities (rates) of the entries, as doubles or rationals; complex numbers are
+            intervals from the real to the imaginary part.
         actions: the action names.
         row_actions: per row of an MDP an index into `actions`, or -1. None for a chain.
         labels: bool[n] each; "init" and "deadlock" (states without transitions) come first.
@@ -200,13 +202,14 @@ def explicit_export(
     if states is not None:
         members |= {name: engine.to_bools(states(name)) for name in (*labels, *property_labels)}
     system = engine.system(engine.all)
-    matrix = system.weights
+    intervals = engine.capability(IntervalEngine)
+    matrix = system.weights if intervals is None else intervals.weights
     export = ExplicitExport(
         model.type,
         model.variables,
         columns,
         matrix.doubles(),
-        matrix.data,
+        matrix.data if intervals is None else intervals.ends,
         model.actions,
         _row_actions(engine),
         members,
@@ -219,6 +222,8 @@ def explicit_export(
         partial(contributions, engine),
         _observations(engine),
     )
+    if intervals is not None:  # a row has one reward, whatever nature chooses
+        export = replace(export, apart=None, contributions=lambda: None)
     return _sorted(export, state_order(engine, columns))
 
 

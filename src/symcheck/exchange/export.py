@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TextIO
 
+import numpy as np
+
 from symcheck.errors import UnsupportedError, UsageError
 from symcheck.exchange import components
 from symcheck.exchange.explicit_export import ExplicitExport
@@ -165,6 +167,8 @@ def export(model: ExplicitExport, targets: Sequence[Target], out: TextIO) -> Ite
     whole = model
     for target in targets:
         model = whole if target.options.actions else whole.without_actions()
+        if np.iscomplexobj(model.values) and not _holds_intervals(target):
+            raise UnsupportedError(f".{target.kind} files with intervals are not supported")
         if target.kind == "umb":
             if target.path == "stdout":
                 raise UsageError("a UMB file is binary and cannot go to the standard output")
@@ -178,6 +182,13 @@ def export(model: ExplicitExport, targets: Sequence[Target], out: TextIO) -> Ite
         for path, chunks in _texts(model, target):
             write_text(path, chunks, out)
             yield path
+
+
+def _holds_intervals(target: Target) -> bool:
+    """Whether a format has intervals, or no probabilities at all."""
+    if target.options.matlab:
+        return False
+    return target.kind in ("tra", "sta", "lab", "proplab", "srew", "trew", "drn", "dot")
 
 
 def _require_rates(model: ExplicitExport, kind: str) -> None:

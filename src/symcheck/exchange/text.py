@@ -43,7 +43,13 @@ def number_text(value: float | Fraction, precision: int = FULL_PRECISION) -> str
 
 
 def number_texts(values: Numbers, precision: int = FULL_PRECISION) -> list[str]:
-    """`number_text` of each value (float64[n] or objects). Most models have few distinct values."""
+    """`number_text` of each value (float64[n] or objects). Most models have few distinct values.
+
+    Complex numbers stand for intervals, with the lower end as real part.
+    """
+    if values.dtype.kind == "c":
+        ends = number_texts(values.real, precision), number_texts(values.imag, precision)
+        return [f"[{low},{high}]" for low, high in zip(*ends, strict=True)]
     if values.dtype == object:
         return [number_text(v if isinstance(v, Fraction) else float(v), precision) for v in values]
     distinct, index = np.unique(values, return_inverse=True)
@@ -76,7 +82,7 @@ def _part(column: Column, start: int, stop: int, precision: int) -> Sequence[obj
         return column(start, stop)
     piece = column[start:stop]
     if isinstance(piece, np.ndarray):
-        return number_texts(piece, precision) if piece.dtype.kind in "fO" else piece.tolist()
+        return number_texts(piece, precision) if piece.dtype.kind in "fOc" else piece.tolist()
     return piece
 
 

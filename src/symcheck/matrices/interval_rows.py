@@ -6,6 +6,8 @@ Source: Givan, Leach & Dean (2000), 'Bounded-parameter Markov decision processes
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
+
 from symcheck.direction import Direction
 from symcheck.kernels.solve import intervals as kernel
 from symcheck.lazy_dataclass import dataclass
@@ -56,7 +58,7 @@ class IntervalRows:
         data, sign = self.lower.data.copy(), -1 if self.nature is Direction.MAX else 1
         values = (sign * x).tolist()
         indices, starts = self.lower.indices.tolist(), self.lower.indptr.tolist()
-        for begin, end in zip(starts, starts[1:], strict=False):
+        for begin, end in pairwise(starts):
             rest = 1 - sum(data[begin:end].tolist())
             for e in sorted(range(begin, end), key=lambda e: values[indices[e]]):
                 if rest <= 0:

@@ -105,6 +105,13 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
             *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
             *(Feature.REACH_REWARDS, Feature.TOTAL_REWARDS, Feature.CUMULATIVE_REWARDS),
             *(Feature.INSTANTANEOUS_REWARDS, Feature.ENDED_REWARDS, Feature.STRATEGIES),
+            Feature.STEPPING,
+        }
+    ),
+    ModelType.TPTG: frozenset(
+        {
+            *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS, Feature.REACHABILITY),
+            *(Feature.BOUNDED_REACHABILITY, Feature.REACH_REWARDS),
         }
     ),
 }
@@ -117,7 +124,8 @@ _OF_WEIGHTS: dict[Weights, frozenset[Feature]] = {
             *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS),
             *(Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY, Feature.LTL),
             *(Feature.REACH_REWARDS, Feature.CUMULATIVE_REWARDS, Feature.INSTANTANEOUS_REWARDS),
-            *(Feature.LONG_RUN, Feature.SOME_OR_ALL_PATHS),
+            *(Feature.LONG_RUN, Feature.SOME_OR_ALL_PATHS, Feature.STRATEGIES),
+            Feature.EXPLICIT_FILES,
         }
     ),
     Weights.PARAMETERS: frozenset(
@@ -183,6 +191,8 @@ def offers(model: BoundModel, feature: Feature) -> bool:
     """
     if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
         return False  # the rows of the two tables were opened, and tested, apart
+    if model.type.players > 1 and model.weights is not Weights.NUMBERS:
+        return False
     of_type = _OF_TYPE.get(model.type, _NONE)
     if feature in _EXCEPT.get((model.type, model.weights), _NONE):
         return False

@@ -9,14 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from symcheck.lazy_dataclass import dataclass
 from symcheck.syntax.ast import Expression, Literal, ModelType, Node, Type, Weights
 from symcheck.syntax.declarations import Composition, Program
-
-if TYPE_CHECKING:
-    from symcheck.semantics.timed.digital import DigitalClocks
 
 __all__ = [
     "BoundCommand",
@@ -28,6 +25,7 @@ __all__ = [
     "BoundUpdate",
     "Event",
     "Observations",
+    "TimeReading",
     "Value",
     "Variable",
 ]
@@ -166,6 +164,20 @@ class Observations:
     rewards: bool
 
 
+class TimeReading(Protocol):
+    """How a timed automaton is read on a model that is checked in its place."""
+
+    @property
+    def automaton(self) -> BoundModel:
+        """The automaton."""
+        ...
+
+    @property
+    def for_property(self) -> bool:
+        """Whether the model was made for one property."""
+        ...
+
+
 @dataclass(frozen=True, repr=False)
 class BoundModel:
     """A model whose state space can be built.
@@ -217,7 +229,7 @@ class BoundModel:
     sums_divided: bool = field(default=False, compare=False)
     unchecked_sums: bool = False
     weights: Weights = Weights.NUMBERS
-    clocks: DigitalClocks | None = field(default=None, compare=False)
+    clocks: TimeReading | None = field(default=None, compare=False)
     parameters: Mapping[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
     observables: tuple[Expression, ...] = ()
 

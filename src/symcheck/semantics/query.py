@@ -15,7 +15,6 @@ from typing import ClassVar, Generic, TypeVar, assert_never, cast
 
 from symcheck.direction import Direction
 from symcheck.errors import Diagnostic, InputError, Span, UnsupportedError
-from symcheck.semantics.binding.players import members
 from symcheck.semantics.expressions.evaluate import evaluate_constant
 from symcheck.semantics.features import Feature, require
 from symcheck.semantics.model import BoundModel
@@ -30,6 +29,7 @@ from symcheck.semantics.path_formulas import (
     over_leaves,
     path_formula,
 )
+from symcheck.semantics.players import members
 from symcheck.semantics.rewards import Reward, Time, operator_reward
 from symcheck.semantics.time_bounds import RewardWindow, Window, bound_value, counts, window
 from symcheck.syntax import ast
@@ -344,7 +344,7 @@ def query_of(formula: ast.AnyMeasure, model: BoundModel) -> Query[Expression]:
     else:
         direction = direction_of(formula, model.type)
     quantity = _quantity(formula, model)
-    if model.clocks is not None and model.clocks.asked is None:
+    if model.clocks is not None and not model.clocks.for_property:
         raise UnsupportedError(
             "this is not available for timed automata: their properties are checked one by one"
         )
@@ -367,8 +367,8 @@ def _directions_with_nature(
     if given is None and formula.bound is not None:
         worst = Direction.MIN if formula.bound.operator.is_lower_bound else Direction.MAX
         return (worst if kind.has_choices else None), worst
-    if given not in expected:
-        about = f"{letter}{given or '=?'} is no value of an interval {kind.value}"
+    if given is None or given not in expected:
+        about = f"{letter}{given or ''}=? has no unique value in a model with intervals"
         who = "a direction of strategies and one of nature" if kind.has_choices else "a direction"
         hint = f"{who}: " + ", ".join(f"{letter}{d}=?" for d in expected)
         raise InputError(Diagnostic(about, formula.span, "direction", hint))

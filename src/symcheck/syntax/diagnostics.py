@@ -25,8 +25,8 @@ def _set(words: str) -> frozenset[str]:
 _OPERATORS = frozenset(["QMARK", *Operator.__members__])
 _STARTS = _set(
     "INTEGER REAL TRUE FALSE NAME STRING FUNCTION MIN MAX FUNC MULTI FILTER LPAR MINUS NOT "
-    "P PMIN PMAX PMINMAX PMAXMIN PMINMIN PMAXMAX RELEASE RMIN RMAX RMINMAX RMAXMIN RMINMIN RMAXMAX S "
-    "ALL EXISTS"
+    "P PMIN PMAX PMINMAX PMAXMIN PMINMIN PMAXMAX RELEASE RMIN RMAX RMINMAX RMAXMIN RMINMIN "
+    "RMAXMAX S ALL EXISTS"
 )
 _DECLARATIONS = _set("CONST LABEL FORMULA RATE PROB")
 _MODEL_PARTS = _set(
@@ -102,8 +102,6 @@ _OTHER_MODELS = {
     "idtmc": "chains with intervals of probabilities",
     "imdp": "decision processes with intervals of probabilities",
     "ipomdp": "partially observable decision processes with intervals",
-    "smg": "stochastic games",
-    "tsg": "stochastic games",
     "csg": "concurrent stochastic games",
     "tptg": "timed games",
     "lts": "transition systems without probabilities",
@@ -126,11 +124,9 @@ _OTHER_WORDS = {
     "fdelay": "fixed delays belong to chains with fixed delays",
     "event": "events belong to generalised semi-Markov processes",
     "formation": "formations belong to stochastic games",
-    "endplayer": "players belong to stochastic games",
     "endobservables": "observables belong to partially observable models",
     "observables": "observables belong to partially observable models",
     "observable": "observables belong to partially observable models",
-    "player": "players belong to stochastic games",
 }
 _CHOSEN_VALUES = frozenset({"hole", "evolve", "param", "parameter"})
 """The words for constants whose values are sought."""
@@ -142,8 +138,6 @@ _PATH_OPERATORS = {
     "W": "weak until",
     "R": "release",
 }
-_INTERVAL = re.compile(r"\[\s*[^\[\];,]+,[^\[\];]+\]")
-_COMMENT = re.compile(r"//[^\r\n]*")
 _QUANTIFIERS = frozenset({"AS", "ES", "A", "E", "forall", "exists", "Forall", "Exists"})
 _CLOSERS = {"(": ")", "[": "]", "{": "}"}
 _OPENERS = {close: opening for opening, close in _CLOSERS.items()}
@@ -153,6 +147,8 @@ def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
     """The diagnostic of one fault."""
     found = fault.token.value
     expected = set(fault.expected)
+    if "ENDMODULE" in expected:
+        expected.discard("LT")  # of a Markovian command, which stands where [ does
     if found in _MODEL_WORDS and "ENDMODULE" not in language.spelling:
         return Diagnostic(
             "this is a part of a model, where properties are expected",
@@ -287,22 +283,22 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
             "model-type",
             "of an MDP, <<*>> is some strategy and <<>> are all strategies",
         )
-    if word == "<" and rest.startswith("<>") and "ENDMODULE" in expected:
-        message = "commands with <> belong to Markov automata, which are not supported"
-        return Diagnostic(message, Span(source, fault.start, fault.start + 2), "model-type", hint)
+    if (
+        word == ","
+        and [str(w.value) for w in fault.before[-2:-1]] == ["["]
+        and "ENDMODULE" not in expected
+    ):
+        message = "commands of several actions belong to concurrent stochastic games"
+        return Diagnostic(f"{message}, which are not supported", span, "model-type", "smg is")
+    if word in ("max", "min") and fault.last.startswith("<<"):
+        message = "equilibria of several coalitions are not supported"
+        return Diagnostic(message, span, "model-type", "<<1,2>> Pmax=? [ … ] is one coalition")
     if (quantified := _quantified(fault)) is not None:
         return Diagnostic(
             "hyperproperties (HyperPCTL) quantify strategies and states, and are not supported",
             Span(source, cast(int, quantified.start_pos), fault.end),
             "model-type",
             f"properties of {', '.join(LETTERS)}, A and E are, one path at a time",
-        )
-    if word == "[" and "INTEGER" in expected and _INTERVAL.match(_COMMENT.sub("", rest)):
-        return Diagnostic(
-            "intervals of probabilities are not supported",
-            span,
-            "model-type",
-            "write one probability or rate",
         )
     return None
 

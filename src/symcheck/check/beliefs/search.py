@@ -67,7 +67,6 @@ class Found:
         lower, upper: per state, float64 or Fractions; they are equal if the value is exact up to
             rounding.
         rounded: whether equal bounds carry rounding errors.
-        complete: whether all beliefs were explored.
         text: what was explored.
         beliefs: their number.
         plan: what a strategy that attains the value is made of; None if there is none.
@@ -76,7 +75,6 @@ class Found:
     lower: Numbers = field(repr=False)
     upper: Numbers = field(repr=False)
     rounded: bool
-    complete: bool
     text: str
     beliefs: int
     plan: Plan | None = field(default=None, repr=False)
@@ -148,9 +146,8 @@ class _Search:
         by_sets = self._by_supports()
         if by_sets is not None:
             return by_sets
-        given = self.context.options.grid_resolution
         most = self.context.options.beliefs or tuning.BELIEFS[-1]
-        for i, limit in enumerate([*(n for n in tuning.BELIEFS if n < most), most]):
+        for limit in [*(n for n in tuning.BELIEFS if n < most), most]:
             self.exact.run(limit)
             if not len(self.exact.pending):
                 return self._complete()
@@ -158,9 +155,7 @@ class _Search:
                 continue
             self._observed()
             self._inner()
-            steps = tuning.GRID_RESOLUTIONS
-            resolution = given or steps[min(i, len(steps) - 1)]
-            points = self._outer(resolution, tuning.GRID_BELIEFS * limit + 1000)
+            grid = self._outer(tuning.GRID_BELIEFS * limit + 1000)
             if enough(self.lower, self.upper):
                 break
         text = f"{len(self.exact):,} beliefs"
@@ -169,16 +164,16 @@ class _Search:
                 f"more than {text}: only finitely many beliefs have exact values",
                 hint="without -exact there are bounds; -beliefs explores more",
             )
-        text += f", and {points:,} points of a grid with resolution {resolution}"
+        text += f", and {grid}"
         plan = Plan(self.points, self.exact, self.policies)
-        return Found(self.lower, self.upper, True, False, text, len(self.exact), plan)
+        return Found(self.lower, self.upper, True, text, len(self.exact), plan)
 
     def _complete(self) -> Found:
         """The values, as all beliefs are known."""
         lower, upper, rounded = self._values(self.exact, None)
         text = f"all {len(self.exact):,} beliefs"
         plan = Plan(self.points, self.exact, None)
-        return Found(lower, upper, rounded, True, text, len(self.exact), plan)
+        return Found(lower, upper, rounded, text, len(self.exact), plan)
 
     def _values(self, found: Exploration, cut: Numbers | None) -> tuple[Numbers, Numbers, bool]:
         """Bounds at the beginning, where beliefs that were not expanded have the values `cut`, and
@@ -240,14 +235,24 @@ class _Search:
         low, high, _ = self._values(self.exact, cut)
         self._narrow(*((low, None) if self.maximum else (None, high)))
 
-    def _outer(self, resolution: int, most: int) -> int:
-        """What beliefs are worth at best. Returns the number of points of the grid."""
-        wider = self.exact.clone()
-        wider.run(len(self.exact) + most, resolution, upper=self.maximum)
-        cut = wider.beliefs.mean(self.seen)
-        low, high, _ = self._values(wider, cut)
+    def _outer(self, most: int) -> str:
+        """What beliefs are worth at best. Returns which grid was used.
+
+        It is the finest one that has few points, or the first, even if it has too many.
+        """
+        given, resolution = self.context.options.grid_resolution, tuning.GRID_RESOLUTION
+        best, closed, used = self.exact, True, given or resolution
+        while closed and 3 * (len(best) - len(self.exact)) < most:
+            wider = self.exact.clone()
+            closed = wider.run(len(self.exact) + most, given or resolution, upper=self.maximum)
+            if closed or best is self.exact:
+                best, used = wider, given or resolution
+            if given or resolution == tuning.FINEST_GRID:
+                break
+            resolution *= 2
+        low, high, _ = self._values(best, best.beliefs.mean(self.seen))
         self._narrow(*((None, high) if self.maximum else (low, None)))
-        return len(wider) - len(self.exact)
+        return f"{len(best) - len(self.exact):,} points of a grid with resolution {used}"
 
     # ------------------------------------------------------------------------------ sets of states
 
@@ -317,7 +322,7 @@ class _Search:
     def _decided(self, value: float, plan: Plan | None = None) -> Found:
         text = "sets of possible states decide"
         array = full(len(self.starts), value, rational=self.rational)
-        return Found(array, array, False, True, text, 0, plan)
+        return Found(array, array, False, text, 0, plan)
 
     def _plan(self, found: Exploration, memory: Memory, rows: Bools, points: Int64s) -> Plan:
         """A strategy that takes each of some rows with the same probability."""

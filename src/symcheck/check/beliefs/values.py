@@ -210,14 +210,10 @@ def _within_steps(context: Context, query: Query[StateSet], asked: StateSet) -> 
             settled = settled.settled(sets[1], ~sets[0])
     found = Exploration(settled, rational=context.engine.is_rational)
     points = found.points(np.flatnonzero(context.engine.to_bools(asked)))
-    for _ in range(levels):
-        found.run(2 * tuning.BOUNDED_BELIEFS, levels=1)
-        if len(found) > tuning.BOUNDED_BELIEFS:
-            raise UnsupportedError(
-                f"more than {tuning.BOUNDED_BELIEFS:,} beliefs are possible within {levels} steps"
-            )
-        if not len(found.pending):
-            break
+    if not found.run(tuning.BOUNDED_BELIEFS, levels=levels):
+        raise UnsupportedError(
+            f"more than {tuning.BOUNDED_BELIEFS:,} beliefs are possible within {levels} steps"
+        )
     matrix, _ = rows_matrix(found.rows(), None, reward=False)
     relevant = np.zeros(len(found), np.bool_)
     relevant[points] = True

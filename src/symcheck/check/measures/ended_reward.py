@@ -25,7 +25,7 @@ from symcheck.numerics.game_graph import Arena
 from symcheck.numerics.graph import Incidence
 from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.linear.problem import LinearProblem, largest_width
-from symcheck.numerics.tuning import GAME_ROUNDING
+from symcheck.numerics.tuning import GAME_ROUNDING, UNIT_ROUNDOFF
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["kept_reward", "lost_reward"]
@@ -74,6 +74,7 @@ def lost_reward(
         UnsupportedError: rewards are negative, infinite, or no multiples of a common step; or an
             exact value is asked for and bounds do not become equal.
     """
+    context = context.with_any_method()
     engine = context.engine
     reached = until(context, engine.all, target, direction)
     never, _ = reached.compare("<=", 0)
@@ -200,6 +201,9 @@ class _Pairs:
         low = into * sums + np.where(inside, none, base.multiply(chance)[row] * sums)
         high = into * sums + np.where(inside, none, base.multiply(rest)[row] + stays[row] * sums)
         leaving = system.one_step_probability(~system.states)[rows][row]
+        if not rational:  # rounded outwards
+            error = 2 * (base.longest + 8) * UNIT_ROUNDOFF
+            low, high = low * (1.0 - error), high * (1.0 + error)
         return LinearProblem(
             low,
             matrix,

@@ -53,17 +53,21 @@ def bounded_until(
     direction: Direction | None,
     unbounded: Callable[[Context], Values],
 ) -> Values:
-    """Probability of `left U[a,b] right`, which is not negative (see `path_probabilities`)."""
-    assert not path.negative
+    """Probability of `left U[a,b] right`, or of its complement if the path is negative.
+
+    After a steps in `left`, runs satisfy `left U<=b-a right`; `unbounded` computes the probability
+    of the latter if there is no b. For the complement, runs that leave `left` before count.
+    """
     engine, steps, left = context.engine, path.window.steps(), path.left
+    goal, missed = (~path.right, 1) if path.negative else (path.right, 0)
     make = _Steps(context, direction)
     if steps.upper is None:
         values = unbounded(context)
     else:
         possible = engine.graph.exists_until(left, path.right)
         between = (left - path.right) & possible
-        values = make.made(engine.indicator(path.right), steps.upper - steps.lower, within=between)
-    return make.made(values, steps.lower, within=left, elsewhere=0) if steps.lower else values
+        values = make.made(engine.indicator(goal), steps.upper - steps.lower, within=between)
+    return make.made(values, steps.lower, within=left, elsewhere=missed) if steps.lower else values
 
 
 def prob_greater_zero(
@@ -85,7 +89,7 @@ def cumulative_reward(
     assert steps is not None
     engine = context.engine
     rewards = engine.system(engine.all).step_rewards(reward)
-    return _Steps(context, direction).made(engine.constant(0), steps, rewards)
+    return _Steps(context, direction).made(engine.constant(0), steps, rewards, earned=True)
 
 
 def instantaneous_reward(
@@ -96,7 +100,11 @@ def instantaneous_reward(
     assert steps is not None
     system = engine.system(engine.all)
     last = system.lift(system.state_rewards(reward), None)
-    return _Steps(context, direction).made(last, steps)
+    return _Steps(context, direction).made(last, steps, earned=True)
+
+
+_ROUNDINGS = 16
+"""The rounded operations of a reward, or more."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +119,8 @@ class _Steps:
         values: Values,
         steps: int,
         add: Numbers | None = None,
+        *,
+        earned: bool = False,
         within: StateSet | None = None,
         elsewhere: int | None = None,
     ) -> Values:
@@ -120,6 +130,7 @@ class _Steps:
             values: at the end.
             steps: their number.
             add: per row, what a step earns.
+            earned: whether values are rewards, which are rounded.
             within: the states from which steps are made; None: all. Others keep their values, or
                 have the value `elsewhere`.
             elsewhere: that value.
@@ -140,6 +151,7 @@ class _Steps:
             )
         system = engine.system(engine.all)
         move = None if within is None else engine.to_bools(within)
+        fixed = None if elsewhere is None else list(engine.constant(elsewhere).at(engine.all))
         taken = 0
         while taken < steps:
             before, taken = sides, taken + 1
@@ -148,7 +160,7 @@ class _Steps:
                 rows = rows[0] + add, rows[1] + add
             sides = [best_of_rows(r, system.groups, self.direction) for r in rows]
             if move is not None:
-                kept = before if elsewhere is None else [elsewhere, elsewhere]
+                kept = before if fixed is None else fixed
                 sides = [np.where(move, s, k) for s, k in zip(sides, kept, strict=True)]
             if context.observer is not None:
                 context.observer(Progress("step by step", taken, 0.0, engine.states))
@@ -157,7 +169,7 @@ class _Steps:
         context.log.runs.append(SolverRun("steps", "step by step", engine.states, taken))
         if engine.is_rational:
             return system.lift(sides[0], None)
-        rounding = 2.0**-52 * steps if add is not None else 0.0
+        rounding = (taken + _ROUNDINGS) * 2.0**-52 if earned else 0.0
         low, high = sides[0] * (1.0 - rounding), sides[1] * (1.0 + rounding)
         width = largest_width(low, high, context.options.relative)
         context.warn_if_wide(width, "step by step")

@@ -41,40 +41,21 @@ __all__ = ["path_probability_in_game"]
 
 def path_probability_in_game(
     context: Context, path: LtlPathFormula[StateSet], direction: Direction | None
-) -> Values:
+) -> Values | None:
     """Probability of an LTL formula at each state of a game.
 
+    None if the negation should be asked for: it is co-safe, or the formula needs several pairs.
+
     Raises:
-        UnsupportedError: the formula needs several Rabin pairs, or its automaton is too large.
+        UnsupportedError: the automaton is too large.
     """
-    from symcheck.check.queries.path_probabilities import complement_of
-
-    opposite, dual = replace(path, negative=not path.negative), direction and direction.dual
     if is_co_safe(context, path):
-        product, target = co_safe_product(context, path)
-        inner = replace(context, engine=product.engine, relevant_states=None)
-        return product.project(until(inner, inner.engine.all, target, direction))
-    if not is_co_safe(context, opposite):
-        found = _of_one_pair(context, path, direction)
-        if found is not None:
-            return found
-        if _of_one_pair(context, opposite, dual) is None:
-            raise UnsupportedError(
-                "LTL formulas of games are supported if an automaton with one Rabin pair accepts "
-                "them or their negations; this one needs more"
-            )
-    return complement_of(
-        context,
-        lambda c: _of_one_pair(c, opposite, dual) or path_probability_in_game(c, opposite, dual),
-    )
-
-
-def _of_one_pair(
-    context: Context, path: LtlPathFormula[StateSet], direction: Direction | None
-) -> Values | None:
-    """The probability of a formula by an automaton with one pair; None if it has more."""
-    if is_co_safe(context, path):
+        co_safe, target = co_safe_product(context, path)
+        inner = replace(context, engine=co_safe.engine, relevant_states=None)
+        return co_safe.project(until(inner, inner.engine.all, target, direction))
+    if is_co_safe(context, replace(path, negative=not path.negative)):
         return None
+    context = context.with_any_method()
     sets, automaton = labelled_automaton(context, path)
     automaton = degeneralize(automaton)
     if len(automaton.pairs) > 1:
@@ -132,8 +113,8 @@ class _ParityGame:
         lose = Fraction(1, 10**exponent)
         ends = full(matrix.rows, 0, rational=rational)
         wins = ends.copy()
-        for rows, chance in ((avoid, lose), (visit, lose**2)):
-            ends[matrix.rows_of(rows)] = chance if rational else float(chance)
+        for states, chance in ((avoid, lose), (visit, lose**2)):
+            ends[matrix.rows_of(states)] = chance if rational else float(chance)
         wins[matrix.rows_of(visit)] = ends[matrix.rows_of(visit)]
         problem = LinearProblem(
             wins,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import assert_never
 
 import numpy as np
@@ -14,6 +15,7 @@ from symcheck.check.measure_selection import timed_measures
 from symcheck.check.measures.reachability import until
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, Values
+from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.semantics.path_formulas import (
@@ -171,11 +173,28 @@ def _linear_time(
     if context.engine.has_opponents:
         from symcheck.check.omega_regular.games import path_probability_in_game
 
-        return path_probability_in_game(context, path, direction)
+        found = path_probability_in_game(context, path, direction)
+        return found or complement_of(context, partial(_of_opposite_in_game, path, direction))
     if direction is Direction.MIN:
         opposite = replace(path, negative=not path.negative)
         return complement_of(context, lambda c: path_probability_ltl(c, opposite, Direction.MAX))
     return path_probability_ltl(context, path, direction)
+
+
+def _of_opposite_in_game(
+    path: LtlPathFormula[StateSet], direction: Direction | None, context: Context
+) -> Values:
+    """The probability of the negation of a formula in a game."""
+    from symcheck.check.omega_regular.games import path_probability_in_game
+
+    opposite = replace(path, negative=not path.negative)
+    found = path_probability_in_game(context, opposite, direction and direction.dual)
+    if found is None:
+        raise UnsupportedError(
+            "LTL formulas of games are supported if an automaton with one Rabin pair accepts them "
+            "or their negations; this one needs more"
+        )
+    return found
 
 
 def _fair_minimum(context: Context, left: StateSet, right: StateSet) -> Values:

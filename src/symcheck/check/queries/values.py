@@ -55,10 +55,6 @@ def values(
     Raises:
         UnsupportedError: the quantity does not apply to the model, or a value is beyond doubles.
     """
-    if context.engine.model.type.partially_observed:
-        from symcheck.check.beliefs.values import belief_values
-
-        return belief_values(context, query)
     context, query = against_nature(context, query)
     quantity = query.quantity
     context, direction = context.playing(query)

@@ -31,6 +31,7 @@ from symcheck.check.measures.total_reward import (
 from symcheck.check.strategies.to_explicit import rows_engine
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
+from symcheck.engines.explicit.intervals import IntervalEngine
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
@@ -51,6 +52,7 @@ class StrategyBuilder:
         self.engine = engine = context.engine
         self.edges = graph.Incidence(explicit.matrix)
         self.rows: Int64s = np.full(engine.states, -1, dtype=np.int64)
+        self.values: Numbers | None = None
 
     @property
     def _maximises(self) -> Bools:
@@ -65,9 +67,12 @@ class StrategyBuilder:
         """The strategy of the chosen rows, and of the first row in other states; of a product, its
         memory and entry are those of `Strategy`.
         """
-        free = self.rows < 0
+        free, explicit = self.rows < 0, self.explicit
         rows = np.where(free, self.edges.groups[:-1], self.rows)
-        return Strategy(self.explicit, rows, direction, ~free, memory, entry)
+        if (uncertain := explicit.capability(IntervalEngine)) is not None:
+            values = np.zeros(explicit.states) if self.values is None else self.values
+            explicit = uncertain.with_nature(values, self.direction)
+        return Strategy(explicit, rows, direction, ~free, memory, entry)
 
     def next(self, target: StateSet) -> None:
         """Choose rows with maximal (minimal) probability of entering the target."""
@@ -217,8 +222,8 @@ class StrategyBuilder:
 
     def _stay(self, within: Bools, where: Bools) -> None:
         """In the states `where`, choose a row that stays `within` with probability 1."""
-        members = self.engine.from_bools(within)
-        leaves = self.engine.system(self.engine.all).one_step_probability(~members) > 0
+        everywhere, out = np.ones(self.engine.states, np.bool_), ~within
+        leaves = self.explicit.weights.sums(everywhere, out) > 0
         self._keep(np.flatnonzero(~leaves & where[self.edges.owner]))
 
     def _avoid(self, target: StateSet) -> None:
@@ -247,9 +252,11 @@ class StrategyBuilder:
         """Choose the rows that attain the solution over the unknowns: that of the value, or where
         the value came without one, by graph analysis or step by step, that of the measure.
         """
+        context = self.context
+        if self.explicit.capability(IntervalEngine) is not None:  # nature answers to values
+            self.values = measure(replace(context, log=CheckLog())).at(self.engine.all)[0]
         if not unknown:
             return
-        context = self.context
         if context.choices(unknown) is None:
             options = replace(context.options, method="auto")
             context = replace(context, options=options, log=CheckLog())

@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import assert_never
 
 from symcheck.check.context import Context
+from symcheck.check.queries.values import against_nature
 from symcheck.check.state_formulas import query_of
 from symcheck.check.strategies.bounded import first_steps, within_rewards
 from symcheck.check.strategies.builder import StrategyBuilder
@@ -45,7 +46,7 @@ from symcheck.semantics.query import (
     TotalReward,
 )
 from symcheck.semantics.time_bounds import Window
-from symcheck.syntax.ast import AnyMeasure, Expression, letters_of
+from symcheck.syntax.ast import AnyMeasure, Expression, Weights, letters_of
 
 __all__ = ["strategy_attaining", "strategy_of", "temporal_strategy"]
 
@@ -76,14 +77,14 @@ def strategy_of(context: Context, formula: Expression) -> Strategy:
     """
     kind = context.engine.model.type
     require(context.engine.model, Feature.STRATEGIES)
-    if not kind.has_choices:
+    if not (kind.has_choices or context.engine.model.weights is Weights.INTERVALS):
         raise UnsupportedError(f"strategies exist only for MDPs, and this model is a {kind.name}")
     if context.options.fairness:
         raise UnsupportedError("strategies are not supported with -fair")
     if not isinstance(formula, AnyMeasure):
         raise UnsupportedError(f"strategies are supported for {letters_of(AnyMeasure)} formulas")
     if kind.partially_observed:
-        from symcheck.check.beliefs.strategy import belief_strategy
+        from symcheck.check.strategies.beliefs import belief_strategy
 
         return belief_strategy(context)
     return strategy_attaining(context, query_of(context, formula))
@@ -95,6 +96,7 @@ def strategy_attaining(context: Context, query: Query[StateSet]) -> Strategy:
     Raises:
         UnsupportedError: the query is of another kind.
     """
+    context, query = against_nature(context, query)
     quantity = query.quantity
     context, direction = context.playing(query)
     assert direction is not None

@@ -78,7 +78,7 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
         Raises:
             InputError: two players can do something in a state, or nobody owns what can be done.
         """
-        from symcheck.semantics.binding.players import owned_states, two_owners
+        from symcheck.semantics.players import owned_states, two_owners
 
         owners = np.full(self.states, -1, np.int32)
         for player, states in enumerate(owned_states(self.model)):

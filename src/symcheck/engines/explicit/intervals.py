@@ -12,88 +12,34 @@ from functools import cached_property
 from typing import Any, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symcheck.direction import Direction
 from symcheck.engines.base import CapabilityT, Engine, EquationsOf, SolvedValues, erased
-from symcheck.engines.capabilities import HasBestExpectations, HasRationalTwin, HasUncertainty
+from symcheck.engines.capabilities import (
+    HasActions,
+    HasBestExpectations,
+    HasRationalTwin,
+    HasUncertainty,
+)
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.base import Numeric
 from symcheck.engines.explicit.engine import ExplicitEngine, ExplicitSystem
 from symcheck.engines.explicit.product import ExplicitProduct, ProductModel, product
 from symcheck.engines.linear_system import lifted
 from symcheck.errors import UnsupportedError
-from symcheck.explicit.explored import ExploredModel, States
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.interval_rows import IntervalRows
-from symcheck.matrices.numbers import Numbers, full, numbers
-from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, spans, starts_of
+from symcheck.matrices.numbers import Numbers, doubles, full, numbers
+from symcheck.matrices.rows import Bools, Int64s, spans, starts_of
 from symcheck.numerics.linear.intervals import IntervalProblem, solve_intervals
 from symcheck.numerics.linear.problem import LinearProblem, Observer
 from symcheck.numerics.settings import Settings
 from symcheck.semantics.features import class_name
-from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Structure
 from symcheck.syntax.ast import Expression, ModelType
 
-__all__ = ["IntervalEngine", "IntervalModel", "IntervalSystem"]
-
-
-@dataclass(frozen=True, eq=False)
-class IntervalModel:
-    """An explored model (see `symcheck.explicit.explored`) whose probabilities are intervals.
-
-    Attributes:
-        source: the states, and the upper ends as its matrix.
-        lower: the lower end of each entry.
-        model: the bound model.
-        choice_rewards: per structure, the transition reward of each row.
-        groups: the choices of each state.
-    """
-
-    source: ExploredModel = field(repr=False)
-    lower: Numbers = field(repr=False)
-    model: BoundModel
-    choice_rewards: Sequence[Numbers] = field(repr=False)
-    groups: Int64s | None = field(repr=False)
-
-    @cached_property
-    def matrix(self) -> SparseMatrix:
-        """The upper ends."""
-        return replace(self.source.matrix, groups=self.groups)
-
-    @property
-    def states(self) -> States:
-        """The states, by number."""
-        return self.source.states
-
-    @property
-    def choice_actions(self) -> Int32s:
-        """The action of each row, -1 for none."""
-        return self.source.choice_actions
-
-    @property
-    def initial(self) -> Int64s:
-        """The numbers of the initial states."""
-        return self.source.initial
-
-    @property
-    def deadlocks(self) -> Int64s:
-        """The numbers of the states that had no transition."""
-        return self.source.deadlocks
-
-    @property
-    def state_rewards(self) -> Sequence[Numbers]:
-        """Per structure, the reward of each state."""
-        return self.source.state_rewards
-
-    def evaluate(self, expression: Expression) -> Numbers:
-        """The value of an expression over the variables in each state."""
-        return self.source.evaluate(expression)
-
-    def rows(self, nature: Direction) -> IntervalRows:
-        """The rows in which nature minimises or maximises."""
-        matrix = self.matrix
-        return IntervalRows(replace(matrix, data=self.lower), matrix.data, nature)
+__all__ = ["IntervalEngine", "IntervalSystem"]
 
 
 @dataclass(frozen=True)
@@ -101,27 +47,37 @@ class IntervalEngine(ExplicitEngine, HasUncertainty, HasBestExpectations, HasRat
     """An explored model with intervals as an engine.
 
     Attributes:
-        explored: the model.
+        explored: the model, with the upper ends as its matrix.
+        lower: the lower end of each entry.
+        source: the model of the upper ends; it knows labels.
         twin: builds the same model in rational arithmetic.
         opposed: nature minimises what strategies maximise, and conversely; if not, it does what
             they do. None: nature has no direction yet (see `against`).
     """
 
-    explored: IntervalModel
-    twin: Callable[[], Engine] | None = field(default=None, kw_only=True)
+    explored: Any
+    lower: Numbers = field(kw_only=True, repr=False)
+    source: ExplicitEngine = field(kw_only=True, repr=False)
+    twin: Callable[[], Engine] = field(kw_only=True, repr=False)
     opposed: bool | None = field(default=None, kw_only=True)
 
     def capability(self, kind: type[CapabilityT]) -> CapabilityT | None:
         """Only that of nature, and of rational numbers: others would read ends as numbers."""
-        natures: tuple[object, ...] = (HasBestExpectations,)
-        if self.opposed is None:
-            natures = (HasUncertainty, HasRationalTwin, IntervalEngine)
-        return super().capability(kind) if kind in natures else None
+        offered: tuple[object, ...] = (ExplicitEngine, IntervalEngine, HasActions)
+        natures = (HasUncertainty, HasRationalTwin)
+        offered += natures if self.opposed is None else (HasBestExpectations,)
+        return super().capability(kind) if kind in offered else None
+
+    def where(self, expression: Expression) -> ArraySet:
+        """The states that satisfy a boolean expression over the variables, or that have a label."""
+        return self.source.where(expression)
 
     def rational(self) -> Engine:
         """The same model in rational arithmetic."""
-        if self.twin is None:
-            raise UnsupportedError("the model cannot be read in rational arithmetic")
+        return self._rational
+
+    @cached_property
+    def _rational(self) -> Engine:
         return self.twin()
 
     @cached_property
@@ -133,22 +89,36 @@ class IntervalEngine(ExplicitEngine, HasUncertainty, HasBestExpectations, HasRat
     ) -> tuple[Engine, Direction | None]:
         """The engine in which nature minimises or maximises, and the direction to ask it for."""
         key: object = None
-        if not np.array_equal(self.explored.lower, self.weights.data):
+        if not np.array_equal(self.lower, self.weights.data):
             key = direction not in (None, nature)
         if key not in self._against:
             self._against[key] = self._made(key)
         return self._against[key], (direction if key is None else direction or nature)
 
     def _made(self, opposed: object) -> Engine:
-        explored = self.explored
         if opposed is None:  # all intervals are numbers
-            return erased(ExplicitEngine(explored.source, self.name))
-        if explored.groups is None:
-            kind = ModelType.with_properties(has_choices=True)
-            groups = np.arange(self.states + 1)
-            model = replace(explored.model, type=kind)
-            explored = replace(explored, model=model, groups=groups)
+            return erased(self.source)
+        explored, model = self.explored, self.model
+        if not model.type.has_choices:
+            model = replace(model, type=ModelType.with_properties(has_choices=True))
+            matrix = replace(explored.matrix, groups=np.arange(self.states + 1))
+            explored = replace(explored, model=model, matrix=matrix)
         return erased(replace(self, explored=explored, opposed=bool(opposed)))
+
+    @property
+    def ends(self) -> NDArray[np.complex128]:
+        """Each interval as a complex number: its lower end, and its upper end times i."""
+        return doubles(self.lower) + 1j * doubles(self.weights.data)
+
+    def rows(self, direction: Direction | None) -> IntervalRows:
+        """The rows, in which nature does what the direction of strategies implies."""
+        lower = replace(self.weights, data=self.lower)
+        return IntervalRows(lower, self.weights.data, self.nature(direction))
+
+    def with_nature(self, values: Numbers, direction: Direction) -> ExplicitEngine:
+        """The engine in which nature has chosen the best distributions for values of the states."""
+        chosen = self.rows(direction).chosen(values)
+        return ExplicitEngine(replace(self.explored, matrix=chosen), self.name)
 
     def nature(self, direction: Direction | None) -> Direction:
         """What nature does where strategies have a direction."""
@@ -160,7 +130,7 @@ class IntervalEngine(ExplicitEngine, HasUncertainty, HasBestExpectations, HasRat
         self, lower: Numbers, upper: Numbers, direction: Direction | None
     ) -> tuple[Numbers, Numbers]:
         """Per row, bounds of the expectation that nature chooses."""
-        rows = self.explored.rows(self.nature(direction))
+        rows = self.rows(direction)
         if self.is_rational:
             exact = rows.multiply(lower)
             return exact, exact
@@ -183,7 +153,7 @@ class IntervalEngine(ExplicitEngine, HasUncertainty, HasBestExpectations, HasRat
     @cached_property
     def entry_range(self) -> tuple[float, float]:
         """The least lower and the greatest upper end."""
-        least = self.explored.lower.min(initial=np.inf)
+        least = self.lower.min(initial=np.inf)
         return float(least), float(self.weights.data.max(initial=0.0))
 
     def rewards(self, reward: Reward) -> tuple[Numbers, Numbers]:
@@ -196,13 +166,10 @@ class IntervalEngine(ExplicitEngine, HasUncertainty, HasBestExpectations, HasRat
         """The product with a deterministic automaton whose letters are sets of states."""
 
         def over(pairs: ProductModel) -> IntervalEngine:
-            base, matrix = self.weights, pairs.matrix
-            entries = spans(base.indptr[:-1][pairs.rows], base.indptr[1:][pairs.rows])
-            explored = IntervalModel(
-                *(pairs, self.explored.lower[entries], self.model, pairs.choice_rewards),
-                matrix.groups,
-            )
-            return replace(self, explored=explored, name=f"{self.name} product")
+            base = self.weights.indptr
+            entries = spans(base[:-1][pairs.rows], base[1:][pairs.rows])
+            name = f"{self.name} product"
+            return replace(self, explored=pairs, lower=self.lower[entries], name=name)
 
         return product(self, letters, automaton, over)
 
@@ -235,7 +202,7 @@ class IntervalSystem(ExplicitSystem):
         """None: constants do not say what nature chooses."""
         self.engine.refuse()
 
-    def reachability(self, target: ArraySet) -> Any:
+    def reachability(self, target: ArraySet) -> Any:  # noqa: ARG002
         """The equations of the probability of reaching `target`; it is known where that is 1."""
         rows = self.engine.weights.rows_of(self.states.members)
         constant = full(int(np.count_nonzero(rows)), 0, rational=self.engine.is_rational)
@@ -309,9 +276,7 @@ class IntervalEquations(EquationsOf[ArraySet, Numeric]):
         else:
             chosen = groups
         problem = IntervalProblem(
-            engine.explored.rows(engine.nature(system.direction)).choose(
-                rows, chosen, column_of, n + 1 + len(known)
-            ),
+            engine.rows(system.direction).choose(rows, chosen, column_of, n + 1 + len(known)),
             numbers(np.array([0, *(v for _, v in known)]), rational=engine.is_rational),
             constant,
             system.direction,

@@ -26,6 +26,8 @@ def drn_file(model: ExplicitExport, *, precision: int = FULL_PRECISION) -> Itera
     """
     kind = "Markov Automaton" if model.type.immediate_choices else model.type.name
     names = [r.name or f"reward{i + 1}" for i, r in enumerate(model.rewards)]
+    if np.iscomplexobj(model.values):
+        yield "@value_type: double-interval\n"
     yield f"@type: {kind}\n@parameters\n\n@reward_models\n{' '.join(names)}\n"
     yield f"@nr_states\n{model.n}\n@nr_choices\n{model.matrix.rows}\n@model\n"
     for start in range(0, model.n, _STATES):

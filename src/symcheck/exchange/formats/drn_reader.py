@@ -27,7 +27,7 @@ _STATE = re.compile(
     r"(?:\s+\[(?P<rewards>[^]]*)\])?(?P<labels>.*)"
 )
 _ACTION = re.compile(r"action\s+(?P<name>.*?)(?:\s+\[(?P<rewards>[^]]*)\])?")
-_TRANSITION = re.compile(r"(\d+)\s*:\s*(\S+)")
+_TRANSITION = re.compile(r"(\d+)\s*:\s*(?:\[\s*(?P<lower>[^\],\s]+)\s*,\s*)?([^\],\s]+)\s*\]?")
 _LABEL = re.compile(r'"([^"]*)"|(\S+)')
 _NONE = "__NOLABEL__"
 _TYPES = {kind.name: kind for kind in ModelType} | {"Markov Automaton": ModelType.MA}
@@ -49,6 +49,7 @@ class _Parts:
     actions: list[str] = field(default_factory=list)
     targets: list[int] = field(default_factory=list)
     values: list[float] = field(default_factory=list)
+    lower: list[float] = field(default_factory=list)
     in_action: set[int] = field(default_factory=set)
     labels: dict[str, list[int]] = field(default_factory=dict)
     state_rewards: list[list[float]] = field(default_factory=list)
@@ -107,7 +108,8 @@ class _Reader:
             row_lengths = lengths
         indptr = starts_of(row_lengths)
         row_of = np.repeat(np.arange(rows), lengths)
-        if model_type.has_probabilities and check_sums:
+        intervals = parts.lower != parts.values
+        if model_type.has_probabilities and not intervals and check_sums:
             sums = np.bincount(row_of, values, rows)
             for i in first_true(np.abs(sums - 1) > SUM_TOLERANCE):
                 message = f"the probabilities of this action sum to {sums[i]:.12g}, not to 1"
@@ -139,8 +141,14 @@ class _Reader:
             row_actions,
             {name: _members(states, n) for name, states in parts.labels.items()},
             rewards,
-            contributions,
+            None if intervals else contributions,
+            lower=self._sorted(indptr, targets, parts.lower) if intervals else None,
         )
+
+    def _sorted(self, indptr: Int64s, targets: Int32s, values: list[float]) -> Floats:
+        """Values of the transitions in the order of the matrix."""
+        row = np.repeat(np.arange(len(indptr) - 1), np.diff(indptr))
+        return np.array(values)[np.lexsort((targets, row))]
 
     # ------------------------------------------------------------------------------------- header
 
@@ -175,7 +183,7 @@ class _Reader:
                         raise self.fault(line, "@type and @nr_states stand before @model")
                     return model_type, names, n
                 case other if other.startswith("@value_type"):
-                    if "interval" in other or "parametric" in other:
+                    if "parametric" in other:
                         raise self.fault(line, "values that are no numbers are not supported")
                 case "@placeholders":
                     if self._next_line():
@@ -265,7 +273,8 @@ class _Reader:
             raise self.fault(line, "a transition is written as: STATE : PROBABILITY")
         if not parts.first_entries or parts.first_rows[-1] == len(parts.first_entries):
             raise self.fault(line, "an action is expected before this transition")
-        target, value = int(match[1]), self._number(line, match[2])
+        target, value = int(match[1]), self._number(line, match[3])
+        lower = value if match["lower"] is None else self._number(line, match["lower"])
         if target >= n:
             raise self.fault(line, f"state {target} does not exist: there are {n}, numbered from 0")
         if not 0 <= value < inf:
@@ -276,6 +285,7 @@ class _Reader:
             parts.in_action.add(target)
             parts.targets.append(target)
             parts.values.append(value)
+            parts.lower.append(lower)
 
     def _numbers(self, line: int, text: str | None) -> list[float]:
         return [self._number(line, part.strip()) for part in text.split(",")] if text else []

@@ -42,6 +42,7 @@ def from_matrix(
     type: ModelType | str | None = None,
     groups: Sequence[int] | None = None,
     actions: Sequence[str | None] | None = None,
+    upper: Matrix | None = None,
     **options: Unpack[OptionValues],
 ) -> Model:
     """A model from a matrix. The variable `s` is the number of the state.
@@ -56,6 +57,8 @@ def from_matrix(
         type: 'dtmc', 'ctmc' or 'mdp'; None: an MDP if there are `groups`, else a DTMC.
         groups: int[states+1]; the rows groups[s] to groups[s+1] - 1 are the choices of state s.
         actions: the action of each row of an MDP; None for a row without action.
+        upper: a matrix of the same shape, if probabilities are intervals: those in `matrix` are the
+            lower ends, these the upper ones.
         options: see `symcheck.Options`.
 
     Raises:
@@ -70,7 +73,8 @@ def from_matrix(
     """
     settings = make_options(options)
     kind = model_type(type) or ModelType.with_properties(has_choices=groups is not None)
-    rows, columns, data, shape = _entries(matrix)
+    rows, columns, data, shape = _entries(matrix if upper is None else upper)
+    lower = None if upper is None else _lower_ends(matrix, rows, columns, shape)
     n = shape[1]
     starts = np.arange(n + 1) if groups is None else np.asarray(groups, np.int64)
     for what, given in (("labels", labels), ("rewards", rewards)):
@@ -96,7 +100,10 @@ def from_matrix(
         n,
         starts if kind.has_choices else None,
     )
-    _check_rows(kind, sparse, rows, settings.check_sums)
+    if lower is None:
+        _check_rows(kind, sparse, rows, settings.check_sums)
+    elif kind.continuous_time:
+        raise UsageError("upper: intervals of rates are not supported; those of probabilities are")
     return explicit_model(
         ExplicitData(
             kind,
@@ -106,6 +113,7 @@ def from_matrix(
             {label(name): _members(name, given, n) for name, given in (labels or {}).items()}
             | {"init": _members("init", np.atleast_1d(initial), n)},
             [_rewards(name, given, kind, sparse, rows) for name, given in (rewards or {}).items()],
+            lower=lower,
         ),
         settings,
     )
@@ -124,6 +132,18 @@ def _entries(given: Any) -> tuple[Int64s, Int64s, Numbers, tuple[int, int]]:
         raise UsageError(f"the matrix has {dense.ndim} dimensions: expected 2, rows and columns")
     rows, columns = np.nonzero(dense)
     return rows, columns, dense[rows, columns], dense.shape
+
+
+def _lower_ends(given: Any, rows: Int64s, columns: Int64s, shape: tuple[int, int]) -> Numbers:
+    """The lower end of each entry of the upper ends. Raises UsageError."""
+    own_rows, own_columns, data, own_shape = _entries(given)
+    lower = np.zeros(len(rows), data.dtype)
+    place = {at: i for i, at in enumerate(zip(rows.tolist(), columns.tolist(), strict=True))}
+    for r, c, value in zip(own_rows.tolist(), own_columns.tolist(), data, strict=True):
+        if own_shape != shape or (r, c) not in place:
+            raise UsageError("upper: expected a matrix of the same shape, with upper ends of all")
+        lower[place[r, c]] = value
+    return lower
 
 
 def number_array(values: object, what: str) -> Numbers:

@@ -109,13 +109,33 @@ cdef class IntervalRows:
         return np.asarray(out)
 
 
+    def chosen(self, const double[::1] x) -> Floats:
+        """The best distribution of each row for x >= 0, float64[entries]."""
+        cdef int64_t n = len(self.kept[0]) - 1, r, j, begin, e
+        cdef double[::1] out = np.array(self.kept[2])
+        cdef double rest, share
+        with nogil:
+            for r in range(n):
+                expectation(self.rows, r, &x[0], self.greatest, False)  # sorts the entries
+                begin, rest = self.rows.indptr[r], 1.0
+                for e in range(begin, self.rows.indptr[r + 1]):
+                    rest -= out[e]
+                for j in range(self.rows.indptr[r + 1] - begin):
+                    e = begin + self.rows.order[begin + j]
+                    share = max(0.0, min(rest, self.rows.upper[e] - self.rows.lower[e]))
+                    out[e] += share
+                    rest -= share
+        return np.asarray(out)
+
+
 cdef class Iteration:
     """Bounds for x = opt(best expectation of x + constant), component by component.
 
     Lower bounds grow from those that are given. Where they hardly change, upper bounds are guessed
     above them; they are proved when a sweep increases none of them (optimistic value iteration,
-    Hartmanns & Kaminski 2020). A row of every strategy leaves each component almost surely, or earns
-    a reward for ever.
+    Hartmanns & Kaminski 2020). Or both are guessed around a candidate, and the lower ones are proved
+    when a sweep decreases none of them. Every strategy leaves each component almost surely, or earns
+    rewards for ever.
 
     Args:
         rows: the rows.
@@ -124,6 +144,7 @@ cdef class Iteration:
         states, starts: the components, in an order in which each leads to earlier ones only.
         x, y: float64[columns], lower and upper bounds. Those of the first n columns, the states, are
             written; others are known.
+        candidate: float64[columns], approximate values; none if it is empty.
         maximise: whether the player maximises.
         limit: upper bounds that are known to hold, 1 or infinity.
         epsilon: the relative width that is aimed at.
@@ -136,26 +157,30 @@ cdef class Iteration:
     cdef const int32_t[::1] states
     cdef const int64_t[::1] starts
     cdef double[::1] x, y
+    cdef const double[::1] candidate
     cdef bint maximise
     cdef double limit, epsilon, stop, guess
-    cdef int64_t most, component, sweeps, tries
-    cdef bint guessed
+    cdef int64_t most, component, sweeps, tries, patience
+    cdef bint guessed, warm, low_proved, high_proved
     cdef readonly int64_t total
     cdef readonly bint failed
 
     def __init__(self, IntervalRows rows, const int64_t[::1] groups, const double[::1] low,
                  const double[::1] high, const int32_t[::1] states, const int64_t[::1] starts,
-                 double[::1] x, double[::1] y, bint maximise, double limit, double epsilon,
-                 int64_t most) -> None:
+                 double[::1] x, double[::1] y, const double[::1] candidate, bint maximise,
+                 double limit, double epsilon, int64_t most) -> None:
         self.rows, self.groups, self.low, self.high = rows, groups, low, high
         self.states, self.starts, self.x, self.y = states, starts, x, y
         self.maximise, self.limit, self.epsilon, self.most = maximise, limit, epsilon, most
+        self.candidate = candidate
         self.start(0)
 
     cdef void start(self, int64_t component) noexcept nogil:
         self.component = component
         self.sweeps = self.tries = 0
-        self.guessed = False
+        self.patience = 64  # the sweeps in which a guess may be proved: its slack has to spread
+        self.warm = self.candidate.shape[0] > 0
+        self.guessed, self.low_proved = False, not self.warm
         self.stop = 0.1 * self.epsilon
         self.guess = self.epsilon
 
@@ -182,52 +207,78 @@ cdef class Iteration:
                 return False
         return True
 
-    cdef double width_outside(self, int64_t begin, int64_t end) noexcept nogil:
-        """The largest relative width of the bounds of successors that are finished or known."""
+    cdef double ratio(self, int64_t begin, int64_t end, const double* x,
+                      const double* y) noexcept nogil:
+        """The largest x / y of the successors of a component that are finished or known."""
         cdef int64_t i, e, t
-        cdef double width = 0.0
-        for i in range(begin, end):  # states of the component are told by an upper bound below 0
-            self.y[self.states[i]] = -1.0
+        cdef double found = 1.0
         for i in range(begin, end):
             for e in range(self.rows.rows.indptr[self.groups[self.states[i]]],
                            self.rows.rows.indptr[self.groups[self.states[i] + 1]]):
                 t = self.rows.rows.indices[e]
-                if self.y[t] > 0.0:
-                    width = max(width, 1.0 - self.x[t] / self.y[t])
-        return width
+                if y[t] > 0.0:
+                    found = max(found, x[t] / y[t])
+        return found
+
+    cdef void guess_bounds(self, int64_t begin, int64_t end) noexcept nogil:
+        """Bounds around the candidate, or upper bounds above the lower ones."""
+        cdef int64_t i, s
+        cdef double above, below
+        cdef const double* middle = &self.candidate[0] if self.warm else &self.x[0]
+        for i in range(begin, end):  # they do not count for the ratios
+            s = self.states[i]
+            self.y[s] = 0.0
+            if self.warm:
+                self.x[s] = INFINITY
+        above = (1.0 + self.guess) * self.ratio(begin, end, &self.y[0], middle)
+        below = (1.0 + self.guess) * (
+            self.ratio(begin, end, middle, &self.x[0]) if self.warm else 1.0)
+        for i in range(begin, end):
+            s = self.states[i]
+            self.y[s] = min(middle[s] * above, self.limit)
+            if self.warm:
+                self.x[s] = middle[s] / below
+        self.guessed, self.high_proved, self.low_proved = True, False, not self.warm
 
     cdef bint sweep(self, int64_t begin, int64_t end) noexcept nogil:
         """A sweep over a component; whether its bounds are proved."""
         cdef int64_t i, s
-        cdef double value, change = 0.0, wider
-        cdef bint proved = self.guessed
-        for i in range(begin, end):
-            s = self.states[i]
+        cdef double value, change = 0.0
+        cdef bint rising = True, falling = True
+        if self.warm and not self.guessed:
+            self.guess_bounds(begin, end)
+        for i in range(begin, end):  # forwards and backwards in turn
+            s = self.states[i if self.sweeps & 1 else begin + end - 1 - i]
             value = self.best(s, False)
             if value > self.x[s]:
                 change = max(change, 1.0 - self.x[s] / value)
                 self.x[s] = value
+            elif value < self.x[s] and not self.low_proved:
+                rising = False
+                self.x[s] = value
             if self.guessed:
                 value = min(self.best(s, True), self.limit)
-                proved &= value <= self.y[s]
-                self.y[s] = value
-        if proved:
-            return True
+                falling &= value <= self.y[s]
+                self.y[s] = min(value, self.y[s]) if self.high_proved else value
+        self.low_proved |= rising
+        self.high_proved |= self.guessed and falling
         if self.guessed:
+            if self.low_proved and self.high_proved:
+                return True
             self.tries += 1
-            if self.tries < 20:
+            if self.tries < self.patience + (end - begin if self.warm else 0):
                 return False
-            self.tries, self.guessed = 0, False
-            if self.stop > UNIT_ROUNDOFF:
+            self.tries, self.guessed, self.patience = 0, False, 2 * self.patience
+            if self.stop > UNIT_ROUNDOFF and not self.warm:
                 self.stop *= 0.1
             else:
                 self.guess *= 10.0
+            if self.warm and self.guess > 1e-3:
+                self.warm, self.low_proved, self.guess = False, True, self.epsilon
+                for i in range(begin, end):
+                    self.x[self.states[i]] = 0.0
         elif change <= self.stop:
-            wider = 1.0 + self.guess
-            wider = wider / max(1.0 - self.width_outside(begin, end), 1e-300)
-            for i in range(begin, end):
-                self.y[self.states[i]] = min(self.x[self.states[i]] * wider, self.limit)
-            self.guessed = True
+            self.guess_bounds(begin, end)
         return False
 
     def run(self, int64_t work) -> bool:

@@ -33,6 +33,8 @@ _LONGEST = 2**1000
 """Probabilities of observations are normal doubles if the numbers of beliefs are below it."""
 _LEAST = 1e-250
 """The least weight of a point of a grid."""
+_ENTRIES = 1 << 23
+"""The most states of all beliefs together; more take gigabytes."""
 _BATCH = 1 << 18
 """Entries of successors that are found at once."""
 
@@ -175,36 +177,40 @@ class Exploration:
         *,
         levels: int | None = None,
         upper: bool = True,
-    ) -> None:
+    ) -> bool:
         """Expand beliefs in the order in which they were found.
 
         Args:
-            limit: stop when there are more beliefs, or when numbers become long.
+            limit: stop when there are more beliefs, or when they or their numbers become long.
             resolution: replace successors by points of a grid; None: keep them.
             levels: expand so many generations, whatever their numbers; None: all.
             upper: whether tiny weights in a grid are made larger; otherwise, they are dropped.
+
+        Returns:
+            Whether everything was expanded that was asked for.
         """
         self._upper = upper
         size_of_state = np.add.reduceat(self.model.matrix.lengths, self.model.groups[:-1])
         while levels is None or levels > 0:
             pending = self.pending
             if not len(pending):
-                return
+                return True
             beliefs = self.beliefs
             if resolution is None and levels is None:
                 newest = beliefs.values[beliefs.starts[pending[0]] :]
-                if max(newest) > (_LONGEST**4 if self._rational else _LONGEST):
-                    return
+                if newest.max() > (_LONGEST**4 if self._rational else _LONGEST):
+                    return False
             sizes = np.add.reduceat(size_of_state[beliefs.states], beliefs.starts[:-1][pending])
             batch = np.cumsum(sizes) // _BATCH
             ends = np.flatnonzero(np.diff(batch, append=-1)) + 1
             begin = 0
             for end in ends.tolist():
-                if len(self) > limit:
-                    return
+                if len(self) > limit or len(self.beliefs.states) > _ENTRIES:
+                    return False
                 self._expand(pending[begin:end], resolution)
                 begin = end
             levels = None if levels is None else levels - 1
+        return True
 
     def rows(self) -> Rows:
         """The rows found so far."""
@@ -266,7 +272,7 @@ class Exploration:
         # Whole numbers: the belief times the numerators, over its sum times the denominator.
         parts = beliefs.values[spans(begin, end)]
         sums = totals(starts_of(end - begin), parts)
-        largest = int(max(sums)) * int(max(model.denominators)) * (resolution or 1)
+        largest = int(sums.max()) * int(model.denominators.max()) * (resolution or 1)
         kind = np.int64 if largest < LARGEST else object
         value, numerators = beliefs.values[entries].astype(kind), model.numerators
         first, last = model.matrix.indptr[row], model.matrix.indptr[row + 1]

@@ -20,8 +20,8 @@ from symcheck.kernels.solve.intervals import Iteration
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.interval_rows import IntervalRows
 from symcheck.matrices.numbers import Numbers, doubles, full, numbers
-from symcheck.matrices.rows import SparseMatrix
-from symcheck.numerics import graph
+from symcheck.matrices.rows import Int64s, SparseMatrix, first_best
+from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.mec_quotient import MecQuotient, collapse
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.settings import Settings
@@ -33,7 +33,16 @@ _WORK = 1 << 20
 """Updates of states between two reports to the observer."""
 _FINER = 64.0
 """Each component aims at a width that is smaller by this factor, as widths add up."""
-_ROUNDS = 4
+_ROUNDS = 5
+_QUICK = 500
+"""Sweeps of a component before its values count as slow."""
+_POLICIES = 50
+_SOLVED_STATES = 50_000
+"""The most states whose policies are evaluated by a direct method, which takes much memory."""
+_GAIN = 1e-14
+"""The relative gain of a policy that is more than rounding."""
+_ROUNDING = 16 * tuning.UNIT_ROUNDOFF
+"""The relative error of a reward, or more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,13 +115,14 @@ def solve_intervals(
 
 def _on_quotient(problem: IntervalProblem, quotient: MecQuotient) -> IntervalProblem:
     """The problem in which each end component is one state."""
-    n = quotient.problem.n
+    n, groups = quotient.problem.n, quotient.problem.rows.groups
+    assert groups is not None
     column_of = np.concatenate([quotient.index, n + np.arange(len(problem.known))])
     return replace(
         problem,
         rows=problem.rows.choose(
             quotient.kept,
-            quotient.problem.rows.groups,
+            groups,
             column_of.astype(np.int32),
             n + len(problem.known),
         ),
@@ -127,32 +137,90 @@ def _bounds(
     observer: Observer | None,
 ) -> Solution:
     """Bounds by optimistic value iteration, component by component."""
-    n, lower = problem.n, problem.rows.lower
+    n = problem.n
     limit = 1.0 if problem.probability else np.inf
     values = np.zeros(n + len(problem.known)), np.full(n + len(problem.known), limit)
     for bounds in values:
         bounds[n:] = problem.known
-    rows, maximise = problem.rows.compiled, problem.direction is Direction.MAX
-    epsilon, sweeps = settings.epsilon / _FINER, 0
+    rows, groups = problem.rows.compiled, problem.rows.lower.groups
+    assert groups is not None
+    constants = [problem.constant * (1.0 + side * _ROUNDING) for side in (-1, 1)]
+    epsilon, sweeps, most = settings.epsilon / _FINER, 0, min(_QUICK, settings.max_iterations)
+    candidate, width = np.empty(0), np.inf
     for _ in range(_ROUNDS):
         relative = epsilon if settings.relative else epsilon / max(1.0, float(values[0].max()))
         iteration = Iteration(
-            *(rows, lower.groups, problem.constant, problem.constant, parts.order, parts.start),
-            *(*values, maximise, limit, max(relative, 1e-15), settings.max_iterations),
+            rows,
+            groups,
+            constants[0],
+            constants[1],
+            parts.order,
+            parts.start,
+            values[0],
+            values[1],
+            candidate,
+            problem.direction is Direction.MAX,
+            limit,
+            max(relative, 1e-15),
+            most,
         )
         while not iteration.run(_WORK):
             if observer is not None:
                 observer(Progress("optimistic", sweeps + iteration.total, np.inf, n, values[0][:n]))
         sweeps += iteration.total
-        note = f"{counted(n, 'state')}: optimistic, {counted(parts.count, 'component')}, {sweeps} sweeps"
-        solution = Solution(
-            *(values[0][:n], np.maximum(values[0][:n], values[1][:n])),
-            *("optimistic", False, True, sweeps, note, iteration.policy()),
-        )
-        if iteration.failed or solution.width(settings.relative) <= settings.epsilon:
+        size = f"{counted(n, 'state')}, {counted(parts.count, 'component')}"
+        note = f"{size}: optimistic, {sweeps} sweeps"
+        policy = iteration.policy()
+        lower = values[0][:n].copy()
+        upper = np.maximum(lower, values[1][:n])
+        solution = Solution(lower, upper, "optimistic", iterations=sweeps, explanation=note)
+        solution = replace(solution, strategy=policy)
+        if iteration.failed and most < settings.max_iterations:  # the values converge slowly
+            candidate, most = (
+                _candidate(problem, values[0], policy),
+                settings.max_iterations,
+            )
+            continue
+        before, width = width, solution.width(settings.relative)
+        if iteration.failed or width <= settings.epsilon or width > 0.5 * before:
             break
         epsilon /= _FINER
     return solution
+
+
+def _candidate(problem: IntervalProblem, values: Numbers, policy: Int64s) -> Numbers:
+    """Approximate values of all columns: player and nature improve from a policy and values.
+
+    Empty where that does not end: the two may go round in circles (Condon 1990).
+    """
+    from scipy.sparse import csc_array, identity
+    from scipy.sparse.linalg import splu
+
+    rows, compiled, n = problem.rows, problem.rows.compiled, problem.n
+    groups, owner = rows.lower.groups, rows.lower.state_of_row
+    assert groups is not None
+    sign = 1 if problem.direction is Direction.MAX else -1
+    for _ in range(_POLICIES if n <= _SOLVED_STATES else 0):
+        chosen = replace(rows.lower, data=compiled.chosen(values))
+        taken = problem.against(chosen)
+        chain, constant = taken.rows.choose(policy), taken.constant[policy]
+        matrix = csc_array((chain.data, chain.indices, chain.indptr), shape=(n, n)).T
+        try:
+            solved = splu(csc_array(identity(n) - matrix), diag_pivot_thresh=0.0).solve(constant)
+        except RuntimeError:  # some states are never left
+            break
+        values = np.concatenate([solved, problem.known])
+        if not np.isfinite(values).all() or values.min() < 0.0:
+            break
+        gains = sign * (compiled.multiply(values, False) + problem.constant - values[owner])
+        best = first_best(gains, groups)
+        better = gains[best] > gains[policy] + _GAIN * values[:n]
+        before = chosen.multiply(values)
+        natural = np.abs(compiled.multiply(values, False) - before) > _GAIN * before
+        if not (better.any() or natural[policy].any()):
+            return values
+        policy = np.where(better, best, policy)
+    return np.empty(0)
 
 
 def _strategy_iteration(

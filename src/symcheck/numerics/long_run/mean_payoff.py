@@ -47,6 +47,7 @@ __all__ = [
     "larger_components",
     "mec_quotient",
     "ratio_gains",
+    "top_policy",
 ]
 
 
@@ -300,7 +301,7 @@ def gain_policy(
 
 def _best_policy(part: _EndComponent, low: float, high: float, settings: Settings) -> Int64s:
     """A policy of an end component whose gain is within these bounds."""
-    policy, n = _top_policy(part), part.matrix.states
+    policy, n = top_policy(part), part.matrix.states
     if policy is not None:
         return policy
     finest = Accuracy(epsilon=0.0, relative=settings.relative)
@@ -319,7 +320,7 @@ def _best_policy(part: _EndComponent, low: float, high: float, settings: Setting
     return policy
 
 
-def _top_policy(part: _EndComponent) -> Int64s | None:
+def top_policy(part: _EndComponent) -> Int64s | None:
     """A policy that earns the greatest reward at each step from some time on; None: none does."""
     everywhere = np.ones(part.matrix.states, np.bool_)
     greatest = part.rewards == part.rewards.max()
@@ -387,7 +388,7 @@ def _rational_gain(part: _EndComponent) -> tuple[float, float]:
 def _gain(part: _EndComponent, settings: Settings, observer: Observer | None) -> Gain:
     """Bounds on the gain of an end component."""
     n = part.matrix.states
-    if _top_policy(part) is not None:
+    if top_policy(part) is not None:
         top = part.rewards.max()
         return Gain(top, top)
     if part.matrix.is_rational:

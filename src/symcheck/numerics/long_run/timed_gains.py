@@ -18,7 +18,12 @@ from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.problem import Observer, Progress
-from symcheck.numerics.long_run.mean_payoff import Gains, larger_components, ratio_gains
+from symcheck.numerics.long_run.mean_payoff import (
+    Gains,
+    larger_components,
+    ratio_gains,
+    top_policy,
+)
 from symcheck.numerics.settings import Settings
 from symcheck.numerics.transient.timed_choices import TimedProblem, TimedSteps
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
@@ -62,6 +67,9 @@ def timed_gains(
     jumps, largest = 0, 1
     for c, part in larger_components(matrix, signed, parts, sizes, owner):
         n, rates = part.matrix.states, exit_rates[part.rows_of]
+        if part.rewards.max() == 0.0 and top_policy(part) is not None:
+            lower[c] = upper[c] = 0.0
+            continue
         nothing = np.zeros(n)
         problem = TimedProblem(
             part.matrix,
@@ -91,8 +99,6 @@ def _bounds(
     """Bounds on the greatest average of an end component, and the jumps that were made; None: they
     do not come close in time.
     """
-    if problem.constant.min() == problem.constant.max() == 0.0:
-        return 0.0, 0.0, 0
     rate = tuning.GAIN_RATE * float(problem.exit_rates.max())
     steps = TimedSteps(problem, rate)
     if steps.has_cycles:

@@ -12,7 +12,7 @@ from symcheck.semantics.binding.label_references import inline_labels
 from symcheck.semantics.binding.module_renaming import ModuleInstance
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable
 from symcheck.semantics.binding.parameters import Ranges, check_places, check_ranges
-from symcheck.semantics.binding.players import check_players
+from symcheck.semantics.binding.player_declarations import check_players
 from symcheck.semantics.binding.probability_sums import normalised_modules
 from symcheck.semantics.binding.static_checks import (
     CheckedProgram,
@@ -187,7 +187,7 @@ class _Builder:
     def _weights(self, modules: tuple[BoundModule, ...], kind: ModelType) -> Weights:
         updates = (u for m in modules for c in m.commands for u in c.updates)
         intervals = [u for u in updates if u.upper is not None]
-        if intervals and kind.has_own_syntax:
+        if intervals and (kind.has_own_syntax or kind.continuous_time):
             message = f"{kind.called} with intervals are not supported"
             hint = "intervals of probabilities belong to a dtmc or an mdp"
             self.report.input("interval", message, intervals[0].span, hint)
@@ -196,7 +196,7 @@ class _Builder:
     def _check_clocks(
         self, kind: ModelType, variables: tuple[Variable, ...], modules: tuple[BoundModule, ...]
     ) -> None:
-        """Report clocks and invariants of a model that is no timed automaton."""
+        """Report clocks and invariants of another model."""
         if kind.has_clocks:
             return
         hint = f"begin the text with pta, not {kind.value}"
@@ -263,7 +263,7 @@ class _Builder:
 
     def _check_enumerable(self, variables: tuple[Variable, ...]) -> None:
         for v in variables:
-            if v.low is None or v.high is None:
+            if not v.clock and (v.low is None or v.high is None):
                 message = (
                     f"variable {v.name} has no bounds, so the states that satisfy the condition "
                     "on initial states cannot be enumerated"

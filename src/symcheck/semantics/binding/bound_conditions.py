@@ -7,11 +7,11 @@ from fractions import Fraction
 from math import isfinite
 
 from symcheck.errors import Diagnostic, InputError
-from symcheck.semantics.binding.players import members
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.expressions.evaluate import evaluate, evaluate_constant
 from symcheck.semantics.expressions.literals import format_value, to_float
 from symcheck.semantics.model import BoundModel, Value
+from symcheck.semantics.players import members
 from symcheck.syntax.ast import (
     Binary,
     BinaryTemporal,

@@ -141,6 +141,8 @@ class _Analysis:
                 for e in effects:
                     read |= self._reads(e.command.guard, location)
                     read |= self._reads(e.update.probability, location)
+                    if e.update.upper is not None:
+                        read |= self._reads(e.update.upper, location)
                     for i, value in e.update.assignments:
                         if i in self.locations.control or not self._is_safe(i, value):
                             read |= self._reads(value, location)

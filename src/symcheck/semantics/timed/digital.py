@@ -10,14 +10,13 @@ using digital clocks, FMSD 29 (2006).
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import field, replace
 from fractions import Fraction
 from functools import partial, reduce
 from math import gcd
 
-from symcheck.errors import Diagnostic, UnsupportedError
+from symcheck.errors import Diagnostic, InputError, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.expressions.literals import as_expression
 from symcheck.semantics.expressions.simplify import simplify
@@ -41,7 +40,7 @@ from symcheck.syntax.ast import Binary, Call, Expression, Literal, ModelType, Na
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 from symcheck.syntax.traversal import Tree, substitute, transform
 
-__all__ = ["Asked", "DigitalClocks", "NotDigital", "digital_clocks"]
+__all__ = ["Asked", "DigitalClocks", "NotDigital", "common_unit", "digital_clocks", "limits_of"]
 
 _TRUE = Literal(True, Type.BOOL)
 _FALSE = Literal(False, Type.BOOL)
@@ -92,6 +91,11 @@ class DigitalClocks:
     can_wait: Expression = field(repr=False)
     asked: Asked | None = field(default=None, repr=False)
 
+    @property
+    def for_property(self) -> bool:
+        """Whether the model was made for one property."""
+        return self.asked is not None
+
     def __str__(self) -> str:
         """How time is treated, in words."""
         return "digital clocks" + (f" with units of {self.unit}" if self.unit != 1 else "")
@@ -125,23 +129,17 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
     for_property, asked = asked, asked or Asked()
     clocks = clocks_of(automaton)
     variables = {v.name: v for v in automaton.variables}
-    limits: dict[str, set[Fraction]] = defaultdict(set)
     for found, holds in _constraints(automaton, asked, clocks):
         if found.other is not None:
             raise _refused(f"{found.clock}-{found.other}", "compares two clocks", found)
         if not found.is_closed(holds):
             raise _refused(found.clock, "does not admit its limit", found)
-        limits[found.clock].update(possible_values(found.bound, variables))
+    limits, _ = limits_of(automaton, [c for c, _ in asked.conditions])
     for label in automaton.labels.values() if for_property is None else ():
         for found in _comparisons(label, clocks):
             if found.other is None:
                 limits[found.clock].update(possible_values(found.bound, variables))
-    for command in _commands(automaton):
-        for update in command.updates:
-            for i, value in update.assignments:
-                if automaton.variables[i].clock:
-                    limits[automaton.variables[i].name].update(possible_values(value, variables))
-    unit = _common_unit([*(c for values in limits.values() for c in values), *asked.horizon])
+    unit = common_unit([*(c for values in limits.values() for c in values), *asked.horizon])
     taken = {*variables, *automaton.actions, *(r.name for r in automaton.rewards)}
     time, tick, now = _free("time", taken), _free("tick", taken), _free("now", taken)
     top = {name: int(max(limits[name], default=Fraction(0)) / unit) + 1 for name in clocks}
@@ -195,7 +193,8 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
         first, *others = given.participants
         idle = not any(u.assignments for p in given.participants for c in p for u in c.updates)
         commands = [converted(c, noted) for c in first]
-        if idle and given.action not in rewarded:
+        # Who observes a part of the state must have the same commands in all that look alike.
+        if idle and given.action not in rewarded and not automaton.type.partially_observed:
             if can_wait == _TRUE:
                 return None
             stuck = Unary(UnaryOperator.NOT, can_wait)
@@ -245,6 +244,43 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
     )
 
 
+def limits_of(
+    model: BoundModel, conditions: Iterable[Expression]
+) -> tuple[dict[str, set[Fraction]], set[tuple[str, str, Fraction]]]:
+    """The constants that clocks are compared with or set to, and the diagonal constraints.
+
+    Args:
+        model: a timed automaton.
+        conditions: those of a property.
+
+    Raises:
+        UnsupportedError: a bound depends on too many values.
+        InputError: a clock is set to a negative number.
+    """
+    variables, clocks = {v.name: v for v in model.variables}, clocks_of(model)
+    limits: dict[str, set[Fraction]] = {name: set() for name in clocks}
+    diagonals: set[tuple[str, str, Fraction]] = set()
+    asked = Asked(tuple((c, True) for c in conditions))
+    for found, _ in _constraints(model, asked, clocks):
+        values = possible_values(found.bound, variables)
+        if found.other is None:
+            limits[found.clock].update(values)
+        else:
+            diagonals.update((found.clock, found.other, value) for value in values)
+            for name in (found.clock, found.other):
+                limits[name].update(map(abs, values))
+    for command in _commands(model):
+        for update in command.updates:
+            for i, value in update.assignments:
+                if model.variables[i].clock:
+                    resets = possible_values(value, variables)
+                    if min(resets, default=0) < 0:
+                        message = f"clock {model.variables[i].name} is set to a negative number"
+                        raise InputError(Diagnostic(message, value.span, "clock"))
+                    limits[model.variables[i].name].update(resets)
+    return limits, diagonals
+
+
 def _commands(model: BoundModel) -> Iterator[BoundCommand]:
     return (c for m in model.modules for c in m.commands)
 
@@ -271,7 +307,7 @@ def _refused(what: str, why: str, found: ClockConstraint) -> NotDigital:
     return NotDigital(Diagnostic(message, found.span, "digital", hint))
 
 
-def _common_unit(constants: Iterable[Fraction]) -> Fraction:
+def common_unit(constants: Iterable[Fraction]) -> Fraction:
     """The greatest number of which all of these are multiples; 1 if all are 0."""
     above, below = 0, 1
     for value in constants:

@@ -8,14 +8,13 @@ count in which time goes on.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import field, replace
 from fractions import Fraction
-from typing import cast
+from typing import ClassVar, cast
 
 from symcheck.direction import Direction
 from symcheck.errors import Diagnostic, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
-from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.query import PathProbability, Query, ReachReward, query_of
@@ -27,7 +26,7 @@ from symcheck.syntax.ast import Expression, LabelReference, Literal, Type
 from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.traversal import Tree, children, names, transform
 
-__all__ = ["Reach", "asked_of", "measures", "on_digital_clocks", "translated"]
+__all__ = ["OnZones", "Reach", "asked_of", "measures", "on_digital_clocks", "translated"]
 
 Labels = Mapping[str, Expression]
 
@@ -58,6 +57,8 @@ class Reach:
     def avoids(self) -> bool:
         """Whether the strategy wants paths that do not satisfy `left U right`."""
         path = self.path
+        if self.query.coalition is not None:  # of a game, in which one side avoids it anyway
+            return False
         return path is not None and (self.query.direction is Direction.MIN) != path.negative
 
 
@@ -146,9 +147,18 @@ def asked_of(reached: list[Reach]) -> Asked:
     horizon: list[Fraction] = []
     for reach in reached:
         path = reach.path
-        if path is None:
+        window = None if path is None else path.window
+        if reach.query.coalition is not None:
+            # One side may avoid the target: it may not depend on clocks.
+            conditions += [(reach.left, True), (reach.left, False)]
+            if window is not None and (window.upper_strict or window.lower or window.lower_strict):
+                message = "timed games have bounds <=k only"
+                raise UnsupportedError(Diagnostic(message, window.span, "timed-property"))
+        if path is None or reach.query.coalition is not None:
             # A reward depends on when the target is entered: it may not depend on clocks.
             conditions += [(reach.right, True), (reach.right, False)]
+            if window is not None and window.upper is not None:
+                horizon += [window.upper, Fraction(0)]
             continue
         closed = not reach.avoids
         conditions += [(reach.left, closed), (reach.right, closed)]
@@ -165,20 +175,55 @@ def asked_of(reached: list[Reach]) -> Asked:
     return Asked(tuple(conditions), tuple(horizon), any(r.avoids for r in reached))
 
 
-def translated(
-    model: BoundModel, given: BoundProperty, labels: Labels
-) -> tuple[BoundProperty, Labels]:
-    """A property of a timed automaton on the model that decides it, and its labels.
+@dataclass(frozen=True)
+class OnZones:
+    """How a timed automaton is read on the decision process over zones.
+
+    Attributes:
+        automaton: the automaton.
+        measure: the measure that the process was made for.
+        avoids: its paths are those that reach the states "reached"; else those that do not.
+    """
+
+    automaton: BoundModel = field(repr=False)
+    measure: ast.AnyMeasure
+    avoids: bool
+    for_property: ClassVar[bool] = True
+
+    def __str__(self) -> str:
+        """How time is treated, in words."""
+        return "zones, searched backwards"
+
+    def read(self, formula: Expression, labels: Labels) -> Expression:
+        """The property as one of the process."""
+        reached: Expression = LabelReference("reached")
+        not_reached: Expression = ast.Unary(UnaryOperator.NOT, reached)
+
+        def convert(node: Tree) -> Tree:
+            if not isinstance(node, ast.ProbabilityOperator):
+                return node
+            (reach,) = measures(node, self.automaton, labels)
+            maximal = reach.query.direction is Direction.MAX
+            path = ast.Eventually(reached) if maximal else ast.Globally(not_reached)
+            return replace(node, path=path)
+
+        return transform(formula, convert)
+
+
+def translated(model: BoundModel, formula: Expression, labels: Labels) -> tuple[Expression, Labels]:
+    """A property of a timed automaton on the model that decides it, and the labels that it uses.
 
     Without measures it is a condition on one state, and the model need not be made for it.
     """
-    clocks = model.clocks
-    if clocks is None or given.bound is None:
-        return given, labels
-    if clocks.asked is None:
-        bound = clocks.condition(given.bound)
-        return replace(given, bound=bound), {n: clocks.condition(x) for n, x in labels.items()}
-    return replace(given, bound=on_digital_clocks(given.bound, model, labels)), {}
+    match model.clocks:
+        case OnZones() as clocks:
+            return clocks.read(formula, labels), {}
+        case DigitalClocks(asked=None) as clocks:
+            return clocks.condition(formula), {n: clocks.condition(x) for n, x in labels.items()}
+        case DigitalClocks():
+            return on_digital_clocks(formula, model, labels), {}
+        case _:
+            return formula, labels
 
 
 def on_digital_clocks(formula: Expression, model: BoundModel, labels: Labels) -> Expression:
@@ -190,7 +235,7 @@ def on_digital_clocks(formula: Expression, model: BoundModel, labels: Labels) ->
         labels: those that the property may use.
     """
     clocks = model.clocks
-    assert clocks is not None
+    assert isinstance(clocks, DigitalClocks)
     found = {id(r.measure): r for r in measures(formula, clocks.automaton, labels)}
 
     def convert(node: Tree) -> Tree:
@@ -209,7 +254,12 @@ def _converted(reach: Reach, clocks: DigitalClocks, model: BoundModel) -> Expres
             number = Literal(len(model.rewards), Type.INT)
             query = ast.Eventually(reach.right)
             return ast.RewardOperator(
-                measure.direction, measure.bound, number, query, span=measure.span
+                measure.direction,
+                measure.bound,
+                number,
+                query,
+                coalition=measure.coalition,
+                span=measure.span,
             )
         assert isinstance(measure, ast.RewardOperator)
         return replace(measure, query=ast.Eventually(reach.right))
@@ -237,7 +287,9 @@ def _converted(reach: Reach, clocks: DigitalClocks, model: BoundModel) -> Expres
             else (Operator.AND, goes_on)
         )
         whole = ast.Binary(operator, _operand(whole), _operand(other))
-    return ast.ProbabilityOperator(measure.direction, measure.bound, whole, span=measure.span)
+    return ast.ProbabilityOperator(
+        measure.direction, measure.bound, whole, coalition=measure.coalition, span=measure.span
+    )
 
 
 def _operand(path: ast.PathFormula) -> Expression:

@@ -33,7 +33,14 @@ from symcheck.syntax.declarations import (
     VariableDeclaration,
 )
 from symcheck.syntax.jani.expressions import TRUE, conjunction, is_literal
-from symcheck.syntax.jani.network import Branch, Edge, Network, RawAssignment, assigned_values
+from symcheck.syntax.jani.network import (
+    Branch,
+    Edge,
+    Network,
+    RawAssignment,
+    assigned_values,
+    whole_time,
+)
 from symcheck.syntax.jani.rewards import RewardRequest, edge_reward, state_reward
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import names
@@ -109,7 +116,8 @@ class _Composer:
         initial, variables = self._initial()
         globals_, local = self._owners(classes, variables)
         modules = tuple(
-            Module(name, local[k], tuple(commands[k])) for k, name in enumerate(self.modules)
+            Module(name, local[k], tuple(commands[k]), self._invariant(k))
+            for k, name in enumerate(self.modules)
         )
         rewards = tuple(
             RewardStructure(name, tuple(items))
@@ -296,6 +304,8 @@ class _Composer:
         for branch in edge.branches:
             written, _ = assigned_values(branch.assignments, self.network.transients)
             spans = {a.target: a.span for a in branch.assignments}
+            clocks = {v.name for v in self.network.variables.values() if v.clock}
+            written = {n: whole_time(v) or v if n in clocks else v for n, v in written.items()}
             assignments = tuple(Assignment(n, v, span=spans[n]) for n, v in written.items())
             weight = _product(edge.rate, branch.probability)
             if weight is not None:
@@ -304,6 +314,16 @@ class _Composer:
         guard = self.network.in_states(edge.guard)
         markovian = self.network.type.immediate_choices and edge.rate is not None
         return Command(action, guard, tuple(updates), markovian, span=edge.node.span)
+
+    def _invariant(self, module: int) -> Expression | None:
+        """The states in which a module lets time pass; None: all."""
+        elements = self.network.elements
+        if len(self.modules) == len(elements):
+            elements = elements[module : module + 1]
+        whole: Expression = TRUE
+        for element in elements:
+            whole = conjunction(whole, element.invariant)
+        return None if whole == TRUE else self.network.in_states(whole)
 
     def _initial(self) -> tuple[Expression | None, list[VariableDeclaration]]:
         """The condition of initial states where values do not say it all, and the variables."""

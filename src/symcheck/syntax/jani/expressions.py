@@ -52,6 +52,7 @@ _LARGEST_INT = 2**63 - 1
 
 _CONSTANTS = {"π": math.pi, "e": math.e}
 _MISSING = {
+    **dict.fromkeys(("ac", "av"), "arrays as values of expressions"),
     **dict.fromkeys(("da", "dv"), "datatypes"),
     "nondet": "nondeterministic selections of values",
     "der": "derivatives of continuous variables",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from functools import cached_property
 
 from symcheck.errors import Span
@@ -47,16 +48,14 @@ __all__ = [
     "UniqueNames",
     "assigned_values",
     "read_network",
+    "whole_time",
 ]
 
 _TYPES = {
     kind.value: kind for kind in ModelType if kind.players < 2 and not kind.partially_observed
-} | {"lts": WITHOUT_KEYWORD}
+} | {"lts": WITHOUT_KEYWORD, "ta": ModelType.PTA, "sta": ModelType.PTA}
 _OTHER_TYPES = {
     "ctmdp": "continuous-time Markov decision processes",
-    "ta": "timed automata",
-    "pta": "probabilistic timed automata",
-    "sta": "stochastic timed automata",
     "ha": "hybrid automata",
     "pha": "probabilistic hybrid automata",
     "sha": "stochastic hybrid automata",
@@ -141,6 +140,7 @@ class Element:
         locations: where the transient variables get values: a condition (true if there is one
             location) and the values.
         initial: a condition of initial states, if the initial values do not say it all.
+        invariant: the states in which time may pass.
     """
 
     name: str
@@ -148,6 +148,7 @@ class Element:
     edges: tuple[Edge, ...]
     locations: tuple[tuple[Expression, Mapping[str, Expression]], ...]
     initial: Expression
+    invariant: Expression
 
 
 @dataclass(frozen=True)
@@ -172,6 +173,11 @@ class Network:
     initial: Expression
     unique: UniqueNames = field(repr=False)
     arrays: Mapping[str, Cells] = field(default_factory=dict)
+
+    @property
+    def is_timed(self) -> bool:
+        """Whether time passes in states."""
+        return self.type.continuous_time or self.type.has_clocks
 
     @property
     def variables(self) -> dict[str, VariableDeclaration]:
@@ -224,6 +230,15 @@ class Network:
                         value = values[name] if one else Conditional(condition, values[name], value)
             result[name] = value
         return result
+
+
+def whole_time(value: Expression | None) -> Expression | None:
+    """The value of a clock, an int if it is a whole number."""
+    match value:
+        case Literal(Fraction() as number) if number.denominator == 1:
+            return Literal(int(number), Type.INT, span=value.span)
+        case _:
+            return value
 
 
 def assigned_values(
@@ -360,10 +375,12 @@ class _NetworkReader:
                 return Type.INT, None, None
             case "real":
                 return Type.DOUBLE, None, None
-            case "clock" | "continuous":
-                raise node.unsupported(
-                    f"{node.text} variables are not supported: time is not a variable"
-                )
+            case "clock" if self.kind.has_clocks:
+                return Type.INT, None, None
+            case "clock":
+                raise node.fault("only timed automata have clocks", 'their type is "pta"')
+            case "continuous":
+                raise node.unsupported("continuous variables are not supported")
             case str():
                 raise node.fault(f"'{node.text}' is no type", "the types are bool, int, real")
             case _ if node["kind"].text == "bounded":
@@ -416,7 +433,10 @@ class _NetworkReader:
                 )
             first, last = (None if b is None else reader.read(b) for b in (low, high))
             span = node["name"].span
-            result.append(VariableDeclaration(name, kind, first, last, value, span=span))
+            clock = node["type"].value == "clock"
+            if clock:
+                value = whole_time(value)
+            result.append(VariableDeclaration(name, kind, first, last, value, clock, span=span))
         return tuple(result)
 
     def _array(
@@ -544,6 +564,12 @@ class _NetworkReader:
         ]
         for action in input_enable:
             edges += self._input_edges(action, edges, node)
+        invariant: Expression = TRUE
+        for i, location in enumerate(node["locations"].items):
+            if (condition := location.get("time-progress")) is not None:
+                here = _at(location_variable, i)
+                part = Binary(Operator.IMPLIES, here, reader.read(condition["exp"]))
+                invariant = conjunction(invariant, part)
         return Element(
             module,
             variables,
@@ -553,6 +579,7 @@ class _NetworkReader:
                 for i, x in enumerate(node["locations"].items)
             ),
             initial,
+            invariant,
         )
 
     def _location(self, node: Json, locations: Sequence[str]) -> int:
@@ -562,10 +589,8 @@ class _NetworkReader:
 
     def _transient_values(self, location: Json, reader: ExpressionReader) -> dict[str, Expression]:
         location.check_members(_LOCATION)
-        if location.get("time-progress") is not None:
-            raise location["time-progress"].unsupported(
-                "conditions on the progress of time are not supported"
-            )
+        if location.get("time-progress") is not None and not self.kind.has_clocks:
+            raise location["time-progress"].fault("only timed automata let time progress")
         result = {}
         for node in location.each("transient-values"):
             name = self._target(node["ref"], reader)

@@ -261,7 +261,7 @@ class PropertyReader(ExpressionReader):
         return RewardOperator(direction, bound, structure, query, span=node.span)
 
     def _instant(self, node: Json) -> Expression | None:
-        is_timed = self.network.type.continuous_time
+        is_timed = self.network.is_timed
         key, other = ("time-instant", "step-instant")[:: 1 if is_timed else -1]
         wrong = node.get(other)
         if wrong is not None:
@@ -278,7 +278,7 @@ class PropertyReader(ExpressionReader):
             if kind.text not in ("steps", "time", "exit"):
                 raise kind.fault("rewards accumulate over steps, time or exit")
         steps = "steps" in kinds_of_node
-        if self.network.type.continuous_time:
+        if self.network.is_timed:
             return self._structure(
                 node,
                 value,
@@ -354,7 +354,7 @@ class PropertyReader(ExpressionReader):
     # ------------------------------------------------------------------------------------- bounds
 
     def _bounds(self, node: Json) -> PathBound | None:
-        is_timed = self.network.type.continuous_time
+        is_timed = self.network.is_timed
         result: list[TimeBound | RewardBound] = []
         steps, time = node.get("step-bounds"), node.get("time-bounds")
         if time is not None:

@@ -1,4 +1,4 @@
-"""The players of a game: their declarations, who a coalition is, and whose states are whose.
+"""The players of a game: who a coalition is, and whose states are whose.
 
 A state belongs to the player who owns what can be done there: an unlabelled command belongs to the
 player of its module, an event of an action to the player of the action. So it is decided by the
@@ -11,53 +11,13 @@ from collections.abc import Iterable, Sequence
 from functools import reduce
 
 from symcheck.errors import Diagnostic, InputError, NameFault
-from symcheck.semantics.binding.static_checks import CheckedProgram
-from symcheck.semantics.diagnostics import suggest
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundModel, Event
 from symcheck.semantics.state_faults import describe_state
-from symcheck.syntax.ast import Binary, Coalition, Expression, Literal, ModelType, Type
+from symcheck.syntax.ast import Binary, Coalition, Expression, Literal, Type
 from symcheck.syntax.operators import Operator
 
-__all__ = ["check_players", "members", "owned_states", "two_owners"]
-
-
-def check_players(checked: CheckedProgram, kind: ModelType) -> None:
-    """Report faulty declarations of players to the report of the program."""
-    program, report = checked.program, checked.table.report
-    if kind.players < 2:
-        for player in program.players:
-            message = f"players belong to games, and these are {kind.called}"
-            report.input("players", message, player.span, "the first word of a game is smg")
-        return
-    if not program.players:
-        message = "a game needs players"
-        report.input("players", message, program.span, "player p1 module1, [action] endplayer")
-    modules = {m.name for m in program.modules}
-    actions = {
-        scope.renamed(c.action)
-        for instance, scope in checked.modules
-        for c in instance.base_module.commands
-        if c.action is not None
-    }
-    names: set[str] = set()
-    for what, known, owned in (
-        ("module", modules, [(m, p) for p in program.players for m in p.modules]),
-        ("action", actions, [(a, p) for p in program.players for a in p.actions]),
-    ):
-        seen: set[str] = set()
-        for name, player in owned:
-            if name not in known:
-                hint = suggest(name, known)
-                report.name(f"unknown-{what}", f"unknown {what} {name}", player.span, hint)
-            elif name in seen:
-                message = f"{what} {name} belongs to two players"
-                report.input("players", message, player.span)
-            seen.add(name)
-    for player in program.players:
-        if player.name in names:
-            report.name("players", f"a second player {player.name}", player.span)
-        names.add(player.name)
+__all__ = ["members", "owned_states", "two_owners"]
 
 
 def members(coalition: Coalition, model: BoundModel) -> frozenset[int]:
@@ -89,7 +49,7 @@ def owned_states(model: BoundModel) -> Sequence[Expression]:
     Raises InputError: something that can be done belongs to nobody.
     """
     events: list[list[Event]] = [[] for _ in model.players]
-    for event in model.events:
+    for event in _owned_events(model):
         events[_owner(event, model)].append(event)
     return [_joined(Operator.OR, map(_enabled, of), False) for of in events]
 
@@ -97,7 +57,7 @@ def owned_states(model: BoundModel) -> Sequence[Expression]:
 def two_owners(model: BoundModel, state: Sequence[bool | int]) -> InputError:
     """The error that in a state several players can do something."""
     values = dict(zip((v.name for v in model.variables), state, strict=True))
-    active = [e for e in model.events if evaluate(_enabled(e), values)]
+    active = [e for e in _owned_events(model) if evaluate(_enabled(e), values)]
     names = {model.players[_owner(e, model)].name: e for e in active}
     last = list(names.values())[-1].participants[0][0]
     return InputError(
@@ -109,6 +69,12 @@ def two_owners(model: BoundModel, state: Sequence[bool | int]) -> InputError:
             "in a turn-based game, each state belongs to one player",
         )
     )
+
+
+def _owned_events(model: BoundModel) -> list[Event]:
+    """All events but the passing of time, which is a choice of the owner of a state."""
+    time = None if model.clocks is None else model.clocks.time
+    return [e for e in model.events if e.action is None or e.action != time]
 
 
 def _owner(event: Event, model: BoundModel) -> int:

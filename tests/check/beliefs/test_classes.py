@@ -1,0 +1,58 @@
+"""What partially observed models offer beside values, and timed ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import symcheck
+from symcheck.cli import main
+from symcheck.errors import InputError, UnsupportedError
+
+TIGER = str(Path(__file__).parents[3] / "models/tiger/tiger.prism")
+
+# Waiting is seen, and tells nothing: the player bets on a hidden coin when the clock shows 2.
+TIMED = """popta
+observables x, phase endobservables
+module m
+  x : clock;
+  side : [0..1]; phase : [0..3];
+  invariant (phase=0 => x<=1) & (phase=1 => x<=2) endinvariant
+  [toss] phase=0 & x>=1 -> 0.3:(side'=0) & (phase'=1) + 0.7:(side'=1) & (phase'=1);
+  [zero] phase=1 & x=2 -> (phase'=side=0 ? 2 : 3);
+  [one] phase=1 & x=2 -> (phase'=side=1 ? 2 : 3);
+endmodule
+label "won" = phase=2;
+"""
+
+
+class TestTimed:
+    @pytest.mark.parametrize("exact", [False, True])
+    def test_digital_clocks(self, exact):
+        model = symcheck.loads(TIMED, exact=exact)
+        assert float(model.check('Pmax=? [ F "won" ]').value) == pytest.approx(0.7, abs=1e-12)
+
+    def test_a_clock_that_is_not_seen(self):
+        hidden = TIMED.replace("observables x, phase", "observables phase")
+        with pytest.raises(InputError, match="different actions"):
+            symcheck.loads(hidden).check('Pmax=? [ F "won" ]')
+
+
+def test_random_paths(capsys):
+    assert main([TIGER, "-simpath", "3", "stdout"]) == 0
+    assert "hide" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("call", "refused"),
+    [
+        (lambda m: m.estimate('Pmax=? [ F<=3 "free" ]'), "estimates from random paths"),
+        (lambda m: m.check('Pmax=? [ F "free" ]').certificate(), "certificates"),
+        (lambda m: m.check('Pmax<0.1 [ F<=3 "free" ]').counterexample(), "counterexamples"),
+        (lambda m: symcheck.export(m, "stdout.jani"), "JANI files"),
+    ],
+)
+def test_what_is_refused_by_name(call, refused):
+    with pytest.raises(UnsupportedError, match=f"{refused} are not available for partially"):
+        call(symcheck.load(TIGER))
