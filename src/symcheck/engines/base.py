@@ -306,9 +306,11 @@ class SystemOf(Protocol[S, V]):
         probability: bool,
         allow_stay: bool = False,
         infinite: S | None = None,
+        constant_error: float = 0.0,
     ) -> EquationsOf[S, V]:
         """The equations x = A x + constant (bounds: up to `upper`), with the probabilities A.
 
+        `constant_error`: the relative error of constants, beyond that of probabilities.
         `allow_stay`: a strategy may stay for ever where that costs and earns nothing, with value 0
         (greatest rewards); or it must not (least probabilities of what is met outside).
         `infinite`: other states, whose value is infinite; choices that may lead there never

@@ -319,9 +319,12 @@ class LinearSystem(SystemOf[S, V]):
         probability: bool,
         allow_stay: bool = False,
         infinite: S | None = None,
+        constant_error: float = 0.0,
     ) -> LinearEquations[S, V]:
         """The equations x = A x + constant (bounds: up to `upper`)."""
-        return LinearEquations(self, constant, upper, probability, allow_stay, infinite=infinite)
+        return LinearEquations(
+            self, constant, upper, probability, allow_stay, constant_error, infinite=infinite
+        )
 
     def problem(
         self, constant: Numbers, upper: Numbers | None, *, probability: bool
@@ -465,12 +468,14 @@ class LinearEquations(BaseEquations[S, V]):
         probability: whether the solution consists of probabilities; else of expected rewards.
         allow_stay: whether a strategy may stay for ever at no reward, with value 0 (greatest
             rewards); it must not for least probabilities.
+        constant_error: see `BaseEquations`.
     """
 
     constant: Numbers = field(repr=False)
     upper: Numbers | None = field(repr=False)
     probability: bool
     allow_stay: bool = False
+    constant_error: float = 0.0
 
     def problem(self) -> LinearProblem:
         """The equations for a numerical method, on the usable rows.
@@ -487,7 +492,7 @@ class LinearEquations(BaseEquations[S, V]):
         ):
             raise ValueError("a state with a choice that leads to an infinite value is no unknown")
         problem = system.problem(self.constant, self.upper, probability=self.probability)
-        return self._usable(problem)
+        return self._usable(replace(problem, constant_error=self.constant_error))
 
     def _solved(
         self, known: Sequence[tuple[S, float]], settings: Settings, observer: Observer | None

@@ -99,7 +99,7 @@ class RewardSums:
         """A bound on the relative error of a sum of items of one sign; 0 if they are ints."""
         model = self.engine.model
         items, variables = model.rewards[index].items, model.variables
-        if model.builder is not None:
+        if model.builder is not None or not items:
             return 2 * UNIT_ROUNDOFF
         if sum(map(self._most, items)) <= LARGEST_WHOLE:
             return 0.0
@@ -120,9 +120,8 @@ class RewardSums:
     def on_transitions(self, index: int) -> bool:
         """Whether transitions may earn rewards of a structure."""
         model = self.engine.model
-        return model.builder is not None or not all(
-            item.on_states for item in model.rewards[index].items
-        )
+        items = model.rewards[index].items
+        return model.builder is not None or not items or not all(i.on_states for i in items)
 
     def per_state(self, index: int, states: StateSet) -> Floats | None:
         """State rewards of a structure, float64[states]; None if floating point adds them

@@ -69,8 +69,9 @@ def entry_error(
     if not model.events:
         return ((terms or 1) + 3) * UNIT
     if terms is None:
-        counts = [_combinations(e, chain=chain) for e in model.events]
-        terms = sum(counts) if chain else max(counts)
+        added = chain or model.type.continuous_time  # rates of a Markov automaton race
+        counts = [_combinations(e, chain=added) for e in model.events]
+        terms = sum(counts) if added else max(counts)
     of = partial(expression_error, variables=model.variables, table_bits=table_bits)
     known: dict[int, tuple[float, int, bool]] = {}
 

@@ -34,6 +34,7 @@ __all__ = [
     "cumulative_reward",
     "instantaneous_reward",
     "next_probability",
+    "one_jump_error",
     "prob_greater_zero",
 ]
 
@@ -71,12 +72,21 @@ def next_probability(
     )
     an_instant = window.lower == window.upper
     within = enclosed([value * in_time], lambda: value * (not an_instant))
-    # The relative error of exp(-rate t), and of 1 - exp(-rate t), is at most rate t times that of
-    # the rate, which the probability of a jump so late outweighs below the range of doubles.
     exponent = float(np.max(rates, initial=0.0)) * (lower if upper is None else max(lower, upper))
-    error = 0.5 * ROUNDING + system.error * (2.0 + 4.0 * min(exponent, 750.0))
+    error = one_jump_error(system, exponent)
     values = lift_bounds(context, system, within, error, explanation="one jump")
     return values.choose(~impossible, engine.constant(0))
+
+
+def one_jump_error(system: System, exponent: float) -> float:
+    """The relative error of the probability of a jump within a time.
+
+    That of exp(-rate t), and of 1 - exp(-rate t), is at most rate t times that of the rate, which
+    the probability of a jump so late outweighs below the range of doubles.
+
+    exponent: the largest rate t.
+    """
+    return 0.5 * ROUNDING + system.error * (2.0 + 4.0 * min(exponent, 750.0))
 
 
 def bounded_until(

@@ -109,9 +109,7 @@ def _solved_averages(
         gains = component_gains(system.matrix, rewards, direction, finer, observer, system.error)
     else:
         refuse_zeno(context, system, "long-run averages")
-        gains = timed_gains(
-            system.matrix, rewards, rates, direction, finer, observer, system.error
-        )
+        gains = timed_gains(system.matrix, rewards, rates, direction, finer, observer, system.error)
     # Averages that may be negative are shifted up: every strategy stays in some end component with
     # probability 1, so the values are shifted by the same amount. Rational equations may have
     # negative constants.
@@ -150,7 +148,7 @@ def _average(
         rounding_error = 2.0**-51 * upper if shift else 0.0
         lower, upper = lower - rounding_error - shift, upper + rounding_error - shift
         signed = rewards.min(initial=0.0) < 0
-        size = float(np.abs(rewards).max(initial=0.0)) if signed else None
+        size = _largest_average(system, rewards, context) if signed else None
         lower = lower - error * (np.abs(lower) if size is None else size)
         upper = upper + error * (np.abs(upper) if size is None else size)
     if share:
@@ -175,6 +173,18 @@ def _average(
     else:
         values = system.lift(lower, upper, up_to_rounding=exact)
     return _with_qualitative(context, gains, values, direction) if share else values
+
+
+def _largest_average(system: System, rewards: Numbers, context: Context) -> float:
+    """An upper bound on all averages of the absolute rewards."""
+    from symcheck.numerics.long_run.timed_gains import timed_gains
+
+    if (rates := system.exit_rates) is None:
+        return float(np.abs(rewards).max(initial=0.0))
+    found = timed_gains(
+        system.matrix, np.abs(rewards), rates, Direction.MAX, context.options, error=system.error
+    )
+    return float(found.upper.max(initial=0.0))
 
 
 def _with_qualitative(

@@ -58,13 +58,17 @@ __all__ = ["ExplicitEngine", "ExplicitSystem"]
 
 @dataclass(frozen=True)
 class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, HasActions):
-    """An explored model as an engine."""
+    """An explored model as an engine.
+
+    number_error: the relative error of sums of entries of a row; None: that of the model's text.
+    """
 
     explored: ExploredModel
     name: str = "explicit"
     has_rows: bool = True
     represented: Represented | None = None
     opponents: Bools | None = field(default=None, compare=False)
+    number_error: float | None = field(default=None, kw_only=True)
 
     @property
     def has_opponents(self) -> bool:
@@ -260,6 +264,8 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
         explored, model = self.explored, self.model
         if self.is_rational:
             return 0.0
+        if self.number_error is not None:
+            return self.number_error
         if not model.events:  # it was read
             return entry_error(model, self.weights.longest)
         if not isinstance(explored, ExplicitModel):
@@ -321,7 +327,10 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
             letters,
             automaton,
             lambda pairs: ExplicitEngine(
-                pairs, name, opponents=None if theirs is None else theirs[pairs.state]
+                pairs,
+                name,
+                opponents=None if theirs is None else theirs[pairs.state],
+                number_error=self.entry_error,
             ),
         )
 

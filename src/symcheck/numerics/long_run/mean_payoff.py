@@ -176,6 +176,7 @@ def ratio_gains(
     direction: Direction,
     settings: Settings,
     observer: Observer | None = None,
+    error: float = tuning.ENTRY_ERROR,
 ) -> Gains:
     """The optimal long-run average reward per unit of time in each maximal end component.
 
@@ -190,6 +191,7 @@ def ratio_gains(
         direction: maximise or minimise the average.
         settings: the accuracy.
         observer: receives the progress.
+        error: of the probabilities and of times, relative.
 
     Returns:
         Certified bounds.
@@ -198,14 +200,14 @@ def ratio_gains(
     """
     sign = -1 if direction is Direction.MIN else 1
     rewards = sign * rewards
-    shortest = component_gains(matrix, times, Direction.MIN, settings, observer)
-    longest = component_gains(matrix, times, Direction.MAX, settings, observer)
+    shortest = component_gains(matrix, times, Direction.MIN, settings, observer, error)
+    longest = component_gains(matrix, times, Direction.MAX, settings, observer, error)
     parts, iterations = shortest.parts, shortest.iterations + longest.iterations
     if not parts.count:
         return shortest
     exact = matrix.is_rational
     of = np.where(parts.rows, parts.of[graph.Incidence(matrix).owner_of_rows], 0)
-    unit = 0 if exact else 8.0 * tuning.UNIT_ROUNDOFF
+    unit = 0 if exact else 8.0 * tuning.UNIT_ROUNDOFF + error
 
     def excess(g: Numbers, epsilon: float) -> Gains:
         gained = rewards - g[of] * times
@@ -215,13 +217,16 @@ def ratio_gains(
             Direction.MAX,
             Accuracy(epsilon=epsilon, relative=False, max_iterations=settings.max_iterations),
             observer,
+            error,
         )
-        error = full(parts.count, 0, rational=exact)
-        np.maximum.at(error, of, np.where(parts.rows, abs(rewards) + abs(g[of] * times), 0))
-        error = unit * np.where(g == 0, 0, error)
-        return replace(found, lower=found.lower - error, upper=found.upper + error)
+        margin = full(parts.count, 0, rational=exact)
+        np.maximum.at(margin, of, np.where(parts.rows, abs(rewards) + abs(g[of] * times), 0))
+        margin = unit * np.where(g == 0, 0, margin)
+        return replace(found, lower=found.lower - margin, upper=found.upper + margin)
 
     least, most = shortest.lower, longest.upper
+    if not exact:
+        least, most = least * (1.0 - error), most * (1.0 + error)
     before = full(parts.count, 0, rational=exact)
     size = float(np.max(np.abs(rewards), initial=0))
     first = excess(before, 0.01 * settings.epsilon * size)

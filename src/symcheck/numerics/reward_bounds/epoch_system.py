@@ -303,7 +303,7 @@ def _expected_steps(system: EpochSystem) -> Floats:
         rest = state_of_row - np.bincount(
             np.repeat(numbers, count), data * h[matrix.indices], len(count)
         )
-        rest -= (2.0 * count + 6.0) * tuning.UNIT_ROUNDOFF * state_of_row
+        rest -= ((2.0 * count + 6.0) * tuning.UNIT_ROUNDOFF + system.slack) * state_of_row
     least = float(rest.min()) * (1.0 - 1e-9)
     if not least > 1e-3:
         raise NumericalError(
