@@ -82,9 +82,8 @@ def main() -> None:
         shown = [f"{x:10.3f}" if x is not None else f"{'>' + str(LIMIT):>10}" for x in (a, b)]
         print(f"{family + ' ' + constants:34}{''.join(shown)}", flush=True)
         quotients.append((a or LIMIT) / (b or LIMIT))
-    print(
-        f"geometric mean of the quotients: {math.exp(sum(map(math.log, quotients)) / len(quotients)):.2f}"
-    )
+    mean = math.exp(sum(map(math.log, quotients)) / len(quotients))
+    print(f"geometric mean of the quotients: {mean:.2f}")
 
 
 if __name__ == "__main__":

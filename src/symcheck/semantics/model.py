@@ -173,6 +173,11 @@ class TimeReading(Protocol):
         ...
 
     @property
+    def time(self) -> str | None:
+        """The action with which time passes; None if no step is one of time."""
+        ...
+
+    @property
     def for_property(self) -> bool:
         """Whether the model was made for one property."""
         ...

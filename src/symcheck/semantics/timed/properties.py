@@ -188,6 +188,7 @@ class OnZones:
     automaton: BoundModel = field(repr=False)
     measure: ast.AnyMeasure
     avoids: bool
+    time: ClassVar[None] = None
     for_property: ClassVar[bool] = True
 
     def __str__(self) -> str:
