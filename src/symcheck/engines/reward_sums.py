@@ -99,6 +99,8 @@ class RewardSums:
         """A bound on the relative error of a sum of items of one sign; 0 if they are ints."""
         model = self.engine.model
         items, variables = model.rewards[index].items, model.variables
+        if self.engine.is_rational:
+            return 0.0
         if model.builder is not None or not items:
             return 2 * UNIT_ROUNDOFF
         if sum(map(self._most, items)) <= LARGEST_WHOLE:
