@@ -240,21 +240,23 @@ def _bounds_differ(found: Bounds, true: Bounds, *, overlap: bool) -> str:
 
 def _ends(result: Result) -> list[Bounds]:
     """The bounds of a number, or of the least and greatest one over several initial states."""
-    pair = isinstance(result.value, tuple)
-    values = result.value if pair else result.bounds
+    if not isinstance(result.value, tuple):
+        return [result.bounds]
     match result.accuracy:
-        case Certified() as within if pair:
+        case Certified() as within:
             if isinf(within.epsilon):
                 return [(-inf, inf)] * 2
             radius = Fraction(within.epsilon)
         case Exact(rounding=True):
             radius = Fraction(0)
         case _:
-            return [(v, v) for v in values] if pair else [values]
-    wide = [v if isinf(v) or isnan(v) else Fraction(v) for v in values]
+            return [(v, v) for v in result.value]
+    wide = [v if isinf(v) or isnan(v) else Fraction(v) for v in result.value]
     slack = [0 if isinstance(v, float) else radius + ROUNDING * abs(v) for v in wide]
-    ends = [(v - s, v + s) for v, s in zip(wide, slack, strict=True)]
-    return ends if pair else ends[:1]
+    (low, _), (_, high) = ends = [(v - s, v + s) for v, s in zip(wide, slack, strict=True)]
+    if result.accuracy == Exact(rounding=True):  # one interval encloses the values of all states
+        low, high = result.bounds
+    return [(low, ends[0][1]), (ends[1][0], high)]
 
 
 def is_narrow(result: Result) -> bool:

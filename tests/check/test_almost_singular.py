@@ -61,6 +61,7 @@ def test_a_weight_that_is_not_positive_proves_nothing() -> None:
                 np.array([weight]),
                 policy,
                 0,
+                0.0,
             )
             if weight > 0.0:
                 assert x - low * weight <= 2.0 <= x + high * weight

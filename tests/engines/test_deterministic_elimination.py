@@ -249,7 +249,6 @@ def test_equations_where_many_states_are_neither() -> None:
             context, symbolic.all, symbolic.where(parse_expression("x=9")), Direction.MAX
         )
     assert [run.unknowns for run in context.log.runs] == [2]
-    assert values.is_point
     assert values.rounded(symbolic.initial)
     assert values.minimum(symbolic.initial)[0] == pytest.approx(0.5, rel=1e-12)
     yes, _ = values.compare(">", 0.4)

@@ -59,7 +59,7 @@ def test_tables_as_files(tmp_path: Path) -> None:
     assert (tmp_path / "x.csv").read_text().splitlines()[:5] == [
         "property,N,constant value,value,lower,upper,accuracy,states,transitions,build_seconds,seconds,error",
         "a,1,2,0.5,0.25,0.75,certified: +/- 2.5E-01,3,0,0.0,0.0,",
-        "a,2,2,1/3,0.3333333333333333,0.3333333333333333,exact,0,0,0.0,0.0,",
+        "a,2,2,1/3,0.3333333333333333,0.33333333333333337,exact,0,0,0.0,0.0,",
         "a,3,2,Infinity,,,estimate,0,0,0.0,0.0,",
         'b,1,,"[0.25,0.75]",0.25,0.75,exact,0,0,0.0,0.0,',
     ]

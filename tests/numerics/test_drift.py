@@ -148,7 +148,7 @@ def test_the_drift_of_a_long_row_is_an_upper_bound(monkeypatch: pytest.MonkeyPat
     prove = drift._bounds
 
     def watched(*args: object) -> drift.CoreBounds:
-        drifts.append(np.array(args[-1]))
+        drifts.append(np.array(args[-2]))
         return prove(*args)  # type: ignore[arg-type]
 
     monkeypatch.setattr(drift, "_bounds", watched)

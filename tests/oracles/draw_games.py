@@ -332,19 +332,17 @@ def with_choices(game: Game, chosen: Mapping[int, int]) -> Game:
 def contradiction(question: Question, result: Any) -> str:
     """How a result of a check contradicts the truth; empty if it does not.
 
-    An exact value has to be the truth, a rounded one is within 1e-12 of it, bounds contain it, and a
-    verdict is right.
+    An exact value has to be the truth, bounds contain it, and a verdict is right.
     """
-    truth, accuracy = question.value, result.accuracy
+    truth = question.value
     if isinstance(truth, bool):
         return "" if result.value is truth else "verdict"
-    low, high = getattr(accuracy, "lower", result.value), getattr(accuracy, "upper", result.value)
+    low, high = result.bounds
     if low == inf and question.upper == UNKNOWN:
         return ""  # it grows without end
     if inf in (low, truth):
         return "" if low == high == truth else "infinity"
-    slack = Fraction(1, 10**12) * abs(truth) if getattr(accuracy, "rounding", False) else 0
-    low, high = Fraction(low) - slack, inf if high == inf else Fraction(high) + slack
+    low, high = Fraction(low), inf if high == inf else Fraction(high)
     if question.upper is not None:
         return "" if high >= truth and low <= question.upper else "limit"
     return "" if low <= truth <= high else "value"

@@ -7,8 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from itertools import compress
-from math import inf, isinf, isnan
-from sys import float_info
+from math import inf, isinf
 from time import perf_counter
 from typing import TYPE_CHECKING, assert_never
 
@@ -27,16 +26,16 @@ from symcheck.check.result import (
     Result,
     SolverRun,
     Statistical,
+    nearest_double,
 )
 from symcheck.check.state_formulas import applied_filter, path_of, satisfying, values_of
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.engines.capabilities import RepresentsOrbits
-from symcheck.engines.explicit.rational_values import enclosure
 from symcheck.engines.states import States, StateValues
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
 from symcheck.numerics.linear.problem import Observer, largest_width
+from symcheck.numerics.tuning import ROUNDING_WIDTH
 from symcheck.options import Options
-from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.expressions.rounding_notes import notes_about
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.path_formulas import negated
@@ -355,9 +354,16 @@ def _range(
     rounded: bool,
     type: Type,
 ) -> tuple[Answer, Accuracy]:
-    low, accuracy = _answer(context, bounds[0], rounded, type)
-    high, other = _answer(context, bounds[1], rounded, type)
-    return (low, high), max(accuracy, other, key=_weakness)
+    ends = [_answer(context, b, rounded, type) for b in bounds]
+    (low, first), (high, last) = ends
+    accuracy = max(first, last, key=_weakness)
+    if isinstance(accuracy, Exact) and accuracy.rounding:
+        (lower, _), (_, upper) = (Result(*end).bounds for end in ends)
+        accuracy = Exact(True, float(lower), float(upper))
+    elif isinstance(accuracy, Certified):  # the other end may be further from the truth
+        widest = max((Result(*end).bounds for end in ends), key=lambda b: b[1] - b[0])
+        accuracy = Certified(*map(float, widest))
+    return (low, high), accuracy
 
 
 def _weakness(accuracy: Accuracy) -> float:
@@ -377,25 +383,19 @@ def _answer(context: Context, bounds: Bounds, rounded: bool, type: Type) -> tupl
     """A number between the bounds, and how accurate it is."""
     low, high = bounds
     if isinstance(low, Fraction) and type is not Type.INT and not context.engine.is_rational:
-        return _nearest_double(low)
-    if low != high and not (isnan(low) or isnan(high)):
-        return _middle(low, high), Certified(float(low), float(high))
-    if type is Type.INT and not isinf(low) and not isnan(low):
-        return int(low), Exact(rounding=rounded)
-    value: Number = float(low) if isinstance(low, int) else low
+        return nearest_double(low)
+    if low != low or high != high:  # NaN
+        return float(low), Exact(rounding=rounded)
     if not all(r.certified for r in context.log.runs):
-        return value, Estimate()
-    return value, Exact(rounding=rounded)
-
-
-def _nearest_double(value: Fraction) -> tuple[float, Accuracy]:
-    """A number that is known without error, as a double."""
-    near = to_float(value)
-    if near == value:
-        return near, Exact()
-    if isinf(near) or abs(near) < float_info.min:  # no double is near
-        return near, Certified(*enclosure(value))
-    return near, Exact(rounding=True)
+        return _middle(low, high), Estimate()
+    if low != high:
+        value = _middle(low, high)
+        lower, upper = float(low), float(high)
+        near = rounded and upper - lower <= ROUNDING_WIDTH * abs(float(value)) < inf
+        return value, Exact(True, lower, upper) if near else Certified(lower, upper)
+    if type is Type.INT and not isinf(low):
+        return int(low), Exact()
+    return float(low) if isinstance(low, int) else low, Exact()
 
 
 def _middle(low: Number, high: Number) -> Number:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from symcheck.check.context import Context
-from symcheck.engines.base import Engine, Values
+from symcheck.engines.base import ROUNDING, Engine, Values
 from symcheck.engines.capabilities import HasRationalTwin
 from symcheck.errors import ModelFault
 from symcheck.matrices.numbers import Rationals, rationals
@@ -56,7 +56,8 @@ def in_doubles(engine: Engine, values: Values) -> Values:
 
 
 def _rounded(engine: Engine, values: Values) -> Values:
-    return values.map(Operator.PLUS, engine.constant(0, rounded=True))
+    near = engine.constant(1 - ROUNDING, 1 + ROUNDING, rounded=True)
+    return values.map(Operator.TIMES, near)
 
 
 def _is_whole(context: Context, formula: Expression) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from math import inf, isfinite, nextafter
 from typing import Generic, TypeVar, assert_never
 
 import numpy as np
@@ -133,7 +134,7 @@ class AppliedFilter:
                 bounds = values.total(states)
             case "avg":
                 low, high = values.total(states)
-                bounds = low / states.count, high / states.count
+                bounds = _share(low, states.count, -inf), _share(high, states.count, inf)
             case "min":
                 bounds = values.minimum(states)
             case "state" | "first":
@@ -142,9 +143,7 @@ class AppliedFilter:
             case _:
                 assert_never(operator)
         if operator in ("sum", "avg"):
-            rounded = rounded or any(
-                isinstance(b, float) and (b % 1 > 0 or abs(b) > LARGEST_WHOLE) for b in bounds
-            )
+            rounded = rounded or values.is_point
         return self._constant(bounds, rounded)
 
     def _constant(self, bounds: Bounds, rounded: bool) -> Numeric:
@@ -159,10 +158,12 @@ class AppliedFilter:
     def _extreme(self, values: Values, states: StateSet) -> Condition:
         """The states whose value may be the least (greatest), given its accuracy."""
         if self.node.operator == "argmin":
-            sure, maybe = values.compare("<=", values.minimum(states)[1])
+            least, most = values.minimum(states)
+            near, sure = values.compare("<=", most), values.compare("<=", least)[0]
         else:
-            sure, maybe = values.compare(">=", values.maximum(states)[0])
-        extreme = (sure | maybe) & states
+            least, most = values.maximum(states)
+            near, sure = values.compare(">=", least), values.compare(">=", most)[0]
+        extreme = (near[0] | near[1]) & states
         if self.exactly is not None and self._is_undecided(values, extreme, sure):
             # Values that are too close are compared as rationals, where the model is small enough.
             exact = by_rationals(self.context.engine, self.exactly)
@@ -221,6 +222,14 @@ def _lines(context: Context, states: StateSet, values: Sequence[bool | float]) -
     return [
         Line(i, s, v) for i, s, v in zip(numbers, engine.valuations(states), values, strict=True)
     ]
+
+
+def _share(total: Number, count: int, towards: float) -> Number:
+    """The total divided by a count, rounded in a direction."""
+    share = total / count
+    if isinstance(share, Fraction) or not isfinite(share) or Fraction(share) * count == total:
+        return share
+    return nextafter(share, towards)
 
 
 def _is_large_whole(value: float | Fraction) -> bool:

@@ -5,9 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from fractions import Fraction
+from math import inf, isinf, nextafter
+from sys import float_info
 from typing import TYPE_CHECKING, TypeVar, assert_never
 
-from symcheck.engines.base import Engine
+from symcheck.engines.base import ROUNDING, Engine
+from symcheck.engines.explicit.rational_values import enclosure
 from symcheck.engines.states import States, StateValues
 from symcheck.errors import NoStrategyError, NotInResultError, UnsupportedError, UsageError
 from symcheck.lazy_dataclass import dataclass
@@ -33,6 +36,7 @@ __all__ = [
     "Result",
     "SolverRun",
     "Statistical",
+    "nearest_double",
     "show_value",
 ]
 
@@ -43,9 +47,16 @@ Answer = bool | Number | RationalFunction | tuple[Number, Number] | list[tuple[N
 
 @dataclass(frozen=True, slots=True)
 class Exact:
-    """The value is exact; with `rounding`, up to the rounding of single operations."""
+    """The value is exact; with `rounding`, up to the rounding of single operations.
+
+    Attributes:
+        rounding: whether numbers were rounded.
+        lower, upper: between which the true value lies then; None: within 1e-12, relatively.
+    """
 
     rounding: bool = False
+    lower: float | None = field(default=None, compare=False)
+    upper: float | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
         return "exact up to rounding" if self.rounding else "exact"
@@ -103,6 +114,16 @@ class Statistical:
 
 
 Accuracy = Exact | Certified | Estimate | Statistical
+
+
+def nearest_double(value: Fraction) -> tuple[float, Accuracy]:
+    """A number that is known without error as a double, and how accurate that is."""
+    near = to_float(value)
+    if near == value:
+        return near, Exact()
+    if isinf(near) or abs(near) < float_info.min:  # no double is near
+        return near, Certified(*enclosure(value))
+    return near, Exact(True, *enclosure(value))
 
 
 @dataclass(frozen=True, slots=True)
@@ -348,9 +369,10 @@ class Result:
     def bounds(self) -> tuple[Number, Number]:
         """Numbers between which the true value lies (with its confidence, if it is statistical).
 
-        An exact value is both of them, up to rounding if `accuracy` says so. Over several initial
-        states they enclose all values. Raises TypeError if the value is no number or range, and
-        UnsupportedError for an estimate, whose error is unknown.
+        An exact value is both of them. Bounds of one that is exact up to rounding enclose what was
+        rounded, of the numbers in the text too. Over several initial states they enclose all
+        values. Raises TypeError if the value is no number or range, and UnsupportedError for an
+        estimate, whose error is unknown.
         """
         match self.value:
             case bool() | None | list() | RationalFunction():
@@ -364,11 +386,17 @@ class Result:
             case _:
                 assert_never(self.value)
         match self.accuracy:
+            case Exact(True, float(lower), float(upper)):
+                return lower, upper
+            case Exact(True):
+                low, high = float(low), float(high)
+                return low - abs(low) * ROUNDING, high + abs(high) * ROUNDING
             case Exact():
                 return low, high
             case Certified(lower, upper):
                 if isinstance(self.value, tuple):
-                    return low - self.accuracy.epsilon, high + self.accuracy.epsilon
+                    epsilon = self.accuracy.epsilon
+                    return nextafter(low - epsilon, -inf), nextafter(high + epsilon, inf)
                 return lower, upper
             case Statistical():
                 return self.accuracy.lower, self.accuracy.upper

@@ -137,14 +137,15 @@ def transient(
     kernel, start = engine.system(engine.all).row_kernel, doubles(start)
     weights = kernel.weights.doubles()
     if kernel.exit_rates is None:
-        lower, upper, text = _steps(weights, start, int(time))
+        lower, upper, text = _steps(weights, start, int(time), engine.entry_error)
     elif time == 0:
         lower, upper, text = start, start, "no time passes"
     else:
         from symcheck.numerics.transient.values import transient_distribution
 
         kernel = TransitionKernel(weights, doubles(kernel.exit_rates))
-        solution = transient_distribution(kernel, start, float(time), options)
+        error = engine.entry_error
+        solution = transient_distribution(kernel, start, float(time), options, error)
         lower, upper, text = solution.lower, solution.upper, solution.explanation
     return Distribution(engine, lower, upper, True, text, perf_counter() - started)
 
@@ -191,16 +192,21 @@ def _prepared(engine: Engine, start: Numbers | None, kind: _Kind) -> Numbers:
     return start
 
 
-def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Floats, str]:
+def _steps(
+    matrix: SparseMatrix, start: Floats, steps: int, entry_error: float
+) -> tuple[Floats, Floats, str]:
     """Bounds after products with the transposed matrix, and an explanation.
 
     All terms are non-negative, so the rounding error is relative. Small chains are squared.
+    entry_error: of the matrix, relative.
     """
     if matrix.states <= SQUARING_STATES and steps > SQUARING_STEPS:
         from symcheck.numerics.transient.squaring import IntervalChain, squaring_entries
 
         chain = IntervalChain.of_steps(
-            matrix, np.zeros(len(start)), ENTRY_ERROR + matrix.longest * UNIT_ROUNDOFF
+            matrix,
+            np.zeros(len(start)),
+            ENTRY_ERROR + entry_error + matrix.longest * UNIT_ROUNDOFF,
         )
         cheap = squaring_entries(matrix.states, steps) < steps * max(matrix.entries, STEP_ENTRIES)
         if chain is not None and cheap:
@@ -216,7 +222,8 @@ def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Flo
         if np.array_equal(x, y):
             break  # a fixpoint of the rounded products
         x, y = y, x
-    error = (made * (longest + 2) + 2) * UNIT_ROUNDOFF if steps else 0.0
+    step = (longest + 2) * UNIT_ROUNDOFF + entry_error
+    error = 1.01 * made * step + 4 * UNIT_ROUNDOFF if steps else 0.0
     if error > 1e-3:
         raise NumericalError(
             f"{steps} steps are too many: rounding may make an error of {error:.1E}"
@@ -224,7 +231,7 @@ def _steps(matrix: SparseMatrix, start: Floats, steps: int) -> tuple[Floats, Flo
     if made < steps:
         # The rounded products reached a fixpoint, the true ones may still change: the bound must
         # hold for all steps.
-        error = max(error, min(steps * (longest + 2) * UNIT_ROUNDOFF, 1.0))
+        error = max(error, min(1.01 * steps * step, 1.0))
     text = f"{made} products with the matrix" + (", then nothing changes" if made < steps else "")
     return x * (1 - error), x * (1 + error), text
 
@@ -266,10 +273,11 @@ def steady_state(
         if engine.is_rational:
             lower[part] = rational.stationary_distribution(component) * np.asarray(low, object)
             continue
-        solution = stationary_distribution(component, options)
+        solution = stationary_distribution(component, options, error=engine.entry_error)
         certified &= solution.certified
-        lower[part] = solution.lower * float(low)
-        upper[part] = np.minimum(solution.upper * float(high), 1.0)
+        rounding = 0.0 if low == 1 else 4.0 * UNIT_ROUNDOFF
+        lower[part] = solution.lower * float(low) * (1.0 - rounding)
+        upper[part] = np.minimum(solution.upper * float(high) * (1.0 + rounding), 1.0)
         largest = solution.explanation if len(part) > 1 else largest
     if engine.is_rational:
         upper, largest = lower, "rational elimination"
@@ -299,7 +307,7 @@ def _reached(
             mass = np.dot(low, positive)
             out.append((mass, mass))
             continue
-        # Values that are exact up to rounding are widened by the rounding error.
+        # The sum is rounded.
         out.append(
             (
                 float(np.dot(low, positive)) * (1 - ROUNDING),

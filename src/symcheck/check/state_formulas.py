@@ -162,12 +162,14 @@ def _applied(context: Context, operator: Operator | Function, operands: Sequence
 
 
 def _clipped(context: Context, values: Values) -> Values:
-    """Probabilities with bounds limited to [0, 1]."""
+    """Probabilities with bounds limited to [0, 1]; if rounded, from 0, so that 1 is a middle."""
     if context.engine.model.parameters:
         return values
     if values.minimum(context.engine.all)[0] < 0:
         values = values.map(Function.MAX, 0)
-    return values.map(Function.MIN, 1) if values.maximum(context.engine.all)[1] > 1 else values
+    if values.maximum(context.engine.all)[1] <= 1 or values.rounded(context.engine.all):
+        return values
+    return values.map(Function.MIN, 1)
 
 
 def states_of(context: Context) -> Callable[[Expression], StateSet]:

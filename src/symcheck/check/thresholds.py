@@ -59,7 +59,7 @@ def decide(
         sure, undecided = values.compare(operator, threshold)
         if not undecided & relevant:
             return sure
-        if values.is_point:
+        if values.rounded(undecided & relevant):  # a smaller epsilon changes nothing
             break
     if failure is not None and undecided is relevant:
         raise failure

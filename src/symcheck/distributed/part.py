@@ -26,7 +26,7 @@ from symcheck.kernels.rows import sparse
 from symcheck.kernels.solve.part_sweeps import PartSweeps
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.numerics.linear.masked_problem import MaskedProblem
-from symcheck.numerics.settings import ROUNDING, Settings
+from symcheck.numerics.settings import Settings
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
 from symcheck.semantics.state_faults import describe_state
@@ -379,8 +379,6 @@ class Part:
         solution = solve_linear(problem, settings)
         place = int(np.count_nonzero(self._unknown[: self._rows.initial[0]]))
         lower, upper = float(solution.lower[place]), float(solution.upper[place])
-        if solution.up_to_rounding:
-            lower, upper = lower * (1 - ROUNDING), upper * (1 + ROUNDING)
         if constant is None:
             upper = min(upper, 1.0)
         return lower, upper, solution.explanation

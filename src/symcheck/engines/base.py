@@ -109,9 +109,7 @@ class StateSet(Protocol):
 class ValuesOf(Protocol[S]):
     """A number per reachable state, known to lie between a lower and an upper value.
 
-    Where they are equal (`is_point`), they differ from the truth by rounding only.
-    Constants that `lift` was given, and values of expressions, are taken as they are; what was
-    computed in floating point is within ROUNDING.
+    Constants that `lift` was given, and values of expressions, are taken as they are.
     """
 
     @property
@@ -120,10 +118,7 @@ class ValuesOf(Protocol[S]):
         ...
 
     def rounded(self, states: S) -> bool:
-        """Whether some value over the set was computed in floating point.
-
-        Equal bounds of such a value are exact up to rounding only.
-        """
+        """Whether some value over the set was rounded, and all bounds differ by that alone."""
         ...
 
     def at(self, states: S) -> tuple[Numbers, Numbers]:
@@ -146,8 +141,7 @@ class ValuesOf(Protocol[S]):
         """The states that surely satisfy `value operator threshold`, and those where it is
         undecided.
 
-        Operators: < <= > >= = !=. A computed value that is exact up to rounding is undecided within
-        ROUNDING (relative) of the threshold, so that rounding never decides.
+        Operators: < <= > >= = !=.
         """
         ...
 
@@ -262,6 +256,28 @@ class SystemOf(Protocol[S, V]):
         """
         ...
 
+    @property
+    def entry_error(self) -> float:
+        """That of the engine."""
+        ...
+
+    @property
+    def error(self) -> float:
+        """A bound on the relative error of one-step probabilities, and of their sums in a row."""
+        ...
+
+    def state_reward_error(self, reward: Reward) -> float:
+        """A bound on the relative error of state rewards that do not cancel."""
+        ...
+
+    def earned_error(self, reward: Reward) -> float:
+        """A bound on the relative error of `earned`, where it does not cancel."""
+        ...
+
+    def reward_error(self, reward: Reward) -> float:
+        """A bound on the relative error of `step_rewards`, where they do not cancel."""
+        ...
+
     def step_rewards(self, reward: Reward) -> Numbers:
         """Per row: the expected reward of a step (in continuous time, with the state reward of its
         stay).
@@ -290,9 +306,11 @@ class SystemOf(Protocol[S, V]):
         probability: bool,
         allow_stay: bool = False,
         infinite: S | None = None,
+        constant_error: float = 0.0,
     ) -> EquationsOf[S, V]:
         """The equations x = A x + constant (bounds: up to `upper`), with the probabilities A.
 
+        `constant_error`: the relative error of constants, beyond that of probabilities.
         `allow_stay`: a strategy may stay for ever where that costs and earns nothing, with value 0
         (greatest rewards); or it must not (least probabilities of what is met outside).
         `infinite`: other states, whose value is infinite; choices that may lead there never
@@ -321,7 +339,8 @@ class SystemOf(Protocol[S, V]):
             lower: values on `states`.
             upper: their upper bounds; None if equal to `lower`.
             rest: constants on other sets, 0 elsewhere.
-            up_to_rounding: whether the values carry rounding errors only.
+            up_to_rounding: whether the bounds differ by rounding only; without `upper`, the values
+                are within ROUNDING of the true ones.
         """
         ...
 
@@ -562,6 +581,13 @@ class EngineOf(Protocol[S, V]):
     @property
     def entry_range(self) -> tuple[float, float]:
         """The least positive and the greatest one-step probability (in continuous time, rate)."""
+        ...
+
+    @property
+    def entry_error(self) -> float:
+        """A bound on the relative error of a sum of entries of a row: numbers of the text and sums
+        are rounded.
+        """
         ...
 
     def where(self, expression: Expression) -> S:

@@ -57,7 +57,8 @@ def build_intervals(model: BoundModel, options: Options, build: BuildRows) -> En
 
     high = rows(_upper)
     _check(high, model)
-    low = rows(_lower).weights
+    least = rows(_lower)
+    low, error = least.weights, max(least.entry_error, high.entry_error)
     if not np.array_equal(low.indptr, high.weights.indptr) or not np.array_equal(
         low.indices, high.weights.indices
     ):
@@ -69,7 +70,8 @@ def build_intervals(model: BoundModel, options: Options, build: BuildRows) -> En
             _listed(high.explored, model, rewards),
             high.name,
             lower=low.data,
-            source=high,
+            source=replace(high, number_error=error),
+            number_error=error,
             twin=lambda: build_intervals(exactly_bound(model), exact, build),
         )
     )

@@ -35,7 +35,7 @@ from symcheck.numerics.linear.problem import (
 from symcheck.numerics.settings import Settings
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.expressions.literals import LEAST
-from symcheck.semantics.rewards import Reward, Structure
+from symcheck.semantics.rewards import Reward, Structure, Time
 
 __all__ = [
     "ExpectedReward",
@@ -61,8 +61,8 @@ def refuse_infinite_minimum(direction: Direction | None) -> None:
         )
 
 
-_ROUNDINGS = 16
-"""The rounded operations of a reward that is not a sum of items, such as one that was read."""
+_ROUNDINGS = 8
+"""More than the rounded operations of a reward, apart from its items and its step."""
 
 
 def _finite(results: Numbers, *operands: Numbers) -> Numbers:
@@ -139,6 +139,36 @@ class LinearSystem(SystemOf[S, V]):
     @abstractmethod
     def reward_sums(self) -> RewardSums:
         """The sums of rewards of the engine that floating point gets wrong."""
+
+    @property
+    @abstractmethod
+    def entry_error(self) -> float:
+        """That of the engine."""
+
+    @cached_property
+    def error(self) -> float:
+        """A bound on the relative error of one-step probabilities, and of their sums in a row."""
+        entries = self.entry_error
+        return 2.0 * (entries + UNIT_ROUNDOFF) if self.continuous_time else entries
+
+    def state_reward_error(self, reward: Reward) -> float:
+        """A bound on the relative error of state rewards that do not cancel."""
+        return (
+            self.reward_sums.relative_error(reward.index) if isinstance(reward, Structure) else 0.0
+        )
+
+    def earned_error(self, reward: Reward) -> float:
+        """A bound on the relative error of `earned`, where it does not cancel."""
+        error = self.state_reward_error(reward)
+        if isinstance(reward, Structure):
+            of_rows = self.reward_sums.on_transitions(reward.index)
+        else:
+            of_rows = not (isinstance(reward, Time) and self.continuous_time)
+        return error + _ROUNDINGS * UNIT_ROUNDOFF + self.entry_error if of_rows else error
+
+    def reward_error(self, reward: Reward) -> float:
+        """A bound on the relative error of `step_rewards`, where they do not cancel."""
+        return self.earned_error(reward) + (self.error if self.continuous_time else 0.0)
 
     @property
     def opponents(self) -> Bools | None:
@@ -240,13 +270,11 @@ class LinearSystem(SystemOf[S, V]):
 
     def step_reward_errors(self, reward: Reward) -> Numbers:
         """Per row: a bound on the rounding error of `step_rewards`, of an engine with doubles."""
-        operations = _ROUNDINGS
         if isinstance(reward, Structure):
             errors = self.reward_sums.errors(reward.index, self.states)
             if errors is not None:
                 return self._per_jump(errors) * (1.0 + 1e-9)
-            operations += self.reward_sums.operations(reward.index) + self.kernel.weights.longest
-        return operations * UNIT_ROUNDOFF * np.abs(self.step_rewards(reward))
+        return self.reward_error(reward) * np.abs(self.step_rewards(reward))
 
     def state_rewards(self, reward: Reward) -> Numbers:
         """The state reward per state; accurate also where items of opposite signs cancel."""
@@ -291,9 +319,12 @@ class LinearSystem(SystemOf[S, V]):
         probability: bool,
         allow_stay: bool = False,
         infinite: S | None = None,
+        constant_error: float = 0.0,
     ) -> LinearEquations[S, V]:
         """The equations x = A x + constant (bounds: up to `upper`)."""
-        return LinearEquations(self, constant, upper, probability, allow_stay, infinite=infinite)
+        return LinearEquations(
+            self, constant, upper, probability, allow_stay, constant_error, infinite=infinite
+        )
 
     def problem(
         self, constant: Numbers, upper: Numbers | None, *, probability: bool
@@ -310,11 +341,20 @@ class LinearSystem(SystemOf[S, V]):
                 direction,
                 probability,
                 opponents=self.opponents,
+                error=self.error,
             )
         operator = self.operator
         assert not isinstance(operator, SparseMatrix)  # an engine with rows is asked for its matrix
         return LinearProblem(
-            constant, None, upper, leave, direction, probability, operator, self.groups
+            constant,
+            None,
+            upper,
+            leave,
+            direction,
+            probability,
+            operator,
+            self.groups,
+            self.error,
         )
 
     def _end_components_matter(self, probability: bool) -> bool:
@@ -336,6 +376,11 @@ class BaseEquations(EquationsOf[S, V]):
 
     system: LinearSystem[S, V]
     infinite: S | None = field(default=None, kw_only=True)
+
+    @property
+    def constant_error(self) -> float:
+        """The relative error of constants beyond that of probabilities."""
+        return 0.0
 
     @property
     def states(self) -> S:
@@ -423,12 +468,14 @@ class LinearEquations(BaseEquations[S, V]):
         probability: whether the solution consists of probabilities; else of expected rewards.
         allow_stay: whether a strategy may stay for ever at no reward, with value 0 (greatest
             rewards); it must not for least probabilities.
+        constant_error: see `BaseEquations`.
     """
 
     constant: Numbers = field(repr=False)
     upper: Numbers | None = field(repr=False)
     probability: bool
     allow_stay: bool = False
+    constant_error: float = 0.0
 
     def problem(self) -> LinearProblem:
         """The equations for a numerical method, on the usable rows.
@@ -445,7 +492,7 @@ class LinearEquations(BaseEquations[S, V]):
         ):
             raise ValueError("a state with a choice that leads to an infinite value is no unknown")
         problem = system.problem(self.constant, self.upper, probability=self.probability)
-        return self._usable(problem)
+        return self._usable(replace(problem, constant_error=self.constant_error))
 
     def _solved(
         self, known: Sequence[tuple[S, float]], settings: Settings, observer: Observer | None
@@ -507,10 +554,18 @@ class ExpectedReward(BaseEquations[S, V]):
         sums = self.system.reward_sums
         return isinstance(self.reward, Structure) and sums.cancels(self.reward.index)
 
+    @property
+    def constant_error(self) -> float:
+        """The relative error of the rewards of steps."""
+        return UNIT_ROUNDOFF if self.cancels else self.system.reward_error(self.reward)
+
     def problem(self) -> LinearProblem:
         """The equations for a numerical method, on the usable rows."""
         constant = self.system.step_rewards(self.reward)
-        return self._usable(self.system.problem(constant, None, probability=False))
+        problem = self._usable(self.system.problem(constant, None, probability=False))
+        if is_rational(constant):
+            return problem
+        return replace(problem, constant_error=self.constant_error)
 
     def _solved(
         self, known: Sequence[tuple[S, float]], settings: Settings, observer: Observer | None
@@ -597,12 +652,11 @@ def lifted(
     system: Lifts[S, V], solution: Solution, known: Sequence[tuple[S, float]], settings: Settings
 ) -> SolvedValues[V]:
     """A solution over the unknowns, on all states."""
-    point = solution.up_to_rounding or not solution.certified
-    values = system.lift(
-        solution.middle if point else solution.lower,
-        None if point else solution.upper,
-        known,
-        up_to_rounding=point,
+    exact = is_rational(solution.lower)
+    values = (
+        system.lift(solution.lower, solution.upper, known, solution.up_to_rounding)
+        if solution.certified and not exact
+        else system.lift(solution.middle, None, known, up_to_rounding=True)
     )
     return SolvedValues(
         values,
@@ -638,5 +692,7 @@ def chosen_rows(problem: LinearProblem, matrix: SparseMatrix, allowed: Bools) ->
         problem.exit[rows],
         problem.direction,
         problem.probability,
+        error=problem.error,
+        constant_error=problem.constant_error,
         opponents=problem.opponents,
     )

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from fractions import Fraction
 from functools import cached_property
+from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,7 @@ from symcheck.matrices.rows import Bools, Floats, Int64s, per_row
 from symcheck.numerics import rational_limits
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.binding.bind import exactly_bound
+from symcheck.semantics.entry_errors import expression_error
 from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_float
 from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.interpreter import State, action_rewards, state_rewards, transitions
@@ -93,10 +95,35 @@ class RewardSums:
         engine, members = self.engine, self.engine.to_bools(states)
         return self._errors[index][per_row(engine.system(engine.all).groups, members)]
 
-    def operations(self, index: int) -> int:
-        """The most operations that are rounded in what a row earns, apart from its sum."""
-        items = self.engine.model.rewards[index].items
-        return sum(2 + len(list(nodes(item.value))) for item in items)
+    def relative_error(self, index: int) -> float:
+        """A bound on the relative error of a sum of items of one sign; 0 if they are ints."""
+        model = self.engine.model
+        items, variables = model.rewards[index].items, model.variables
+        if self.engine.is_rational:
+            return 0.0
+        if model.builder is not None or not items:
+            return 2 * UNIT_ROUNDOFF
+        if sum(map(self._most, items)) <= LARGEST_WHOLE:
+            return 0.0
+        errors = (expression_error(i.value, variables, tuning.TABLE_BITS) for i in items)
+        return max(errors, default=0.0) + 2 * len(items) * UNIT_ROUNDOFF
+
+    def _most(self, item: BoundReward) -> float:
+        """The largest absolute value of an int; infinite for other numbers."""
+        from symcheck.semantics.reduction.live_variables import int_bounds
+
+        if isinstance(item.value, Literal):
+            value = Fraction(item.value.value)
+            return to_float(abs(value)) if value.denominator == 1 else inf
+        if self._type(item.value) is not Type.INT:
+            return inf
+        return max(map(abs, int_bounds(item.value, self.engine.model.variables)))
+
+    def on_transitions(self, index: int) -> bool:
+        """Whether transitions may earn rewards of a structure."""
+        model = self.engine.model
+        items = model.rewards[index].items
+        return model.builder is not None or not items or not all(i.on_states for i in items)
 
     def per_state(self, index: int, states: StateSet) -> Floats | None:
         """State rewards of a structure, float64[states]; None if floating point adds them
@@ -228,7 +255,8 @@ class RewardSums:
             )
         else:
             out = self._corrected(index, total, lost, self._choices(groups), groups)
-        unit = (self.operations(index) + system.operator.longest) * UNIT_ROUNDOFF
+        unit = self.relative_error(index) + (system.operator.longest + 8) * UNIT_ROUNDOFF
+        unit += engine.entry_error
         of_rows = np.abs(total if out is None else out)
         self._errors[index] = unit * np.where(lost, of_rows, magnitudes)
         return out

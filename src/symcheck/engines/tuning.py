@@ -177,3 +177,5 @@ nand with N=20, K=2, interval iteration takes 1.48 s with 1 product, 1.36 s with
 CANCELLATION = 64.0
 """A sum of rewards keeps its digits if the absolute values of its terms are at most so many times
 as large: its relative error is then below 1e-13."""
+TABLE_BITS = 14
+"""Bits of the variables of an expression up to which diagrams tabulate it: see `EncodingLimits`."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from symcheck.errors import UsageError
 from symcheck.experiments.rows import Row, constant_names, constant_text
+from symcheck.numerics.tuning import ROUNDING_WIDTH
 from symcheck.tables import optional_package
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def _draw(axes: Any, positions: Sequence[Any], rows: Sequence[Row], label: str) 
     values = [rows[i].number for i in order]
     bounds = [rows[i].bounds or (rows[i].number, rows[i].number) for i in order]
     (line,) = axes.plot(across, values, marker="o", markersize=3.5, label=label)
-    if all(low == high for low, high in bounds):
+    if all(high - low <= ROUNDING_WIDTH * abs(high) for low, high in bounds):
         return
     lower, upper = zip(*bounds, strict=True)
     if len(order) > _FEW:

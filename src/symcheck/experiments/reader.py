@@ -205,7 +205,7 @@ def _of_value(cell: object) -> Number:
 def _accuracy(said: str, value: Answer, lower: float | None, upper: float | None) -> Accuracy:
     """The accuracy that a text says, of a value with bounds (None: without)."""
     if said in ("exact", "exact up to rounding"):
-        return Exact(rounding=said != "exact")
+        return Exact() if said == "exact" else Exact(True, lower, upper)
     if said in ("estimate", ""):
         return Estimate()
     if match := _STATISTICAL.fullmatch(said):

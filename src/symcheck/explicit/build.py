@@ -333,6 +333,8 @@ class Exploration:
             levels,
             self._seconds,
             represented,
+            e.rows.longest,
+            e.rows.shares,
         )
 
     def _transition_counts(self, order: Int32s, choices: Int64s) -> Int64s:

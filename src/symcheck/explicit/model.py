@@ -36,6 +36,9 @@ class ExplicitModel:
         seconds: duration of the exploration.
         represented: if not None, the states are representatives of orbits, the matrix leads to the
             representatives of successors, and these are the counts of the whole model.
+        terms: the most transitions of a row before those to the same state were added; None: that
+            is not known.
+        shares: whether choices of a DTMC may share its probability, other than by powers of 2.
     """
 
     model: BoundModel
@@ -49,6 +52,8 @@ class ExplicitModel:
     levels: int = 0
     seconds: float = 0.0
     represented: Represented | None = None
+    terms: int | None = None
+    shares: bool = True
 
     def __repr__(self) -> str:
         m = self.matrix

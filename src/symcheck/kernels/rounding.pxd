@@ -27,6 +27,13 @@ cdef inline double error_of_sum(int64_t terms) noexcept nogil:
     return (terms + EXTRA_ROUNDINGS) * UNIT_ROUNDOFF
 
 
+cdef inline double error_of_row(int64_t terms, double error) noexcept nogil:
+    """`error_of_sum` for coefficients that have a relative error themselves, twice that if a row is
+    divided by its sum; 2 unit roundoffs are among those that are extra."""
+    return error_of_sum(terms) + (2.0 * error - 4.0 * UNIT_ROUNDOFF
+                                  if error > 2.0 * UNIT_ROUNDOFF else 0.0)
+
+
 cdef inline double round_down(double sum, double error) noexcept nogil:
     """A lower bound of a sum with this relative error."""
     cdef double bound = sum - sum * error

@@ -16,6 +16,8 @@ from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix
 
 __all__ = ["IntervalRows"]
 
+_UNIT = 2.0**-53
+
 
 @dataclass(frozen=True, eq=False)
 class IntervalRows:
@@ -25,11 +27,13 @@ class IntervalRows:
         lower: the lower ends.
         upper: the upper ends, in the places of the lower ones.
         nature: nature minimises or maximises expectations.
+        error: of sums of ends of a row, relative.
     """
 
     lower: SparseMatrix
     upper: Numbers
     nature: Direction
+    error: float = 0.0
 
     @property
     def longest(self) -> int:
@@ -45,7 +49,8 @@ class IntervalRows:
     def compiled(self) -> kernel.IntervalRows:
         """The rows of doubles for compiled loops."""
         indptr, indices, lower = self.lower.arrays
-        return kernel.IntervalRows(indptr, indices, lower, self.upper, self.nature is Direction.MAX)
+        greatest = self.nature is Direction.MAX
+        return kernel.IntervalRows(indptr, indices, lower, self.upper, greatest, self.error)
 
     def multiply(self, x: Numbers) -> Numbers:
         """The best expectation of x, a number per state, by each row."""
@@ -76,9 +81,10 @@ class IntervalRows:
         lower = self.lower.choose(rows, groups)
         upper = replace(self.lower, data=self.upper).choose(rows, groups)
         merged = lower.merge(column_of, columns)
-        return IntervalRows(merged, upper.merge(column_of, columns).data, self.nature)
+        error = self.error + self.longest * _UNIT
+        return IntervalRows(merged, upper.merge(column_of, columns).data, self.nature, error)
 
     def doubles(self) -> IntervalRows:
         """The rows with the nearest doubles."""
         upper = replace(self.lower, data=self.upper).doubles().data
-        return IntervalRows(self.lower.doubles(), upper, self.nature)
+        return IntervalRows(self.lower.doubles(), upper, self.nature, _UNIT)

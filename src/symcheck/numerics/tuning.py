@@ -21,6 +21,8 @@ many times as large."""
 ROUNDING_WIDTH = 1e-9
 """Bounds of this relative width that follow from exact steps differ by rounding; wider ones, by
 underflow."""
+CONSTANT_WIDTH = 1e-11
+"""Constants with bounds of at most this relative width differ by rounding."""
 STATES_PER_SLICE = 65_536
 """States processed at a time where temporary arrays of all states would take too much memory."""
 

@@ -269,9 +269,8 @@ label "never" = s=6;
 def close(result, value: Fraction) -> bool:
     """Whether a result states an accuracy that is true, relative, and as good as requested."""
     found = Fraction(result.value)
-    bounds = result.accuracy
-    if hasattr(bounds, "lower"):
-        assert bounds.lower <= value <= bounds.upper
+    lower, upper = result.bounds
+    assert lower <= value <= upper
     return abs(found - value) <= Fraction(1, 10**6) * abs(value)
 
 

@@ -19,6 +19,7 @@ from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics.beliefs.exploration import Rows
 from symcheck.numerics.beliefs.observed import GOAL
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.model import BoundModel, BoundRewards
 from symcheck.semantics.rewards import Structure
 from symcheck.syntax.ast import Expression
@@ -61,14 +62,20 @@ class _BeliefModel:
 
 
 def engine_of(
-    base: ExplicitEngine, matrix: SparseMatrix, earned: Numbers | None = None
+    base: ExplicitEngine, matrix: SparseMatrix, earned: Numbers | None = None, terms: int = 1
 ) -> ExplicitEngine:
-    """An engine over the rows of a matrix, with the rewards of rows as its one reward structure."""
+    """An engine over the rows of a matrix, with the rewards of rows as its one reward structure.
+
+    terms: the most numbers of which an entry is the sum.
+    """
     rational = matrix.is_rational
     states = full(matrix.states, 0, rational=rational)
     rows = full(matrix.rows, 0, rational=rational) if earned is None else earned
     model = replace(base.model, rewards=(BoundRewards(None, ()),))
-    return ExplicitEngine(_BeliefModel(model, matrix, [states], [rows]), "beliefs")
+    # Numbers are products of two quotients of whole numbers.
+    error = (matrix.longest + terms + 8) * UNIT_ROUNDOFF
+    beliefs = _BeliefModel(model, matrix, [states], [rows])
+    return ExplicitEngine(beliefs, "beliefs", number_error=error)
 
 
 def reached(
@@ -80,6 +87,7 @@ def reached(
     direction: Direction | None,
     earned: Numbers | None = None,
     left: Bools | None = None,
+    terms: int = 1,
 ) -> tuple[Numbers, Numbers, bool]:
     """Bounds on the probability of reaching a goal in a matrix, or on what is earned on the way.
 
@@ -92,11 +100,12 @@ def reached(
         direction: None of a chain.
         earned: the reward of each row; None: the probability is asked for.
         left: the states that may be passed through, bool[n]; None: all.
+        terms: the most numbers of which an entry is the sum.
 
     Returns:
         The bounds where they are relevant, and whether equal ones are rounded.
     """
-    inner = belief_context(context, engine_of(base, matrix, earned), relevant)
+    inner = belief_context(context, engine_of(base, matrix, earned, terms), relevant)
     target, members = ArraySet(goal), ArraySet(relevant)
     if earned is None:
         through = inner.engine.all if left is None else ArraySet(left)

@@ -104,7 +104,8 @@ class Policies:
         if self.earned is not None:
             share = shares[self.memory.row_of_memory] * self.earned[self.memory.row_of_model]
             earned = np.append(np.add.reduceat(share, self.memory.groups[:-1]), (0.0, 0.0))
-        lower, upper, _ = reached(context, self.base, chain, goal, ~goal, None, earned)
+        terms = int(np.diff(self.memory.groups).max(initial=1))
+        lower, upper, _ = reached(context, self.base, chain, goal, ~goal, None, earned, terms=terms)
         if self.direction is Direction.MAX:
             return Policy(shares, lower[:n] * (1 - ROUNDING))
         return Policy(shares, upper[:n] * (1 + ROUNDING))

@@ -64,9 +64,8 @@ class Found:
     """Bounds on the values of some states that are known to be the current one.
 
     Attributes:
-        lower, upper: per state, float64 or Fractions; they are equal if the value is exact up to
-            rounding.
-        rounded: whether equal bounds carry rounding errors.
+        lower, upper: per state, float64 or Fractions.
+        rounded: whether bounds differ by rounding alone.
         text: what was explored.
         beliefs: their number.
         plan: what a strategy that attains the value is made of; None if there is none.
@@ -166,7 +165,7 @@ class _Search:
             )
         text += f", and {grid}"
         plan = Plan(self.points, self.exact, self.policies)
-        return Found(self.lower, self.upper, True, text, len(self.exact), plan)
+        return Found(self.lower, self.upper, False, text, len(self.exact), plan)
 
     def _complete(self) -> Found:
         """The values, as all beliefs are known."""
@@ -177,7 +176,7 @@ class _Search:
 
     def _values(self, found: Exploration, cut: Numbers | None) -> tuple[Numbers, Numbers, bool]:
         """Bounds at the beginning, where beliefs that were not expanded have the values `cut`, and
-        whether equal ones are rounded.
+        whether they differ by rounding alone.
         """
         matrix, earned = rows_matrix(found.rows(), cut, reward=self.earned is not None)
         goal, relevant = np.zeros((2, len(found)), np.bool_)

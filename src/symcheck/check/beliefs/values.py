@@ -15,7 +15,7 @@ from symcheck.check.context import Context
 from symcheck.check.queries.path_probabilities import probability
 from symcheck.check.result import SolverRun
 from symcheck.check.thresholds import decide
-from symcheck.engines.base import ROUNDING, StateSet, Values
+from symcheck.engines.base import StateSet, Values
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.matrices.numbers import Numbers
@@ -154,8 +154,9 @@ def _values(context: Context, query: Query[StateSet], enough: Enough) -> tuple[V
     rounded = any(p.rounded for p in parts)
     if complement:
         lower, upper = 1 - upper, 1 - lower
-        if rounded:  # a difference has fewer digits
-            lower, upper = np.maximum(lower - ROUNDING, 0), np.minimum(upper + ROUNDING, 1)
+        if not engine.is_rational:  # differences are rounded, but for those that are 0 and 1
+            lower = np.where(lower % 1 > 0, np.nextafter(lower, 0), lower)
+            upper = np.where(upper % 1 > 0, np.nextafter(upper, 1), upper)
     most = 1 if problem.reward is None else inf
     values = _spread(context, relevant, lower, upper, rounded, most)
     if engine.is_rational:
@@ -173,9 +174,8 @@ def _spread(
 ) -> Values:
     """Values of some states; those of the others are unknown, from 0 to `most`."""
     engine = context.engine
-    same = bool((lower == upper).all())
     values = engine.system(states).lift(
-        lower, None if same else upper, up_to_rounding=rounded and same
+        lower, None if engine.is_rational else upper, up_to_rounding=rounded
     )
     others = engine.constant(nan) if engine.is_rational else engine.constant(0, most)
     return values.choose(states, others)

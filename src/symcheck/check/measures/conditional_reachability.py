@@ -28,6 +28,7 @@ from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, SparseMatrix, starts_of
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.linear.until import until_bounds
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.syntax.operators import Operator
 from symcheck.tables import counted
 
@@ -103,6 +104,7 @@ class _Reset:
     n: int
     lower: SparseMatrix = field(repr=False)
     upper: SparseMatrix = field(repr=False)
+    error: float
 
     @staticmethod
     def of(
@@ -149,7 +151,8 @@ class _Reset:
 
         lower = matrix(0)
         same = all(low is high or np.array_equal(low, high) for low, high in bounds.values())
-        return _Reset(system.n, lower, lower if same else matrix(1))
+        error = system.error + (lower.longest + 3) * UNIT_ROUNDOFF
+        return _Reset(system.n, lower, lower if same else matrix(1), error)
 
     def solve(self, context: Context, index: int) -> tuple[Numbers, Numbers]:
         """Bounds on the greatest conditional probability of the state with this number."""
@@ -168,6 +171,7 @@ class _Reset:
                     Direction.MAX,
                     context.options,
                     observer=context.observer,
+                    error=self.error,
                 )
             )
         return bounds[0][0][index], bounds[-1][1][index]

@@ -55,10 +55,12 @@ def cost_bounded_reward(
         raise UnsupportedError(
             "rewards within a cost must not be negative or infinite; C<=k takes negative ones"
         )
-    problem = CostBoundedProblem(matrix, rewards, bound.rewards, bound.upper, direction)
+    error = system.error
+    problem = CostBoundedProblem(matrix, rewards, bound.rewards, bound.upper, direction, error)
     lower, upper, levels = solve_cost_bounded(problem, context.options, context.observer)
     context.log.runs.append(
         SolverRun("epochs", "budget by budget", system.n, levels, f"{levels} levels of the budget")
     )
-    rounding = levels * 2 * (matrix.longest + 3) * UNIT_ROUNDOFF
+    step = (matrix.longest + 5) * UNIT_ROUNDOFF + system.error
+    rounding = 1.01 * (levels * step + system.reward_error(reward))
     return lift_bounds(context, system, (lower, upper), rounding, explanation="budget by budget")

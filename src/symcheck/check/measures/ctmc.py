@@ -14,7 +14,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.measures.signed_steps import REWARD_ERROR
-from symcheck.check.measures.step_bounded import lift_bounds
+from symcheck.check.measures.step_bounded import lift_bounds, relative_error
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, StateSet, System, Values
@@ -34,6 +34,7 @@ __all__ = [
     "cumulative_reward",
     "instantaneous_reward",
     "next_probability",
+    "one_jump_error",
     "prob_greater_zero",
 ]
 
@@ -63,17 +64,29 @@ def next_probability(
     context.log.runs.append(SolverRun("transient", "one jump", system.n, 1))
     certain, impossible = engine.graph.all_successors_in(target), ~engine.graph.predecessors(target)
     if window.is_unbounded:
-        return system.lift(value, None, up_to_rounding=True).choose(
-            ~(certain | impossible), engine.indicator(certain)
-        )
+        one_jump = lift_bounds(context, system, [value], system.error, explanation="one jump")
+        return one_jump.choose(~(certain | impossible), engine.indicator(certain))
     _refuse_rationals(context)
     in_time = np.exp(-rates * lower) * (
         1.0 if upper is None else -np.expm1(-rates * (upper - lower))
     )
     an_instant = window.lower == window.upper
     within = enclosed([value * in_time], lambda: value * (not an_instant))
-    values = lift_bounds(context, system, within, 0.5 * ROUNDING, explanation="one jump")
+    exponent = float(np.max(rates, initial=0.0)) * (lower if upper is None else max(lower, upper))
+    error = one_jump_error(system, exponent)
+    values = lift_bounds(context, system, within, error, explanation="one jump")
     return values.choose(~impossible, engine.constant(0))
+
+
+def one_jump_error(system: System, exponent: float) -> float:
+    """The relative error of the probability of a jump within a time.
+
+    That of exp(-rate t), and of 1 - exp(-rate t), is at most rate t times that of the rate, which
+    the probability of a jump so late outweighs below the range of doubles.
+
+    exponent: the largest rate t.
+    """
+    return 0.5 * ROUNDING + system.error * (2.0 + 4.0 * min(exponent, 750.0))
 
 
 def bounded_until(
@@ -136,7 +149,8 @@ def cumulative_reward(
     if time == 0:
         return context.engine.constant(0)
     system = context.engine.system(context.engine.all)
-    return _sum_of_signs(context, None, system.earned(reward), time)
+    error = system.earned_error(reward)
+    return _sum_of_signs(context, None, system.earned(reward), time, error)
 
 
 def instantaneous_reward(
@@ -145,11 +159,10 @@ def instantaneous_reward(
     """Expected state reward at time t."""
     system = context.engine.system(context.engine.all)
     states = system.state_rewards(reward)
-    return (
-        system.lift(states, None, up_to_rounding=True)
-        if time == 0
-        else _sum_of_signs(context, states, None, float(time))
-    )
+    error = system.state_reward_error(reward)
+    if time == 0:
+        return lift_bounds(context, system, [states], error)
+    return _sum_of_signs(context, states, None, float(time), error)
 
 
 def _refuse_rationals(context: Context) -> None:
@@ -175,7 +188,7 @@ def _within(
 
     def limit() -> Floats:
         _, most = unbounded(replace(context, relevant_states=None)).at(system.states)
-        return np.minimum(most * (1.0 + ROUNDING), 1.0)
+        return np.minimum(most, 1.0)
 
     lower, upper = _transient_bounds(
         context,
@@ -196,17 +209,24 @@ def _delayed(
     low, high = values.at(left)
     entered = ~left if outside else None
     lower, upper = _transient_bounds(context, system, time, terminal=low, entered=entered)
-    if not values.is_point:
+    error = relative_error((low, high))
+    if error is None:
         _, upper = _transient_bounds(context, system, time, terminal=high, entered=entered)
+    else:
+        upper = upper * (1.0 + error)
     return system.lift(lower, upper, [(~left, outside)])
 
 
 def _sum_of_signs(
-    context: Context, terminal: Floats | None, reward_rate: Floats | None, time: float
+    context: Context,
+    terminal: Floats | None,
+    reward_rate: Floats | None,
+    time: float,
+    error: float,
 ) -> Values:
     """Transient values for rewards of both signs: the difference of two non-negative solutions.
 
-    Each is computed over the states that can reach rewards of its sign.
+    Each is computed over the states that can reach rewards of its sign. error: of the rewards.
     """
     _refuse_rationals(context)
     engine = context.engine
@@ -227,8 +247,9 @@ def _sum_of_signs(
             terminal=None if terminal is None else rewards,
             reward_rate=None if reward_rate is None else rewards,
         )
-        if signed:  # the rewards are rounded themselves
-            lower, upper = lower * (1.0 - REWARD_ERROR), upper * (1.0 + REWARD_ERROR)
+        if signed:
+            error = max(error, REWARD_ERROR)
+        lower, upper = lower * (1.0 - error), upper * (1.0 + error)
         parts.append(system.lift(lower, upper))
     if not signed:
         return parts[0]
@@ -283,6 +304,7 @@ def _transient_bounds(
         observer=context.observer,
         leave=system.one_step_probability(~system.states),
         limit=limit,
+        error=system.entry_error,
     )
     context.log.runs.append(
         SolverRun(
@@ -293,7 +315,7 @@ def _transient_bounds(
             transient.explanation,
         )
     )
-    error = 0.0 if entered is None else _ENTRY_ROUNDING
+    error = 0.0 if entered is None else _ENTRY_ROUNDING + system.error
     bounds = transient.lower * (1.0 - error), transient.upper * (1.0 + error)
     relevant = slice(None) if interest is None else interest
     lower, upper = (bound[relevant] for bound in bounds)

@@ -192,7 +192,13 @@ def discounted_problem(
     end = full(len(rewards), 1 - discount, rational=exact)
     data = matrix.data * factor
     return LinearProblem(
-        rewards, replace(matrix, data=data), None, end, direction, probability=False
+        rewards,
+        replace(matrix, data=data),
+        None,
+        end,
+        direction,
+        probability=False,
+        error=system.error + 4 * UNIT_ROUNDOFF,
     )
 
 
@@ -290,7 +296,7 @@ class _Rounding:
     @property
     def relative(self) -> float:
         """The relative error of a step if all its terms have the same sign."""
-        return 2 * (self.system.operator.longest + 5) * UNIT_ROUNDOFF
+        return (self.system.operator.longest + 9) * UNIT_ROUNDOFF + self.system.error
 
     def margin(self, largest: float) -> float:
         """A bound for all states: an error of c max|x| in each step amounts to c max|x| / (1 -
@@ -343,5 +349,5 @@ def _lifted(
         width = largest_width(low, high, relative)
     context.warn_if_wide(width, "discounted rewards")
     if largest_width(low, high, relative=True) <= ROUNDING:
-        return system.lift(0.5 * (lower + upper), None, up_to_rounding=True)
+        return system.lift(low, high, up_to_rounding=True)
     return system.lift(low, high)

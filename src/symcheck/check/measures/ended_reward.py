@@ -17,7 +17,7 @@ from symcheck.check.measures.reachability import until
 from symcheck.check.measures.reward_scaling import in_multiples
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
-from symcheck.engines.base import ROUNDING, StateSet, System, Values
+from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, full, is_infinite, numbers
 from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, per_row, spans, starts_of
@@ -52,7 +52,11 @@ def kept_reward(
     infinite, unknown = _inside(context, system.states, endless), some & ~endless
     finite = engine.system(_inside(context, system.states, unknown), direction)
     equations = finite.equations(
-        finite.step_rewards(reward), probability=False, allow_stay=True, infinite=infinite
+        finite.step_rewards(reward),
+        probability=False,
+        allow_stay=True,
+        infinite=infinite,
+        constant_error=finite.reward_error(reward),
     )
     return context.solve(equations, known=[])
 
@@ -89,16 +93,16 @@ def lost_reward(
     usable = np.asarray(system.one_step_probability(infinite) == 0, np.bool_)
     usable |= ~per_row(system.groups, _minimisers(system, direction))
     pairs = _Pairs(system, usable, multiples, system.one_step_probability(target), step)
-    rounding = 0 if engine.is_rational else ROUNDING
-    chance = reached.at(system.states)[0] * (1 - rounding)
-    ends = chance, kept.at(system.states)[1] * (1 + rounding)
+    ends = reached.at(system.states)[0], kept.at(system.states)[1]
     levels = tuning.FIRST_LEVELS
     while True:
-        low, high = pairs.values(context, direction, levels, *ends)
+        low, high, rounded = pairs.values(context, direction, levels, *ends)
         width = float(largest_width(low, high, context.options.relative))
-        if np.array_equal(low, high) or (
-            not engine.is_rational and width <= context.options.epsilon
-        ):
+        if engine.is_rational:
+            if np.array_equal(low, high):
+                break
+        elif width <= context.options.epsilon:
+            rounded &= largest_width(low, high, relative=True) <= GAME_ROUNDING
             break
         levels *= 2
         most = tuning.MOST_EXACT_PAIRS if engine.is_rational else tuning.MOST_PAIRS
@@ -111,12 +115,12 @@ def lost_reward(
             context.warn_if_wide(
                 width, f"rewards up to {levels // 2} steps of {step} are remembered"
             )
+            rounded = False
             break
     context.log.runs.append(
         SolverRun("epochs", "level by level", system.n, levels, f"{levels} levels of the reward")
     )
-    exact = np.array_equal(low, high)
-    values = system.lift(low, None if exact else high, up_to_rounding=exact)
+    values = system.lift(low, None if engine.is_rational else high, up_to_rounding=rounded)
     return values.choose(finite, engine.constant(np.inf))
 
 
@@ -145,8 +149,9 @@ class _Pairs:
         levels: int,
         chance: Numbers,
         rest: Numbers,
-    ) -> tuple[Numbers, Numbers]:
-        """Bounds on the values of the states without a reward so far.
+    ) -> tuple[Numbers, Numbers, bool]:
+        """Bounds on the values of the states without a reward so far, and whether each is exact up
+        to rounding.
 
         Args:
             context: the options, and the observer.
@@ -162,16 +167,8 @@ class _Pairs:
             for c in (problem.constant, problem.high)
         )
         n = self.system.n
-        if problem.is_rational:
-            return low.lower[:n], high.lower[:n]
-        if low.up_to_rounding and high.up_to_rounding:
-            close = largest_width(low.middle[:n], high.middle[:n], True) <= GAME_ROUNDING
-            return low.middle[:n], (low if close else high).middle[:n]
-        error = ROUNDING
-        return (
-            low.lower[:n] * (1 - error * low.up_to_rounding),
-            high.upper[:n] * (1 + error * high.up_to_rounding),
-        )
+        rounded = low.up_to_rounding and high.up_to_rounding
+        return low.lower[:n], high.upper[:n], rounded
 
     def _problem(
         self, direction: Direction | None, levels: int, chance: Numbers, rest: Numbers
@@ -213,6 +210,7 @@ class _Pairs:
             False,
             opponents=np.tile(_opponents(system), levels),
             allow_stay=True,
+            error=system.error,
         )
 
 

@@ -88,8 +88,9 @@ def cumulative_reward(
     steps = window.steps().upper
     assert steps is not None
     engine = context.engine
-    rewards = engine.system(engine.all).step_rewards(reward)
-    return _Steps(context, direction).made(engine.constant(0), steps, rewards, earned=True)
+    system = engine.system(engine.all)
+    rewards, error = system.step_rewards(reward), system.reward_error(reward)
+    return _Steps(context, direction).made(engine.constant(0), steps, rewards, error=error)
 
 
 def instantaneous_reward(
@@ -100,11 +101,8 @@ def instantaneous_reward(
     assert steps is not None
     system = engine.system(engine.all)
     last = system.lift(system.state_rewards(reward), None)
-    return _Steps(context, direction).made(last, steps, earned=True)
-
-
-_ROUNDINGS = 16
-"""The rounded operations of a reward, or more."""
+    error = system.state_reward_error(reward)
+    return _Steps(context, direction).made(last, steps, error=error)
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,7 @@ class _Steps:
         steps: int,
         add: Numbers | None = None,
         *,
-        earned: bool = False,
+        error: float | None = None,
         within: StateSet | None = None,
         elsewhere: int | None = None,
     ) -> Values:
@@ -130,7 +128,7 @@ class _Steps:
             values: at the end.
             steps: their number.
             add: per row, what a step earns.
-            earned: whether values are rewards, which are rounded.
+            error: that of rewards, relative; None: values are probabilities.
             within: the states from which steps are made; None: all. Others keep their values, or
                 have the value `elsewhere`.
             elsewhere: that value.
@@ -169,7 +167,7 @@ class _Steps:
         context.log.runs.append(SolverRun("steps", "step by step", engine.states, taken))
         if engine.is_rational:
             return system.lift(sides[0], None)
-        rounding = (taken + _ROUNDINGS) * 2.0**-52 if earned else 0.0
+        rounding = 0.0 if error is None else 1.01 * (taken * 2.0**-52 + error) + 2.0**-52
         low, high = sides[0] * (1.0 - rounding), sides[1] * (1.0 + rounding)
         width = largest_width(low, high, context.options.relative)
         context.warn_if_wide(width, "step by step")

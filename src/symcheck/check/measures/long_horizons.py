@@ -22,7 +22,7 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.result import SolverRun
-from symcheck.engines.base import ROUNDING, System, Values
+from symcheck.engines.base import System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers
@@ -61,7 +61,7 @@ def squared_steps(
     # A step costs as much as some thousand entries, whatever the number of its own.
     if squaring_entries(system.n, steps) > steps * max(matrix.entries, tuning.STEP_ENTRIES):
         return None
-    error = tuning.ENTRY_ERROR + matrix.longest * UNIT_ROUNDOFF
+    error = 8.0 * UNIT_ROUNDOFF + system.error + matrix.longest * UNIT_ROUNDOFF
     chain = IntervalChain.of_steps(matrix, system.one_step_probability(~system.states), error)
     if chain is None:
         return None
@@ -164,12 +164,13 @@ class RestOfSteps:
     ) -> tuple[Floats, Floats]:
         """Bounds on the values after all steps: float64[n] each (see `is_known`)."""
         rest, longest = self.steps - taken, self.system.operator.longest
-        relative = min(taken * 2.0 * (longest + 2) * UNIT_ROUNDOFF, 1.0)
+        step = (longest + 4) * UNIT_ROUNDOFF + self.system.error
+        relative = min(1.01 * taken * step, 1.0)
         if self.outward:
             return self._outward_bounds(before, after, rest)
         low, high = after[0], after[-1]
         greatest = max(float(np.abs(side).max(initial=0.0)) for side in after)
-        step_error = (longest + 4) * UNIT_ROUNDOFF * greatest
+        step_error = step * greatest
         error = relative * greatest
         # `before` is a vector like any other, from which T^(rest + 1) is made.
         falls = float((after[0] - before[0]).min(initial=0.0 if self._leaves else np.inf))
@@ -185,10 +186,10 @@ class RestOfSteps:
             known = self._limits
             if self.grows:
                 lower = np.maximum(lower, low * (1.0 - relative))
-                upper = np.minimum(upper, known[1] * (1.0 + ROUNDING))
+                upper = np.minimum(upper, known[1])
             else:
                 upper = np.minimum(upper, high * (1.0 + relative))
-                lower = np.maximum(lower, known[0] * (1.0 - ROUNDING))
+                lower = np.maximum(lower, known[0])
         lower = lower - 4.0 * UNIT_ROUNDOFF * np.abs(lower)
         return lower, np.maximum(upper + 4.0 * UNIT_ROUNDOFF * np.abs(upper), lower)
 

@@ -14,19 +14,17 @@ from symcheck.check.measures.reachability import boundary_values
 from symcheck.check.measures.signed_steps import REWARD_ERROR
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
-from symcheck.engines.base import ROUNDING, Number, StateSet, System, Values
-from symcheck.matrices.numbers import Numbers, full
+from symcheck.engines.base import Number, StateSet, System, Values
+from symcheck.matrices.numbers import Numbers, full, is_rational
 from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import largest_width
-from symcheck.numerics.tuning import CANCELLATION
-from symcheck.semantics.expressions.literals import LARGEST_WHOLE
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["steady_probability", "steady_reward"]
 
-RewardOf = Callable[[System], tuple[Numbers, bool]]
-"""Rewards of a system's states, and whether they are sums that were rounded."""
+RewardOf = Callable[[System], tuple[Numbers, float]]
+"""Rewards of a system's states, and their relative error."""
 
 
 def steady_probability(
@@ -37,17 +35,12 @@ def steady_probability(
     All states of a bottom component have the same average; any other state has the mean of these
     averages, weighted with the probabilities of reaching the components.
     """
-    return _average(context, lambda system: (system.restrict(states), False))
+    return _average(context, lambda system: (system.restrict(states), 0.0))
 
 
 def steady_reward(context: Context, reward: Reward, direction: Direction | None = None) -> Values:
     """Long-run average of the reward per step (DTMC) or unit of time (CTMC)."""
-    timed = context.engine.model.type.continuous_time  # rewards of transitions times rates
-
-    def reward_of(system: System) -> tuple[Numbers, bool]:
-        return system.earned(reward), timed and bool(np.any(system.rewards(reward)[1]))
-
-    return _average(context, reward_of)
+    return _average(context, lambda system: (system.earned(reward), system.earned_error(reward)))
 
 
 def _average(context: Context, reward_of: RewardOf) -> Values:
@@ -56,23 +49,15 @@ def _average(context: Context, reward_of: RewardOf) -> Values:
         engine.none,
         *(full(engine.states, 0, rational=engine.is_rational) for _ in range(2)),
     )
-    summed = False
-    for states, members, lower, upper, of_sums in _components(context, reward_of):
+    exact = True
+    for states, members, lower, upper, rounded in _components(context, reward_of):
         recurrent = recurrent | states
-        summed = summed or of_sums
+        exact = exact and rounded
         low[members], high[members] = lower, upper
     system = engine.system(recurrent)
     inside = engine.to_bools(recurrent)
     point = np.array_equal(low, high)
-    # An average that is no whole number is a sum or quotient in floating point, and a large one may
-    # be rounded too.
-    rounded = (low == high) & (not engine.is_rational)
-    if rounded.any():
-        rounded &= summed | (low % 1 > 0) | (np.abs(low) >= LARGEST_WHOLE)
-    if not point:
-        margin = np.where(rounded, ROUNDING * np.abs(low), 0)
-        low, high = low - margin, high + margin
-    exact = point and bool(np.any(rounded))
+    exact = exact and not point
     averages = system.lift(low[inside], None if point else high[inside], up_to_rounding=exact)
     return boundary_values(context, ~recurrent, averages)
 
@@ -80,7 +65,8 @@ def _average(context: Context, reward_of: RewardOf) -> Values:
 def _components(
     context: Context, reward_of: RewardOf
 ) -> Iterator[tuple[StateSet, Bools, Numbers, Numbers, bool]]:
-    """Sets of recurrent states, with bounds on the average at each member; whether it was rounded.
+    """Sets of recurrent states, with bounds on the average at each member; whether these differ by
+    rounding alone.
 
     All absorbing states form one set; every larger bottom component is a set.
     """
@@ -92,17 +78,24 @@ def _components(
         members[[int(p[0]) for p in parts if len(p) == 1]] = True
         if members.any():  # the engine keeps its last system: that of all states, if none absorbs
             absorbing = engine.from_bools(members)
-            rewards, rounded = reward_of(engine.system(absorbing))
-            yield absorbing, members, rewards, rewards, rounded
+            yield absorbing, members, *_rounded(engine.system(absorbing), reward_of), True
         larger = [_indices(p, engine.states) for p in parts if len(p) > 1]
         sets = (engine.from_bools(m) for m in larger)
     else:
         sets = (s for s in engine.graph.bsccs())
     for states in sets:
         system = engine.system(states)
-        rewards, rounded = reward_of(system)
-        lower, upper = _component_average(context, system, rewards)
+        lower, upper, rounded = _component_average(context, system, *reward_of(system))
         yield states, engine.to_bools(states), system.full(lower), system.full(upper), rounded
+
+
+def _rounded(system: System, reward_of: RewardOf) -> tuple[Numbers, Numbers]:
+    """Bounds on the rewards of absorbing states; whole numbers that are small are not rounded."""
+    rewards, error = reward_of(system)
+    if is_rational(rewards):
+        return rewards, rewards
+    margin = error * np.abs(rewards)
+    return rewards - margin, rewards + margin
 
 
 def _indices(states: np.ndarray[tuple[int, ...], np.dtype[np.int32]], n: int) -> Bools:
@@ -111,13 +104,22 @@ def _indices(states: np.ndarray[tuple[int, ...], np.dtype[np.int32]], n: int) ->
     return members
 
 
-def _component_average(context: Context, system: System, reward: Numbers) -> tuple[Number, Number]:
-    """Bounds on the average of a bottom component, whose reward itself if it is constant."""
+def _component_average(
+    context: Context, system: System, reward: Numbers, error: float
+) -> tuple[Number, Number, bool]:
+    """Bounds on the average of a bottom component, whose reward itself if it is constant, and
+    whether they differ by rounding alone.
+
+    error: of the reward, relative.
+    """
     from symcheck.numerics.long_run.stationary import long_run_average
 
     if (reward == reward[0]).all():
-        return reward[0], reward[0]
-    average = long_run_average(system.weights, reward, context.options, context.observer)
+        margin = 0 if is_rational(reward) else error * abs(reward[0])
+        return reward[0] - margin, reward[0] + margin, True
+    average = long_run_average(
+        system.weights, reward, context.options, context.observer, system.entry_error
+    )
     context.log.runs.append(
         SolverRun(
             "steady",
@@ -128,15 +130,19 @@ def _component_average(context: Context, system: System, reward: Numbers) -> tup
         )
     )
     low, high = average.lower, average.upper
-    relative = context.options.relative
-    signed = not context.engine.is_rational and bool(reward.min() < 0)
-    if signed:
-        size = long_run_average(system.weights, np.abs(reward), context.options).upper
-        if size > CANCELLATION * abs(low):
-            low, high = low - REWARD_ERROR * size, high + REWARD_ERROR * size
+    if is_rational(reward):
+        return low, high, True
+    relative, signed = context.options.relative, bool(reward.min() < 0)
+    size = max(abs(low), abs(high))
+    if signed and error:
+        size = long_run_average(
+            system.weights, np.abs(reward), context.options, error=system.entry_error
+        ).upper
+        error = max(error, REWARD_ERROR)
+    low, high = low - error * size, high + error * size
     bounds = np.array([low]), np.array([high])
     width = largest_width(*bounds, relative and not signed)
     if width and relative and signed:  # the average may be 0, relative to which no bounds are close
         width /= float(np.abs(reward).max())
     context.warn_if_wide(width, average.explanation)
-    return low, high
+    return low, high, average.iterations == 1

@@ -13,7 +13,7 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
-from symcheck.engines.base import ROUNDING, StateSet, System, Values
+from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
 from symcheck.matrices.rows import Bools, Int32s, Int64s, per_row
@@ -40,7 +40,8 @@ def steady_probability(context: Context, states: StateSet, direction: Direction 
 def steady_reward(context: Context, reward: Reward, direction: Direction | None) -> Values:
     """Least or greatest long-run average of the reward per step or unit of time, certified."""
     system = context.engine.system(context.engine.all)
-    return _average(context, system, system.step_rewards(reward), direction, share=False)
+    rewards, error = system.step_rewards(reward), system.reward_error(reward)
+    return _average(context, system, rewards, direction, share=False, error=error)
 
 
 def _times(system: System) -> Numbers | None:
@@ -105,17 +106,17 @@ def _solved_averages(
     )
     rates = system.exit_rates
     if rates is None:
-        gains = component_gains(system.matrix, rewards, direction, finer, observer)
+        gains = component_gains(system.matrix, rewards, direction, finer, observer, system.error)
     else:
         refuse_zeno(context, system, "long-run averages")
-        gains = timed_gains(system.matrix, rewards, rates, direction, finer, observer)
+        gains = timed_gains(system.matrix, rewards, rates, direction, finer, observer, system.error)
     # Averages that may be negative are shifted up: every strategy stays in some end component with
     # probability 1, so the values are shifted by the same amount. Rational equations may have
     # negative constants.
     negative = not context.engine.is_rational and gains.lower.min() < 0
     shift = 2 * np.abs(gains.lower).max() if negative else 0
     shifted = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
-    problem, state, origin = mec_quotient(system.matrix, shifted, direction)
+    problem, state, origin = mec_quotient(system.matrix, shifted, direction, system.error)
     gain_error = float(
         ((shifted.upper - shifted.lower) / np.maximum(shifted.upper, 1e-300)).max(initial=0.0)
     )
@@ -125,8 +126,15 @@ def _solved_averages(
 
 
 def _average(
-    context: Context, system: System, rewards: Numbers, direction: Direction | None, *, share: bool
+    context: Context,
+    system: System,
+    rewards: Numbers,
+    direction: Direction | None,
+    *,
+    share: bool,
+    error: float = 0.0,
 ) -> Values:
+    """The averages; error: of the rewards, relative."""
     assert direction is not None
     averages = solved_averages(context, system, rewards, direction)
     gains, shift, state = averages.gains, averages.shift, averages.state
@@ -135,10 +143,14 @@ def _average(
     exact = (
         solution.up_to_rounding and shift == 0 and bool(np.array_equal(gains.lower, gains.upper))
     )
-    if not exact:
-        # The shift is rounded, and so are values that are exact up to rounding.
-        rounding_error = (ROUNDING if solution.up_to_rounding else 2.0**-51) * upper
+    if not context.engine.is_rational:
+        # The shift is rounded, and so are rewards, relative to the largest if some are negative.
+        rounding_error = 2.0**-51 * upper if shift else 0.0
         lower, upper = lower - rounding_error - shift, upper + rounding_error - shift
+        signed = rewards.min(initial=0.0) < 0
+        size = _largest_average(system, rewards, context) if signed else None
+        lower = lower - error * (np.abs(lower) if size is None else size)
+        upper = upper + error * (np.abs(upper) if size is None else size)
     if share:
         lower, upper = np.clip(lower, 0, 1), np.clip(upper, 0, 1)
     count = gains.parts.count
@@ -156,10 +168,23 @@ def _average(
     )
     context.log.runs.append(run)
     context.warn_if_wide(largest_width(lower, upper, context.options.relative), explanation)
-    values = system.lift(
-        solution.middle[state] if exact else lower, None if exact else upper, up_to_rounding=exact
-    )
+    if context.engine.is_rational:
+        values = system.lift(lower, None)
+    else:
+        values = system.lift(lower, upper, up_to_rounding=exact)
     return _with_qualitative(context, gains, values, direction) if share else values
+
+
+def _largest_average(system: System, rewards: Numbers, context: Context) -> float:
+    """An upper bound on all averages of the absolute rewards."""
+    from symcheck.numerics.long_run.timed_gains import timed_gains
+
+    if (rates := system.exit_rates) is None:
+        return float(np.abs(rewards).max(initial=0.0))
+    found = timed_gains(
+        system.matrix, np.abs(rewards), rates, Direction.MAX, context.options, error=system.error
+    )
+    return float(found.upper.max(initial=0.0))
 
 
 def _with_qualitative(

@@ -16,10 +16,11 @@ from fractions import Fraction
 import numpy as np
 
 from symcheck.check.context import Context
+from symcheck.check.measures.ctmc import one_jump_error
 from symcheck.check.measures.step_bounded import best, lift_bounds
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
-from symcheck.engines.base import ROUNDING, StateSet, System, Values
+from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import Floats
 from symcheck.numerics import graph
@@ -41,9 +42,6 @@ __all__ = [
 _TINY = 1e-299
 """Bounds may be this far apart even relative to smaller values, which are close to underflow."""
 
-_ROUNDED = 1e-15
-"""More than the relative error of the numbers of a step that rows are made from."""
-
 
 def next_probability(
     context: Context, target: StateSet, window: Window, direction: Direction | None
@@ -56,7 +54,8 @@ def next_probability(
     if window.is_unbounded:
         certain = engine.graph.all_successors_in(target)
         impossible = ~engine.graph.predecessors(target)
-        found = system.lift(best(value, system, direction), None, up_to_rounding=True)
+        bounds = [best(value, system, direction)]
+        found = lift_bounds(context, system, bounds, system.error, explanation="one step")
         return found.choose(~(certain | impossible), engine.indicator(certain))
     _refuse_rationals(context)
     timed = rates > 0
@@ -64,7 +63,9 @@ def next_probability(
     in_time = np.where(timed, np.exp(-rates * lower) * until, float(lower == 0))
     within = best(value * in_time, system, direction)
     bounds = enclosed([within], lambda: best(value * (in_time > 0), system, direction))
-    return lift_bounds(context, system, bounds, 0.5 * ROUNDING, explanation="one step")
+    exponent = float(np.max(rates, initial=0.0)) * (lower if upper is None else max(lower, upper))
+    error = one_jump_error(system, exponent)
+    return lift_bounds(context, system, bounds, error, explanation="one step")
 
 
 def bounded_until(
@@ -134,7 +135,15 @@ def cumulative_reward(
     refuse_zeno(context, system, "rewards up to a time")
     nothing = system.full(0)
     return _lifted(
-        context, system, direction, time, rewards, (nothing, nothing), [], greatest=np.inf
+        context,
+        system,
+        direction,
+        time,
+        rewards,
+        (nothing, nothing),
+        [],
+        greatest=np.inf,
+        error=system.reward_error(reward),
     )
 
 
@@ -146,10 +155,19 @@ def instantaneous_reward(
     states = system.state_rewards(reward)
     _refuse_signs(states)
     refuse_zeno(context, system, "rewards at a time")
-    greatest = float(states.max(initial=0))
+    error = system.state_reward_error(reward)
+    greatest = float(states.max(initial=0)) * (1.0 + error)
     nothing = np.zeros(system.rows)
     return _lifted(
-        context, system, direction, float(time), nothing, (states, states), [], greatest=greatest
+        context,
+        system,
+        direction,
+        float(time),
+        nothing,
+        (states, states),
+        [],
+        greatest=greatest,
+        error=error,
     )
 
 
@@ -235,9 +253,11 @@ def _lifted(
     *,
     instant: float = 0.0,
     greatest: float = 1.0,
+    error: float = 0.0,
 ) -> Values:
     """The solution over the states of a system, with constants on other sets; see
-    `TimedProblem`. A last choice that takes no time may be made at the end.
+    `TimedProblem`. A last choice that takes no time may be made at the end. error: of the rewards,
+    relative.
     """
     from symcheck.numerics.transient.timed_choices import TimedProblem, timed_values
 
@@ -254,6 +274,7 @@ def _lifted(
         direction,
         instant,
         greatest,
+        system.error,
     )
     interest = None
     if context.relevant_states is not None:
@@ -261,7 +282,7 @@ def _lifted(
     found = timed_values(problem, time, context.options, interest, context.observer)
     run = SolverRun("transient", "uniformisation", system.n, found.iterations, found.explanation)
     context.log.runs.append(run)
-    lower, upper = found.lower * (1.0 - _ROUNDED), found.upper * (1.0 + _ROUNDED)
+    lower, upper = found.lower * (1.0 - error), found.upper * (1.0 + error)
     lower, upper = np.minimum(lower, greatest), np.minimum(upper, greatest)
     part = slice(None) if interest is None else interest
     low, high = lower[part], upper[part]

@@ -27,6 +27,7 @@ from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, per_row
 from symcheck.numerics.linear.problem import largest_width
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.model import BoundReward
 from symcheck.semantics.rewards import Reward, Steps, Structure, reward_items
 from symcheck.semantics.time_bounds import RewardWindow
@@ -121,7 +122,8 @@ def reward_bounded_next(
     context.log.runs.append(SolverRun("steps", "one step", system.n, 1))
     if engine.is_rational:
         return system.lift(values, None)
-    rounding_error = 0.25 * ROUNDING * np.where((values == 0) | (values == 1), 0.0, values)
+    unit = 1.01 * (system.error + UNIT_ROUNDOFF)
+    rounding_error = unit * np.where((values == 0) | (values == 1), 0.0, values)
     return _lift(context, system, values - rounding_error, np.minimum(values + rounding_error, 1.0))
 
 
@@ -241,6 +243,7 @@ def _problem(
         bound.lower,
         bound.upper,
         direction,
+        system.error,
     )
 
 
@@ -266,7 +269,7 @@ def _lift(context: Context, system: System, lower: Numbers, upper: Numbers) -> V
     context.warn_if_wide(width, "reward bounds")
     if largest_width(lower, upper, relative=True) > ROUNDING:
         return system.lift(lower, upper)
-    values = system.lift(0.5 * (lower + upper), None, up_to_rounding=True)
+    values = system.lift(lower, upper, up_to_rounding=True)
     # Bounds of 0 and 1 are exact without rounding.
     ones = context.engine.from_bools(_spread(context, system, lower == 1.0))
     zeros = context.engine.from_bools(_spread(context, system, upper == 0.0))

@@ -59,7 +59,7 @@ class Steps:
         some = size > 0.0
         if self.factor and not some.all():  # of products that underflow
             some |= multiply((largest > 0.0).astype(np.float64)) > 0.0
-        unit = 2 * (self.system.operator.longest + 6) * UNIT_ROUNDOFF
+        unit = 2 * (self.system.operator.longest + 6) * UNIT_ROUNDOFF + self.system.error
         tiny = (self.system.operator.longest + 6) * LEAST
         error = np.where(some, unit * size + self.errors + tiny, 0.0)
         return (
@@ -122,7 +122,7 @@ def lifted(
     """
     # Not by `largest_width`, for which what is below the margin of underflow is no width.
     if np.all(upper - lower <= ROUNDING * np.minimum(np.abs(lower), np.abs(upper))):
-        return system.lift(0.5 * (lower + upper), None, up_to_rounding=True)
+        return system.lift(lower, upper, up_to_rounding=True)
     relevant = np.ones(len(lower), np.bool_)
     if context.relevant_states is not None:
         relevant = system.restrict(context.relevant_states) > 0

@@ -27,11 +27,11 @@ from symcheck.check.measures.signed_steps import (
 )
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
-from symcheck.engines.base import ROUNDING, StateSet, System, Values
+from symcheck.engines.base import StateSet, System, Values
 from symcheck.matrices.numbers import Numbers, is_rational
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.linear.problem import Progress, largest_width
-from symcheck.numerics.tuning import LIMIT_STEPS, UNIT_ROUNDOFF
+from symcheck.numerics.tuning import CONSTANT_WIDTH, LIMIT_STEPS, ROUNDING_WIDTH, UNIT_ROUNDOFF
 from symcheck.numerics.underflow import enclosed, may_underflow
 from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.rewards import Reward
@@ -45,6 +45,7 @@ __all__ = [
     "lift_bounds",
     "next_probability",
     "prob_greater_zero",
+    "relative_error",
 ]
 
 
@@ -62,7 +63,7 @@ def next_probability(
     # If all or none of the successors are in the target, the value is exact in spite of rounding.
     sure = engine.graph.all_successors_in(target)
     never = ~engine.graph.predecessors(target)
-    rest = system.lift(value, None, up_to_rounding=True)
+    rest = lift_bounds(context, system, [value], system.error, explanation="one step")
     return rest.choose(~(sure | never), engine.indicator(sure))
 
 
@@ -126,16 +127,39 @@ def _delayed(
     system = context.engine.system(left)
     lost = outside * system.one_step_probability(~left)
 
+    error = relative_error(values.at(context.engine.all))
     sides = [
         best(system.operator.multiply(inside) + enter, system, direction)
         for inside, enter in zip(values.at(left), system.one_step_values(values), strict=True)
     ]
     zero, _ = values.compare("<=", 0)
     sides = enclosed(
-        sides[:1] if values.is_point else sides,
+        sides[:1] if error is not None else sides,
         lambda: best(system.one_step_probability(~zero), system, direction),
     )
-    return _repeat(context, system, sides, steps, direction, lost, [(~left, outside)], taken=1)
+    return _repeat(
+        context,
+        system,
+        sides,
+        steps,
+        direction,
+        lost,
+        [(~left, outside)],
+        taken=1,
+        error=error or 0.0,
+    )
+
+
+def relative_error(bounds: tuple[Numbers, Numbers]) -> float | None:
+    """The relative distance of bounds if rounding alone can explain it; else None."""
+    low, high = bounds
+    if low is high or is_rational(low):
+        return 0.0
+    if not np.array_equal(low == 0.0, high == 0.0) or (low < 0.0).any():
+        return None
+    width = largest_width(low, high, relative=True)
+    tiny = ((low > 0.0) & (high < UNDERFLOW_MARGIN)).any()
+    return 1.01 * width if width <= CONSTANT_WIDTH and not tiny else None
 
 
 def cumulative_reward(
@@ -152,7 +176,8 @@ def cumulative_reward(
     if is_signed(context, rewards):
         signed = Steps(system, rewards, system.step_reward_errors(reward))
         return signed_steps(context, signed, (zero, zero), steps, direction, "rewards of k steps")
-    return _repeat(context, system, [zero], steps, direction, rewards)
+    error = system.reward_error(reward)
+    return _repeat(context, system, [zero], steps, direction, rewards, error=error)
 
 
 def instantaneous_reward(
@@ -165,12 +190,15 @@ def instantaneous_reward(
     system = engine.system(engine.all)
     last = system.state_rewards(reward)
     if steps and is_signed(context, last):
-        error = REWARD_ERROR * np.abs(last)
+        margin = max(REWARD_ERROR, system.state_reward_error(reward)) * np.abs(last)
         zero = np.zeros(system.rows)
         signed = Steps(system, zero, zero)
-        bounds = last - error, last + error
+        bounds = last - margin, last + margin
         return signed_steps(context, signed, bounds, steps, direction, "rewards after k steps")
-    return _repeat(context, system, [last], steps, direction)
+    error = system.state_reward_error(reward)
+    if not steps and not is_rational(last):
+        return lift_bounds(context, system, [last], error)
+    return _repeat(context, system, [last], steps, direction, error=error)
 
 
 def _repeat(
@@ -183,12 +211,14 @@ def _repeat(
     rest: Sequence[tuple[StateSet, float]] = (),
     taken: int = 0,
     *,
+    error: float = 0.0,
     grows: bool | None = None,
     unbounded: Callable[[], Values] | None = None,
 ) -> Values:
     """The values after `steps` steps, of which `taken` were taken; `add` is added in each.
 
     sides: the values so far, or their lower and their upper bounds. rest: values of other states.
+    error: of numbers that are not negative, relative, beside that of probabilities.
     grows, unbounded: as in `RestOfSteps`.
     """
     if context.engine.is_rational and not context.engine.model.parameters:
@@ -199,7 +229,7 @@ def _repeat(
             return system.lift(whole, None, rest, up_to_rounding=True)
     squared = squared_steps(context, system, sides, steps - taken, add)
     if squared is not None:
-        return system.lift(*squared, rest)
+        return system.lift(squared[0] * (1.0 - error), squared[1] * (1.0 + error), rest)
     remaining = RestOfSteps(context, system, steps, bool(np.any(add)), grows, unbounded)
     exact = len(sides) == 1 or not np.any(sides[1] - sides[0] > 2 * UNDERFLOW_MARGIN)
     numbers = [*sides, add] if isinstance(add, np.ndarray) else sides
@@ -222,9 +252,11 @@ def _repeat(
     _note(context, system.n, taken)
     if context.engine.is_rational or steps - taken < LIMIT_STEPS:
         # Rounded values that stay the same may hide changes in each of the other steps.
-        rounding = steps * 2 * (system.operator.longest + 2) * UNIT_ROUNDOFF
+        step = (system.operator.longest + 4) * UNIT_ROUNDOFF + system.error
+        rounding = 1.01 * (steps * step + error)
         return lift_bounds(context, system, sides, rounding, rest, up_to_rounding=exact)
     lower, upper = remaining.bounds(taken, before, sides)
+    lower, upper = lower - error * np.abs(lower), upper + error * np.abs(upper)
     relevant = context.relevant_states
     members = slice(None) if relevant is None else system.restrict(relevant) > 0
     width = largest_width(lower[members], upper[members], context.options.relative)
@@ -254,14 +286,14 @@ def lift_bounds(
     those that are within the error of each other are exact up to rounding.
     """
     low, high = bounds[0], bounds[-1]
-    up_to_rounding = up_to_rounding and rounding <= ROUNDING
-    if is_rational(low) or (up_to_rounding and high is low):
+    up_to_rounding = up_to_rounding and rounding <= ROUNDING_WIDTH
+    if is_rational(low):
         return system.lift(low, None, rest, up_to_rounding=True)
-    with np.errstate(invalid="ignore"):  # of infinite values, whose bounds are equal
-        point = up_to_rounding & ((low == high) | (high - low <= rounding * np.abs(low)))
-        middle = np.where(low == high, low, 0.5 * (low + high))
-        low = np.where(point, middle, low - rounding * np.abs(low))
-        high = np.where(point, middle, high + rounding * np.abs(high))
+    with np.errstate(invalid="ignore"):  # of infinite values
+        low, high = (
+            np.where(np.isfinite(side), side + sign * rounding * np.abs(side), side)
+            for side, sign in ((low, -1.0), (high, 1.0))
+        )
     context.warn_if_wide(largest_width(low, high, context.options.relative), explanation)
     return system.lift(low, high, rest, up_to_rounding=up_to_rounding)
 

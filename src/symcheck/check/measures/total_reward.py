@@ -40,6 +40,7 @@ def total_reward(context: Context, reward: Reward, direction: Direction | None) 
             probability=False,
             allow_stay=True,
             infinite=parts.infinite,
+            constant_error=system.reward_error(reward),
         )
         return context.solve(equations, known=[])
     if direction is Direction.MIN:

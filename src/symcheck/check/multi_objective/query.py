@@ -28,7 +28,16 @@ from symcheck.check.context import Context
 from symcheck.check.multi_objective.flow import Objective, flow_of
 from symcheck.check.multi_objective.linear_query import LinearQuery, is_cost
 from symcheck.check.pareto_front import ParetoFront, rounded
-from symcheck.check.result import Answer, Estimate, Exact, Number, Result, SolverRun
+from symcheck.check.result import (
+    Accuracy,
+    Answer,
+    Estimate,
+    Exact,
+    Number,
+    Result,
+    SolverRun,
+    nearest_double,
+)
 from symcheck.check.state_formulas import query_of
 from symcheck.check.strategies.to_explicit import to_explicit
 from symcheck.direction import Direction
@@ -107,14 +116,10 @@ def _by_rationals(context: Context, formula: MultiObjective) -> QueryResult:
     from symcheck.check.exact_twin import exact_twin
 
     result = solve_query(exact_twin(context), formula)
-    front = None if result.front is None else result.front.rounded()
-    return replace(result, value=_doubles(result.value), front=front)
-
-
-def _doubles(value: Answer) -> Answer:
+    front, value = result.front, result.value
     if isinstance(value, list):
-        return [tuple(map(rounded, point)) for point in value]
-    return rounded(value) if isinstance(value, Fraction) else value
+        value = [tuple(map(rounded, point)) for point in value]
+    return replace(result, value=value, front=None if front is None else front.rounded())
 
 
 def _undecided(error: Exception | None) -> NumericalError:
@@ -142,11 +147,11 @@ def _result(context: Context, result: QueryResult) -> Result:
     )
     if not result.proved:
         return Result(result.value, Estimate(), result.about, front_or_none=result.front)
-    whole = isinstance(result.value, bool) or (
-        isinstance(result.value, float) and not isfinite(result.value)
-    )
-    accuracy = Exact(rounding=not whole and not context.engine.is_rational)
-    return Result(result.value, accuracy, result.about, front_or_none=result.front)
+    value: Answer = result.value
+    accuracy: Accuracy = Exact(rounding=isinstance(value, list) and not context.engine.is_rational)
+    if isinstance(value, Fraction) and not context.engine.is_rational:
+        value, accuracy = nearest_double(value)
+    return Result(value, accuracy, result.about, front_or_none=result.front)
 
 
 def solve_query(context: Context, formula: MultiObjective) -> QueryResult:

@@ -143,4 +143,5 @@ class _ParityGame:
         accepting = accepting_end_components(chosen, pairs)
         every = np.ones_like(free)
         options = self.context.options
-        return until_bounds(chosen, every, accepting, Direction.MAX, options)[1]
+        error = self.system.error
+        return until_bounds(chosen, every, accepting, Direction.MAX, options, error=error)[1]

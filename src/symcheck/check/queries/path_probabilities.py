@@ -18,7 +18,6 @@ from symcheck.engines.base import ROUNDING, StateSet, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics.linear.problem import largest_width
-from symcheck.semantics.expressions.literals import LEAST
 from symcheck.semantics.path_formulas import (
     LtlPathFormula,
     NextPath,
@@ -37,24 +36,8 @@ __all__ = ["complement_of", "defined_bounds", "probability", "qualitative"]
 
 
 def _complement(context: Context, values: Values) -> Values:
-    """The values 1 - values.
-
-    Where the result is so small that the rounding of `values` dominates, it is an interval.
-    """
-    one = context.engine.constant(1)
-    result = one.map(Operator.MINUS, values)
-    if not result.rounded(context.engine.all):
-        return result
-    certain, close = result.compare("<=", ROUNDING / max(context.options.epsilon, ROUNDING))
-    zero, _ = result.compare("<=", 0)  # where graph analysis knows that p is 1
-    # Adding an interval includes the rounding error in the bounds; this one adds nothing else.
-    return result.choose(
-        zero | ~(certain | close),
-        one.map(
-            Operator.MINUS,
-            values.map(Operator.PLUS, context.engine.constant(0, LEAST)),
-        ),
-    )
+    """The values 1 - values."""
+    return context.engine.constant(1).map(Operator.MINUS, values)
 
 
 def complement_of(context: Context, probabilities: Callable[[Context], Values]) -> Values:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field
 from fractions import Fraction
 from functools import cached_property, partial
-from math import fsum, isfinite, nan
+from math import fsum, isfinite, isinf, nan
 from typing import Protocol, assert_never
 
 import numpy as np
@@ -31,7 +31,7 @@ from symcheck.syntax.operators import (
     complete,
 )
 
-__all__ = ["ArraySet", "ArrayValues", "Known", "total_of"]
+__all__ = ["ArraySet", "ArrayValues", "Known", "around", "total_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,29 +83,36 @@ class ArraySet:
 class ArrayValues:
     """Values between `lower` and `upper`, float64[states] each (the same array where exact).
 
-    `computed` (bool[states], None: nowhere) marks values that were computed in floating point. They
-    are known up to rounding even if lower and upper are equal: within ROUNDING relatively and
-    `slack` absolutely (float64[states], or a number for all: a difference inherits the rounding of
-    its operands, which is large relative to a small value).
+    `computed` (bool[states], None: nowhere) marks values whose bounds differ by rounding alone.
     """
 
     lower: Floats = field(repr=False)
     upper: Floats = field(repr=False)
     computed: Bools | None = field(default=None, repr=False)
-    slack: Floats | float = field(default=0.0, repr=False)
 
     @cached_property
     def is_point(self) -> bool:
         """Whether lower and upper are the same everywhere."""
         return self.lower is self.upper or np.array_equal(self.lower, self.upper, equal_nan=True)
 
+    @cached_property
+    def _between(self) -> Bools:
+        """The values whose bounds do not differ by rounding alone, bool[states]."""
+        apart: Bools = self.lower != self.upper
+        return apart if self.computed is None else apart & ~self.computed
+
     def __repr__(self) -> str:
         kind = "exact" if self.is_point else "certified"
         return f"<ArrayValues of {len(self.lower):,} states, {kind}>"
 
     def rounded(self, states: ArraySet) -> bool:
-        """Whether some value over the set was computed in floating point."""
-        return self.computed is not None and bool(np.any(self.computed & states.members))
+        """Whether some value over the set was rounded, and all bounds differ by that alone."""
+        members = states.members
+        return (
+            self.computed is not None
+            and bool(np.any(self.computed & members))
+            and (self.is_point or not np.any(self._between & members & ~np.isnan(self.lower)))
+        )
 
     def at(self, states: ArraySet) -> tuple[Floats, Floats]:
         """Lower and upper values over the set, in index order."""
@@ -123,29 +130,13 @@ class ArrayValues:
         """Bounds of the sum over the set."""
         return total_of([(self.gather(np.flatnonzero(states.members)), 1)])
 
-    def _margins(self) -> tuple[Floats, Floats]:
-        """Lower and upper values, made wider by the rounding that a computed value may carry."""
-        if self.computed is None:
-            return self.lower, self.upper
-        with np.errstate(invalid="ignore"):
-            low = np.where(
-                self.computed, self.lower - (ROUNDING * np.abs(self.lower) + self.slack), self.lower
-            )
-            high = np.where(
-                self.computed, self.upper + (ROUNDING * np.abs(self.upper) + self.slack), self.upper
-            )
-        # An infinite value minus an infinite margin is NaN.
-        return np.where(np.isinf(self.lower), self.lower, low), np.where(
-            np.isinf(self.upper), self.upper, high
-        )
-
     def compare(self, operator: str, threshold: float | Fraction) -> tuple[ArraySet, ArraySet]:
         """The states that surely satisfy the comparison, and the undecided ones.
 
         Comparisons with NaN are false.
         """
         below, above = bracket(threshold)
-        low, high = self._margins()
+        low, high = self.lower, self.upper
         with np.errstate(invalid="ignore"):
             yes, no = _COMPARISONS[OPERATOR_BY_TOKEN[operator]](low, high, below, above)
             nan = np.isnan(low) | np.isnan(high)
@@ -161,17 +152,14 @@ class ArrayValues:
             if operation.signature is Signature.ROUNDING:
                 # A value at a jump of floor or ceil may lie on either side of it: rounding must not
                 # choose.
-                low, high = map(_ROUNDINGS[operation], self._margins())
+                low, high = map(_ROUNDINGS[operation], (self.lower, self.upper))
                 return ArrayValues(*_same(_unsigned(low), _unsigned(high)))
             operands = [self, *(_operand(o, len(self.lower)) for o in others)]
             return compose(operation, _calculated, operands)
 
     def _negative(self) -> ArrayValues:
-        if self.is_point:
-            value = _unsigned(-self.lower)
-            return _without_cancellation(ArrayValues(value, value, self.computed, self.slack))
-        low, high = self._margins()
-        return ArrayValues(*_same(_unsigned(-high), _unsigned(-low)))
+        low = _unsigned(-self.upper)
+        return ArrayValues(low, low if self.is_point else _unsigned(-self.lower), self.computed)
 
     def choose(self, states: ArraySet, other: ArrayValues | Known) -> ArrayValues:
         """These values on the set, the other ones elsewhere."""
@@ -183,17 +171,13 @@ class ArrayValues:
         if self.computed is None and other.computed is None:
             return ArrayValues(lower, upper)
         mine, theirs = (empty if c is None else c for c in (self.computed, other.computed))
-        return ArrayValues(
-            lower, upper, np.where(m, mine, theirs), np.where(m, self.slack, other.slack)
-        )
+        return ArrayValues(lower, upper, np.where(m, mine, theirs))
 
     def gather(self, indices: Int32s | Int64s) -> ArrayValues:
         """The values at some states (repetitions allowed), as values of as many states."""
         lower = self.lower[indices]
         upper = lower if self.upper is self.lower else self.upper[indices]
-        computed = None if self.computed is None else self.computed[indices]
-        slack = np.broadcast_to(self.slack, self.lower.shape)[indices]
-        return ArrayValues(lower, upper, computed, slack)
+        return ArrayValues(lower, upper, None if self.computed is None else self.computed[indices])
 
 
 class Known(Protocol):
@@ -202,6 +186,13 @@ class Known(Protocol):
     def in_doubles(self) -> ArrayValues:
         """The nearest doubles; those that differ are marked as computed."""
         ...
+
+
+def around(values: Floats) -> tuple[Floats, Floats]:
+    """Bounds of values that are within ROUNDING of the true ones."""
+    with np.errstate(invalid="ignore"):
+        error = np.where(np.isfinite(values), ROUNDING * np.abs(values), 0.0)
+    return values - error, values + error
 
 
 def _operand(value: ArrayValues | Known | float | Fraction, n: int) -> ArrayValues:
@@ -213,52 +204,21 @@ def _operand(value: ArrayValues | Known | float | Fraction, n: int) -> ArrayValu
 
 
 def total_of(parts: Sequence[tuple[ArrayValues, int]]) -> tuple[float, float]:
-    """Bounds of the sum of all values, each counted so many times.
-
-    They are equal if the sum is exact up to rounding: no summands of opposite signs leave little,
-    and none has bounds, be they too small to change the sum.
-    """
-    lower = upper = error = size = 0.0
-    between = False
+    """Bounds of the sum of all values, each counted so many times; equal if they are ints."""
+    lower = upper = size = 0.0
+    whole = True
     for values, times in parts:
-        between = between or not values.is_point
         low, high = times * _sum(values.lower), times * _sum(values.upper)
+        whole = whole and values.is_point and not np.any(values.lower % 1)
         lower, upper, size = lower + low, upper + high, size + max(abs(low), abs(high))
-        if values.computed is not None:
-            known = np.isfinite(values.lower) & values.computed
-            slack = np.broadcast_to(values.slack, known.shape)[known]
-            error += times * _sum(ROUNDING * np.abs(values.lower[known]) + slack)
     finite = all(np.isfinite(v.lower).all() and np.isfinite(v.upper).all() for v, _ in parts)
     if finite and not (isfinite(lower) and isfinite(upper)):  # the sum is no double
         return min(lower, _LARGEST), max(upper, -_LARGEST)
-    if between or error > _CANCELLATION * ROUNDING * max(abs(lower), abs(upper)):
-        lower, upper = lower - error, upper + error
-    if between and isfinite(size):  # rounded outwards, enough for an average too
-        error = (len(parts) + 4) * UNIT_ROUNDOFF * size
-        return (lower - error if lower else lower), upper + error
-    return lower, upper
-
-
-def _without_cancellation(values: ArrayValues) -> ArrayValues:
-    """Values with bounds where the rounding of summands is not small relative to their sum."""
-    value, computed = values.lower, values.computed
-    if computed is None or np.ndim(values.slack) == 0:
-        return values
-    magnitude = np.abs(value)
-    few = computed & np.isfinite(value) & (values.slack > _CANCELLATION * ROUNDING * magnitude)
-    if not few.any():
-        return values
-    error = np.where(few, values.slack + ROUNDING * magnitude, 0.0)
-    return ArrayValues(value - error, value + error, computed & ~few, values.slack)
-
-
-def _around(values: ArrayValues, tiny: Bools) -> ArrayValues:
-    """Values with bounds where they are below the least normal double."""
-    if not tiny.any():
-        return values
-    error = np.where(tiny, LEAST_NORMAL, 0.0)
-    computed = None if values.computed is None else values.computed & ~tiny
-    return ArrayValues(values.lower - error, values.upper + error, computed, values.slack)
+    if not isfinite(size) or (whole and size <= LARGEST_WHOLE):
+        return lower, upper
+    error = (len(parts) + 4) * UNIT_ROUNDOFF * size + LEAST_NORMAL
+    natural = all(np.all(v.lower >= 0) for v, _ in parts)
+    return max(lower - error, 0.0 if natural else -_LARGEST), upper + error
 
 
 def _outside(instruction: Instruction, x: Floats, y: Floats, value: Floats) -> tuple[Bools, Bools]:
@@ -287,20 +247,9 @@ def _outside(instruction: Instruction, x: Floats, y: Floats, value: Floats) -> t
             assert_never(instruction)
 
 
-def _beyond(values: ArrayValues, overflow: Bools) -> ArrayValues:
-    """Values with bounds where they are finite, but no double."""
-    if not overflow.any():
-        return values
-    largest = np.copysign(_LARGEST, values.lower)
-    lower = np.where(overflow, np.minimum(values.lower, largest), values.lower)
-    upper = np.where(overflow, np.maximum(values.upper, largest), values.upper)
-    computed = None if values.computed is None else values.computed & ~overflow
-    return ArrayValues(lower, upper, computed, values.slack)
-
-
 _LARGEST = sys.float_info.max
-_CANCELLATION = 100.0
-"""How much greater than a sum its summands may be: two of sixteen digits are lost."""
+_LIBRARY_UNITS = 8
+"""Units in the last place by which C's powers and logarithms are wrong, at most."""
 
 
 def _sum(values: Floats) -> float:
@@ -341,20 +290,37 @@ _COMPARISONS: Mapping[Operator, Callable[[Floats, Floats, float, float], _Decisi
 
 
 def _calculated(instruction: Instruction, x: ArrayValues, y: ArrayValues) -> ArrayValues:
-    slack = _slack(instruction, x, y)
-    if slack is not None and x.is_point and y.is_point:
-        value = _unsigned(_POINTS[instruction](x.lower, y.lower))
-        computed = _any((x.computed, y.computed))
-        if computed is None:
-            computed = _rounded(instruction, x.lower, y.lower, value)
-        known = _without_cancellation(ArrayValues(value, value, computed, slack))
-        tiny, large = _outside(instruction, x.lower, y.lower, value)
-        return _beyond(_around(known, tiny), large)
-    low, high = _interval(instruction, x._margins(), y._margins())
+    points = x.is_point and y.is_point
+    low, high = (
+        (_POINTS[instruction](x.lower, y.lower),) * 2
+        if points
+        else _interval(instruction, (x.lower, x.upper), (y.lower, y.upper))
+    )
+    known = (x.lower == x.upper) & (y.lower == y.upper)
+    rounded = _rounded(instruction, x.lower, y.lower, low)
+    computed = _any((x.computed, y.computed, None if rounded is None else rounded & known))
+    if not points and computed is not None:
+        computed = computed & ~(x._between | y._between)
+    if rounded is not None:
+        library = instruction in (Instruction.POWER, Instruction.LOGARITHM)
+        units = _LIBRARY_UNITS if library else 1
+        low, high = _outward(low, high, rounded & known, units)
+    low, high = _same(_unsigned(low), _unsigned(high))
     tiny, large = _outside(instruction, x.lower, y.lower, low)
     also_tiny, also_large = _outside(instruction, x.upper, y.upper, high)
-    between = ArrayValues(*_same(_unsigned(low), _unsigned(high)))
-    return _beyond(_around(between, tiny & also_tiny), large | also_large)
+    tiny, large = tiny & also_tiny, large | also_large
+    if tiny.any():  # below the least normal double
+        error = np.where(tiny, LEAST_NORMAL, 0.0)
+        low, high = low - error, high + error
+    if large.any():  # finite, but no double
+        largest = np.copysign(_LARGEST, low)
+        low, high = (
+            np.where(large, choose(bound, largest), bound)
+            for choose, bound in ((np.minimum, low), (np.maximum, high))
+        )
+    if computed is not None:
+        computed = computed & ~(tiny | large)
+    return ArrayValues(low, high, computed)
 
 
 def _rounded(instruction: Instruction, x: Floats, y: Floats, value: Floats) -> Bools | None:
@@ -387,37 +353,13 @@ def _rounded(instruction: Instruction, x: Floats, y: Floats, value: Floats) -> B
     return rounded if rounded.any() else None
 
 
-def _slack(instruction: Instruction, x: ArrayValues, y: ArrayValues) -> Floats | float | None:
-    """The absolute error of the result for rounded values.
-
-    None if interval arithmetic must compute it.
-    """
-    slack = x.slack + y.slack
-    if x.computed is None and y.computed is None:
-        return slack
-    match instruction:
-        case Instruction.MINIMUM | Instruction.MAXIMUM:
-            return slack
-        case Instruction.ADD | Instruction.SUBTRACT:
-            return slack + ROUNDING * _computed_magnitude(x) + ROUNDING * _computed_magnitude(y)
-        case Instruction.MULTIPLY | Instruction.DIVIDE:
-            return None if np.any(slack) else 0.0
-        case Instruction.POWER | Instruction.REMAINDER | Instruction.LOGARITHM:
-            return None
-        case _:
-            assert_never(instruction)
-
-
-def _computed_magnitude(values: ArrayValues) -> Floats | float:
-    """The absolute value where it is finite and was computed, else 0."""
-    if values.computed is None:
-        return 0.0
-    return np.where(values.computed & np.isfinite(values.lower), np.abs(values.lower), 0.0)
-
-
 def _broadcast(value: float | Fraction, n: int) -> ArrayValues:
-    array = np.full(n, float(value))
-    return ArrayValues(array, array)
+    near = float(value)
+    low, high = bracket(value)
+    array = np.full(n, low)
+    if low == high:
+        return ArrayValues(array, array)
+    return ArrayValues(array, np.full(n, high), None if isinf(near) else np.ones(n, bool))
 
 
 def _any(masks: Iterable[Bools | None]) -> Bools | None:
@@ -475,6 +417,7 @@ def _interval(instruction: Instruction, x: _Pair, y: _Pair) -> _Pair:
     wide = (x[0] != x[1]) | (y[0] != y[1])
     low, high = _corners(instruction, x, y)
     rounded: Bools = low != high  # of numbers that are known it has the value
+    units = 1
     match instruction:
         case Instruction.MINIMUM | Instruction.MAXIMUM:
             return low, high
@@ -492,15 +435,16 @@ def _interval(instruction: Instruction, x: _Pair, y: _Pair) -> _Pair:
             # monotone: say that nothing is known.
             below = (x[0] < 0) | ((x[0] == 0) & (y[0] < 0))
             low, high = _unless(below & wide, low, high)
-            rounded = low != high
+            rounded, units = low != high, _LIBRARY_UNITS
         case Instruction.REMAINDER:
             low, high = _remainders(x, y)
             rounded = low != high
         case Instruction.LOGARITHM:
             low, high = _unless((y[0] <= 1) & (y[1] >= 1) & (y[0] != y[1]), low, high)
+            units = _LIBRARY_UNITS
         case _:
             assert_never(instruction)
-    return _outward(low, high, rounded)
+    return _outward(low, high, rounded, units)
 
 
 def _unless(unknown: Bools, low: Floats, high: Floats) -> _Pair:
@@ -512,11 +456,12 @@ def _is_zero(x: _Pair) -> Bools:
     return np.asarray((x[0] == 0) & (x[1] == 0))
 
 
-def _outward(low: Floats, high: Floats, rounded: Bools) -> _Pair:
-    """Wider by one unit in the last place, where they were rounded."""
-    return np.where(rounded, np.nextafter(low, -np.inf), low), np.where(
-        rounded, np.nextafter(high, np.inf), high
-    )
+def _outward(low: Floats, high: Floats, rounded: Bools, units: int = 1) -> _Pair:
+    """Wider by some units in the last place, where they were rounded."""
+    for _ in range(units):
+        low = np.where(rounded & (low < np.inf), np.nextafter(low, -np.inf), low)
+        high = np.where(rounded & (high > -np.inf), np.nextafter(high, np.inf), high)
+    return low, high
 
 
 def _corners(instruction: Instruction, x: _Pair, y: _Pair) -> _Pair:

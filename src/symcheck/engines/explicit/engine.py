@@ -25,7 +25,7 @@ from symcheck.engines.capabilities import (
     HasMatrix,
     RepresentsOrbits,
 )
-from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
+from symcheck.engines.explicit.array_values import ArraySet, ArrayValues, around
 from symcheck.engines.explicit.base import Numeric
 from symcheck.engines.explicit.full_matrix import FullMatrix
 from symcheck.engines.explicit.graph import ExplicitGraph
@@ -39,10 +39,12 @@ from symcheck.engines.linear_system import (
 )
 from symcheck.engines.reward_sums import RewardSums
 from symcheck.explicit.explored import RACE, ExploredModel
+from symcheck.explicit.model import ExplicitModel
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, Rationals, full, is_infinite, numbers
 from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
+from symcheck.semantics.entry_errors import entry_error
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
 from symcheck.syntax.ast import Expression, Type
@@ -56,13 +58,17 @@ __all__ = ["ExplicitEngine", "ExplicitSystem"]
 
 @dataclass(frozen=True)
 class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, HasActions):
-    """An explored model as an engine."""
+    """An explored model as an engine.
+
+    number_error: the relative error of sums of entries of a row; None: that of the model's text.
+    """
 
     explored: ExploredModel
     name: str = "explicit"
     has_rows: bool = True
     represented: Represented | None = None
     opponents: Bools | None = field(default=None, compare=False)
+    number_error: float | None = field(default=None, kw_only=True)
 
     @property
     def has_opponents(self) -> bool:
@@ -252,6 +258,20 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
             smallest = float(data.min(initial=np.inf, where=data > 0.0))
         return smallest, float(data.max(initial=0.0))
 
+    @cached_property
+    def entry_error(self) -> float:
+        """A bound on the relative error of a sum of entries of a row."""
+        explored, model = self.explored, self.model
+        if self.is_rational:
+            return 0.0
+        if self.number_error is not None:
+            return self.number_error
+        if not model.events:  # it was read
+            return entry_error(model, self.weights.longest)
+        if not isinstance(explored, ExplicitModel):
+            return entry_error(model)
+        return entry_error(model, explored.terms, shares=explored.shares)
+
     def finite_reward(
         self, reward: Reward, target: ArraySet, direction: Direction | None
     ) -> ArraySet:
@@ -307,7 +327,10 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
             letters,
             automaton,
             lambda pairs: ExplicitEngine(
-                pairs, name, opponents=None if theirs is None else theirs[pairs.state]
+                pairs,
+                name,
+                opponents=None if theirs is None else theirs[pairs.state],
+                number_error=self.entry_error,
             ),
         )
 
@@ -365,6 +388,11 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
     def has_end_components(self) -> bool:
         """Whether some end component lies within the states (MDP)."""
         return next(self.engine.graph.end_components(self.states), None) is not None
+
+    @property
+    def entry_error(self) -> float:
+        """That of the engine."""
+        return self.engine.entry_error
 
     @property
     def opponents(self) -> Bools | None:
@@ -448,6 +476,8 @@ class ExplicitSystem(LinearSystem[ArraySet, Numeric]):
         """Values on all states: these on the states of the system, constants on the sets in `rest`,
         0 elsewhere.
         """
+        if up_to_rounding and upper is None and not self.engine.is_rational:
+            lower, upper = around(lower)
         low = self._spread(lower, rest)
         if self.engine.is_rational:
             assert upper is None or upper is lower, "rational values have no bounds"

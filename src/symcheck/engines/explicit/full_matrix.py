@@ -88,5 +88,7 @@ class FullMatrix:
             system.direction,
             constant is None,
             system.continuous_time,
+            self.engine.entry_error,
+            query.constant_error,
         )
         return solved_values(system, problem, known, settings, observer)

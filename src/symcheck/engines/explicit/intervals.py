@@ -35,6 +35,7 @@ from symcheck.matrices.rows import Bools, Int64s, spans, starts_of
 from symcheck.numerics.linear.intervals import IntervalProblem, solve_intervals
 from symcheck.numerics.linear.problem import LinearProblem, Observer
 from symcheck.numerics.settings import Settings
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.features import class_name
 from symcheck.semantics.rewards import Reward, Structure
 from symcheck.syntax.ast import Expression, ModelType
@@ -113,7 +114,8 @@ class IntervalEngine(ExplicitEngine, HasUncertainty, HasBestExpectations, HasRat
     def rows(self, direction: Direction | None) -> IntervalRows:
         """The rows, in which nature does what the direction of strategies implies."""
         lower = replace(self.weights, data=self.lower)
-        return IntervalRows(lower, self.weights.data, self.nature(direction))
+        nature = self.nature(direction)
+        return IntervalRows(lower, self.weights.data, nature, self.entry_error)
 
     def with_nature(self, values: Numbers, direction: Direction) -> ExplicitEngine:
         """The engine in which nature has chosen the best distributions for values of the states."""
@@ -202,6 +204,11 @@ class IntervalSystem(ExplicitSystem):
         """None: constants do not say what nature chooses."""
         self.engine.refuse()
 
+    def reward_error(self, reward: Reward) -> float:
+        """That of some distribution of a row, which is divided by its sum."""
+        rounding = self.engine.weights.longest * UNIT_ROUNDOFF
+        return super().reward_error(reward) + 2.0 * (self.entry_error + rounding)
+
     def reachability(self, target: ArraySet) -> Any:  # noqa: ARG002
         """The equations of the probability of reaching `target`; it is known where that is 1."""
         rows = self.engine.weights.rows_of(self.states.members)
@@ -210,7 +217,8 @@ class IntervalSystem(ExplicitSystem):
 
     def expected_reward(self, reward: Reward, infinite: ArraySet) -> Any:
         """The equations of the expected reward until the states are left."""
-        return IntervalEquations(self, self.step_rewards(reward), False, infinite)
+        error = self.reward_error(reward)
+        return IntervalEquations(self, self.step_rewards(reward), False, infinite, error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,12 +227,14 @@ class IntervalEquations(EquationsOf[ArraySet, Numeric]):
 
     Attributes:
         infinite: other states, whose value is infinite.
+        constant_error: the relative error of constants.
     """
 
     system: IntervalSystem
     constant: Numbers = field(repr=False)
     probability: bool
     infinite: ArraySet
+    constant_error: float = 0.0
 
     @property
     def states(self) -> ArraySet:
@@ -281,6 +291,7 @@ class IntervalEquations(EquationsOf[ArraySet, Numeric]):
             constant,
             system.direction,
             self.probability,
+            self.constant_error,
         )
         solution = solve_intervals(problem, settings, observer)
         solved = lifted(system, solution, rest, settings)

@@ -66,7 +66,7 @@ class RationalValues:
         return
 
     def in_doubles(self) -> ArrayValues:
-        """The nearest doubles; those that differ are marked as computed."""
+        """The doubles beside them; those that differ are marked as computed."""
         low = np.array([to_float(v) for v in self.array])
         differs = np.array([x != v == v for x, v in zip(low, self.array, strict=True)], bool)
         if not differs.any():
@@ -74,9 +74,9 @@ class RationalValues:
         high = low.copy()
         # Beyond the range of normal doubles the nearest one is not near.
         far = differs & (np.isinf(low) | (np.abs(low) < LEAST_NORMAL))
-        for i in np.flatnonzero(far).tolist():
+        for i in np.flatnonzero(differs).tolist():
             low[i], high[i] = enclosure(self.array[i])
-        return ArrayValues(low, high if far.any() else low, differs & ~far)
+        return ArrayValues(low, high, differs & ~far)
 
     def __repr__(self) -> str:
         return f"<RationalValues of {len(self.array):,} states>"

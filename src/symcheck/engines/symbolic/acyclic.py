@@ -50,6 +50,8 @@ def solve_acyclic(
     target: SymbolicSet | None,
     reward: Reward | None,
     known: Sequence[tuple[SymbolicSet, float]],
+    error: float = 0.0,
+    constant_error: float = 0.0,
 ) -> Acyclic | None:
     """Solve x = A x + b over `states` of a DTMC, level by level.
 
@@ -59,6 +61,8 @@ def solve_acyclic(
         target: b is the one-step probability of entering it; None for rewards.
         reward: b is its expected reward of a step; None for probabilities.
         known: constants on other sets, 0 elsewhere.
+        error: the relative error of probabilities.
+        constant_error: the relative error of rewards.
 
     Returns:
         The solution; None if the states are few or have a cycle, if the diagrams of the values are
@@ -92,7 +96,7 @@ def solve_acyclic(
     if d.entry_range[0] * least < np.finfo(np.float64).tiny:
         return None  # products that underflow have no relative error
     # The sum over the column bits is a tree with one level per bit.
-    error = 1.01 * len(levels) * (len(d.columns) + 4) * UNIT_ROUNDOFF
+    error = 1.01 * (len(levels) * ((len(d.columns) + 4) * UNIT_ROUNDOFF + error) + constant_error)
     make = partial(_pieces, d, x, states.bdd, error, known)
     return Acyclic(RestrictableValues(d, make, is_point=False), len(levels), error)
 
@@ -120,7 +124,8 @@ class AcyclicSolution:
         reward = query.reward if isinstance(query, ExpectedReward) else None
         target = query.target if isinstance(query, Reachability) else None
         states: SymbolicSet = query.system.states
-        solution = solve_acyclic(self.diagrams, states, target, reward, known)
+        errors = query.system.error, query.constant_error
+        solution = solve_acyclic(self.diagrams, states, target, reward, known, *errors)
         if solution is None:
             return None
         note = f"no cycles: {solution.steps} steps on diagrams"

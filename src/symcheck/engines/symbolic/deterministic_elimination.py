@@ -40,6 +40,7 @@ from symcheck.machine import available_memory
 from symcheck.matrices.rows import Bools, Floats, SparseMatrix
 from symcheck.numerics.linear.problem import LinearProblem, Observer
 from symcheck.numerics.settings import Settings
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.rewards import Reward
 
 __all__ = ["DeterministicElimination"]
@@ -144,8 +145,8 @@ def _solved(
         values[members[: n + 2]] = value
         if members[-1]:
             values[n] = value
-    unknowns = _ReducedUnknowns(system.successors, values, unknown)
     problem = _problem(system, query, unknown, outside)
+    unknowns = _ReducedUnknowns(system.successors, values, unknown, 1.01 * problem.constant_error)
     return solved_values(unknowns, problem, known, settings, observer)
 
 
@@ -160,14 +161,26 @@ def _problem(
 ) -> LinearProblem:
     """The equations among the unknowns, written over the rows of the reduced system."""
     direction, full = query.system.direction, system.take_matrix()
-    reward = None
+    # Probabilities into states of one value are added.
+    reward, error = None, query.system.error + full.longest * UNIT_ROUNDOFF
     if isinstance(query, ExpectedReward):
         assert system.step_reward is not None
         reward = system.step_reward[full.rows_of(unknown)]
     matrix, enter, leave = _among(full, unknown, outside, direction)
     if reward is None:
-        return LinearProblem(enter, matrix, None, leave, direction, True)
-    problem = LinearProblem(reward, matrix, None, leave, direction, False)
+        return LinearProblem(enter, matrix, None, leave, direction, True, error=error)
+    # Rewards of the states on a path without choices are added.
+    constant_error = query.constant_error + len(system.successors.representative) * UNIT_ROUNDOFF
+    problem = LinearProblem(
+        reward,
+        matrix,
+        None,
+        leave,
+        direction,
+        False,
+        error=error,
+        constant_error=constant_error,
+    )
     usable = enter == 0.0
     if direction is Direction.MIN and not usable.all():
         problem = chosen_rows(problem, matrix, usable)
@@ -197,12 +210,14 @@ def _among(
 class _ReducedUnknowns:
     """The unknowns of a reduced system; lifts a solution to all states.
 
-    known: float64[n+2], the values of the numbers that are not unknown.
+    known: float64[n+2], the values of the numbers that are not unknown. error: of the rewards of
+      paths, relative.
     """
 
     successors: Successors
     known: Floats = field(repr=False)
     unknown: Bools = field(repr=False)
+    error: float = 0.0
 
     @property
     def n(self) -> int:
@@ -224,12 +239,14 @@ class _ReducedUnknowns:
             high = self.known.copy()
             high[self.unknown] = upper
         values = ArrayValues(low, high, self.unknown if up_to_rounding else None)
-        pieces = partial(_pieces, self.successors, values)
+        pieces = partial(_pieces, self.successors, values, self.error)
         return RestrictableValues(self.successors.diagrams, pieces, values.is_point)
 
 
-def _pieces(successors: Successors, values: ArrayValues, states: Bdd) -> tuple[Piece, ...]:
-    """The values on some states."""
+def _pieces(
+    successors: Successors, values: ArrayValues, error: float, states: Bdd
+) -> tuple[Piece, ...]:
+    """The values on some states; error: see `_ReducedUnknowns`."""
     d = successors.diagrams
     whole = states == d.states
     odd = d.odd if whole else Odd(d.manager, states, d.rows)
@@ -242,8 +259,11 @@ def _pieces(successors: Successors, values: ArrayValues, states: Bdd) -> tuple[P
     if successors.path_reward is not None:
         path_reward = successors.path_reward[positions]
         low, high = low + path_reward, high + path_reward
+        margin = error * path_reward + UNIT_ROUNDOFF * np.abs(high)
+        margin[np.isinf(high)] = 0.0
+        low, high = low - margin, high + margin
         computed = None if computed is None else computed | (path_reward > 0.0)
-    if values.upper is values.lower:
+    if values.upper is values.lower and successors.path_reward is None:
         high = low
     if (
         low.min() == low.max()

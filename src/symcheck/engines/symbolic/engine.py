@@ -37,6 +37,7 @@ from symcheck.engines.symbolic.system import SymbolicSystem
 from symcheck.matrices.numbers import Rationals
 from symcheck.matrices.operators import SweepOperator
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
+from symcheck.semantics.entry_errors import entry_error
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, Type
@@ -109,6 +110,11 @@ class SymbolicEngine(Capable, HasDiagrams, HasActions):
     def entry_range(self) -> tuple[float, float]:
         """The least positive and the greatest one-step probability (rate)."""
         return self.diagrams.entry_range
+
+    @cached_property
+    def entry_error(self) -> float:
+        """A bound on the relative error of a sum of entries of a row."""
+        return entry_error(self.model, table_bits=tuning.TABLE_BITS)
 
     @cached_property
     def all(self) -> SymbolicSet:

@@ -161,4 +161,5 @@ def materialize(engine: SymbolicEngine) -> MaterializedEngine:
         list(rewards)  # raises ModelFault now, not at the first use
     # Not `engine.system`, which the engine keeps: its rows would be a second copy.
     model = MaterializedModel(engine, SymbolicSystem(engine, engine.all))
-    return MaterializedEngine(model, name="sparse", source=engine)
+    error = engine.entry_error
+    return MaterializedEngine(model, name="sparse", source=engine, number_error=error)

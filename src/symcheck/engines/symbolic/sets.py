@@ -126,7 +126,6 @@ class Piece:
                 low,
                 high,
                 None if v.computed is None else np.broadcast_to(v.computed, (n,)),
-                np.broadcast_to(v.slack, (n,)),
             )
         if states == self.states:
             return v
@@ -186,10 +185,10 @@ class SymbolicValues:
         return all(p.values.is_point for p in self.pieces)
 
     def rounded(self, states: SymbolicSet) -> bool:
-        """Whether some value over the set was computed in floating point."""
-        return any(
-            v.computed is not None and bool(v.computed.any()) for _, v in self._parts(states)
-        )
+        """Whether some value over the set was rounded, and all bounds differ by that alone."""
+        parts = self._values(states)
+        rounded = [v.rounded(_everywhere(v)) for v in parts]
+        return any(rounded) and all(r or v.is_point for r, v in zip(rounded, parts, strict=True))
 
     def _parts(self, states: SymbolicSet) -> Iterator[tuple[Bdd, Numeric]]:
         """The values on a set: for each piece that meets it, the common states and their values
@@ -380,8 +379,7 @@ def merged(diagrams: Diagrams, pieces: Iterable[Piece]) -> tuple[Piece, ...]:
             groups.setdefault((v.array[0],), []).append(piece)
         else:
             computed = v.computed is not None and bool(v.computed[0])
-            slack = float(np.max(v.slack))
-            key = v.lower.tobytes(), v.upper.tobytes(), computed, slack
+            key = v.lower.tobytes(), v.upper.tobytes(), computed
             groups.setdefault(key, []).append(piece)
     joined = (
         g[0] if len(g) == 1 else Piece(diagrams.union([p.states for p in g]), g[0].values, None)

@@ -13,6 +13,7 @@ from symcheck.dd.manager import Mtbdd
 from symcheck.dd.odd import Odd
 from symcheck.direction import Direction
 from symcheck.engines.base import Number
+from symcheck.engines.explicit.array_values import around
 from symcheck.engines.explicit.rational_values import in_doubles
 from symcheck.engines.linear_system import LinearSystem, Preprocessing
 from symcheck.engines.reward_sums import RewardSums
@@ -164,6 +165,11 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
         return next(self.engine.graph.end_components(self.states), None) is not None
 
     @property
+    def entry_error(self) -> float:
+        """That of the engine."""
+        return self.engine.entry_error
+
+    @property
     def reward_sums(self) -> RewardSums:
         """The sums of rewards of the engine that floating point gets wrong."""
         return self.engine.reward_sums
@@ -259,6 +265,8 @@ class SymbolicSystem(LinearSystem[SymbolicSet, SymbolicValues]):
         d = self._d
         pieces = []
         if self.states:
+            if up_to_rounding and upper is None:
+                lower, upper = around(lower)
             same = upper is None or upper is lower
             pieces.append(
                 array_piece(

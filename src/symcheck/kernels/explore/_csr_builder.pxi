@@ -94,7 +94,8 @@ cdef class CsrBuilder:
         structures: number of rewards of each row.
     """
 
-    cdef readonly long long opened, closed, groups, entries
+    cdef readonly long long opened, closed, groups, entries, longest  # row, before it is merged
+    cdef readonly bint shares  # whether weights were divided by another number than a power of 2
     cdef int structures
     cdef Buffer* rewards
     cdef Buffer starts, group_ends, actions, indices
@@ -175,6 +176,7 @@ cdef class CsrBuilder:
         """
         cdef int s
         cdef long long g, size = end - first
+        self.shares = self.shares or other.shares
         if (reserve(&self.actions, (self.opened + size) * 4)
                 or reserve(&self.group_ends, (self.groups + end_group - first_group) * 8)):
             return 1
@@ -198,6 +200,7 @@ cdef class CsrBuilder:
         if (reserve(&self.indices, (self.entries + n) * 4) or reserve(&self.row, n * 8)
                 or reserve(&self.starts, (self.closed + 2) * 8)):
             return 1
+        self.longest = max(self.longest, n)
         indices = <int32_t*> self.indices.data + self.entries
         if n > LINEAR_SCAN_ENTRIES:
             n = self._merge_long(ids, weights, n, indices, <double*> self.row.data)

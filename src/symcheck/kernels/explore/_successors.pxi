@@ -258,6 +258,8 @@ cdef class Expander:
         if self.successor_count == first:
             return self._add_deadlock_loop(state, source)
         if self.kind == Kind.DTMC and self.joint_choices > 1:
+            if self.joint_choices & (self.joint_choices - 1):
+                self.rows.shares = True
             for i in range(first, self.successor_count):
                 if (<double*> self.weights.data)[i] > self.joint_choices * 5e-324:
                     (<double*> self.weights.data)[i] /= self.joint_choices

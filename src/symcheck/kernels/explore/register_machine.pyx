@@ -77,7 +77,7 @@ cdef double SLACK = 1.000001  # more than the rounding of bounds
 cdef double TINY = 1e-250  # doubles below may have lost digits to underflow
 cdef double FLOOR_OF_BOUNDS = 1e-300
 cdef double HALF_UNIT = 1.1102230246251565e-16
-cdef double CANCELLATION = 1099511627776.0  # as in `evaluate`: 2**40 times the error
+cdef double CANCELLATION = 8796093022208.0  # 2**43 times the error: see `entry_errors.CLOSE`
 
 
 cdef inline double conversion_error(long long x) noexcept nogil:

@@ -16,6 +16,7 @@ cdef class Equations:
         unknown: uint8[states], the states that the equations determine, where other states of the
             matrix have known values; None for all.
         normalise: whether rows and their constants are divided by all that leaves the state.
+        error: of the coefficients and constants, relative.
     """
 
     cdef const int64_t[::1] indptr, groups
@@ -24,13 +25,15 @@ cdef class Equations:
     cdef const double[::1] constant_low, constant_high, exit_mass   # None where they are 0
     cdef const uint8_t[::1] unknown  # None: all states
     cdef bint normalise
+    cdef readonly double error
     cdef int32_t[::1] local_index  # of the states of the block that is loaded; None before
     cdef readonly int64_t n
     cdef readonly int mode
 
     def __init__(self, indptr: Int64s, indices: Int32s, data: Floats, groups: Int64s | None,
                  lower: Floats | None, upper: Floats | None, exit_mass: Floats | None, int mode,
-                 unknown: Masks | None = None, bint normalise=False):
+                 unknown: Masks | None = None, bint normalise=False,
+                 double error=8.0 * UNIT_ROUNDOFF):
         self.indptr, self.indices, self.data = indptr, indices, data
         self.constant_low, self.constant_high, self.exit_mass = lower, upper, exit_mass
         self.mode = mode
@@ -38,6 +41,7 @@ cdef class Equations:
         self.groups = np.zeros(1, dtype=np.int64) if groups is None else groups
         self.unknown = unknown
         self.normalise = normalise
+        self.error = error
         self.local_index = None
 
     cdef void number_states(self, const int32_t[::1] states):
@@ -212,6 +216,11 @@ cdef class EquationBlock:
         """Starts of the rows of each state: int64[n+1]."""
         return np.asarray(self.group_ptr)[: self.n + 1]
 
+    @property
+    def error(self) -> float:
+        """The relative error of the coefficients and constants of the system."""
+        return self.system.error
+
     def exit_masses(self) -> Floats:
         """The mass that leaves the block, per row, with self-loops divided out: float64[rows]."""
         return np.array(self.exit_mass[: self.rows])
@@ -268,7 +277,7 @@ cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x) noe
     cdef bint grouped = block.grouped, constants = system.constant_low is not None, tiny
     cdef int64_t i, r, k, s, first, last, rows = 0, entries = 0, first_entry
     cdef int32_t c
-    cdef double lo, hi, scale, loop, terms, leaves, lowest = INFINITY, highest = 0.0
+    cdef double lo, hi, scale, loop, terms, leaves, margin, lowest = INFINITY, highest = 0.0
     cdef Sum total, exit_sum
     block.has_exit = False
     row_ptr[0] = 0
@@ -320,8 +329,9 @@ cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x) noe
                     lo = lo * scale
                     hi = hi * scale
                 leaves = quotient(exit_sum, total)
-            lo = lo - fabs(lo) * terms * UNIT_ROUNDOFF if lo < INFINITY else lo
-            hi = (hi + fabs(hi) * terms * UNIT_ROUNDOFF
+            margin = error_of_row(<int64_t>(terms - EXTRA_ROUNDINGS), system.error)
+            lo = lo - fabs(lo) * margin if lo < INFINITY else lo
+            hi = (hi + fabs(hi) * margin
                   + (UNDERFLOW_MARGIN if terms > EXTRA_ROUNDINGS and hi != 0.0 and not tiny
                      else 0.0))
             if is_positive(exit_sum):
@@ -339,7 +349,8 @@ cdef void copy_rows(EquationBlock block, Equations system, double[:, ::1] x) noe
     group_ptr[block.n] = rows
     block.rows = rows
     block.entries = entries
-    lowest = lowest * (1.0 - EXTRA_ROUNDINGS * UNIT_ROUNDOFF)
-    highest = highest * (1.0 + EXTRA_ROUNDINGS * UNIT_ROUNDOFF)
+    margin = error_of_row(0, system.error)
+    lowest = lowest * (1.0 - margin)
+    highest = highest * (1.0 + margin)
     block.start_low = 0.0 if lowest > 1.0 else lowest
     block.start_high = 1.0 if highest > 1.0 else highest

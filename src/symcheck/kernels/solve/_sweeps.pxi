@@ -164,7 +164,7 @@ cdef class Block(EquationBlock):
                 y = x + 2 * <int64_t>indices[k]
                 lo = lo + a * y[0]
                 hi = hi + a * y[1]
-            margin = error_of_sum(end - indptr[i])
+            margin = error_of_row(end - indptr[i], self.system.error)
             lo = round_down(lo, margin)
             hi = round_up(hi, margin)
             if hi == 0.0:
@@ -212,7 +212,7 @@ cdef class Block(EquationBlock):
                     y = x + 2 * <int64_t>indices[k]
                     lo = lo + a * y[0]
                     hi = hi + a * y[1]
-                margin = error_of_sum(indptr[r + 1] - indptr[r])
+                margin = error_of_row(indptr[r + 1] - indptr[r], self.system.error)
                 lo = round_down(lo, margin)
                 hi = round_up(hi, margin)
                 if hi == 0.0:
@@ -253,7 +253,7 @@ cdef class Block(EquationBlock):
                 lo = self.constant_low[r]
                 for k in range(indptr[r], indptr[r + 1]):
                     lo = lo + data[k] * x[indices[k], 0]
-                lo = round_down(lo, error_of_sum(indptr[r + 1] - indptr[r]))
+                lo = round_down(lo, error_of_row(indptr[r + 1] - indptr[r], self.system.error))
                 if best_row < 0 or (lo > best if self.mode == 2 else lo < best):
                     best = lo
                     best_row = r
@@ -290,7 +290,7 @@ cdef class Block(EquationBlock):
                 hi = self.constant_high[r]
                 for k in range(indptr[r], indptr[r + 1]):
                     hi = hi + data[k] * high[indices[k]]
-                hi = round_up(hi, error_of_sum(indptr[r + 1] - indptr[r]))
+                hi = round_up(hi, error_of_row(indptr[r + 1] - indptr[r], self.system.error))
                 if hi == 0.0:
                     hi = underflow_margin(data, indices, indptr[r], indptr[r + 1], &high[0],
                                            1)

@@ -10,13 +10,13 @@ import numpy as np
 from libc.math cimport fabs, INFINITY
 from libc.stdint cimport int32_t, int64_t
 
-from symcheck.kernels.rounding cimport UNDERFLOW_MARGIN, error_of_sum
+from symcheck.kernels.rounding cimport UNDERFLOW_MARGIN, error_of_row
 
 
 def certify(const int64_t[::1] indptr, const int32_t[::1] indices, const double[::1] data,
             groups: Int64s | None, const double[::1] lower_b, const double[::1] upper_b,
             const double[::1] x, const double[::1] weight, const int64_t[::1] policy,
-            int mode) -> tuple[float, float]:
+            int mode, double error) -> tuple[float, float]:
     """The least factors (low, high) for which x - low * weight and x + high * weight are proved
     bounds.
 
@@ -30,6 +30,7 @@ def certify(const int64_t[::1] indptr, const int32_t[::1] indices, const double[
         x: float64[states].
         weight: float64[states]. One that is not positive proves nothing.
         policy: int64[states], a row per state (unused without groups).
+        error: of the coefficients and constants, relative.
     Returns:
         The two factors; infinity if this weight proves nothing.
     """
@@ -52,7 +53,7 @@ def certify(const int64_t[::1] indptr, const int32_t[::1] indices, const double[
                     ax = ax + data[k] * x[indices[k]]
                     size = size + data[k] * fabs(x[indices[k]])
                     aw = aw + data[k] * weight[indices[k]]
-                margin = error_of_sum(indptr[r + 1] - indptr[r])
+                margin = error_of_row(indptr[r + 1] - indptr[r], error)
                 slack = weight[s] - aw - (aw + weight[s]) * margin
                 in_policy = not grouped or policy[s] == r
                 if mode == 2 or in_policy:

@@ -16,7 +16,7 @@ from symcheck.kernels.portable cimport (COMPENSATED_ROUNDINGS, Sum, add_product,
                                         product_underflows, quotient, rounded, sum_of)
 from symcheck.kernels.tuning cimport MAX_SWEEPS, MIN_SWEEPS, SWEEP_ENTRIES, SWEEP_STATES
 from symcheck.kernels.rounding cimport (EXTRA_ROUNDINGS, NEAR_UNDERFLOW, UNDERFLOW_MARGIN,
-                                        UNIT_ROUNDOFF, error_of_sum, round_down, round_up,
+                                        UNIT_ROUNDOFF, error_of_row, round_down, round_up,
                                         underflow_margin)
 
 include "_equations.pxi"
@@ -67,7 +67,8 @@ cdef bint eliminate_block(EquationBlock block):
                             or (block.constant_high[i] < DBL_MIN
                                 and block.constant_high[k] > 0.0)):
                         out_of_range = True
-        error = (10.0 * updates + (10.0 + COMPENSATED_ROUNDINGS) * n + 20.0) * UNIT_ROUNDOFF
+        error = ((10.0 * updates + (10.0 + COMPENSATED_ROUNDINGS) * n + 20.0) * UNIT_ROUNDOFF
+                 + 2.0 * n * block.system.error)
         for k in range(n):
             lo = sum_of(block.constant_low[k])
             hi = sum_of(block.constant_high[k])
@@ -157,7 +158,10 @@ cdef class ComponentSolver(Equations):
                 hi = divide_by(hi, total)
             if tiny:
                 self.bounds_near_underflow(s, r, base, total, &lo, &hi)
-            margin = error_of_sum(indptr[r + 1] - indptr[r])
+            # Products, sums, and the rounding itself; where it is divided, the sum of the row too.
+            margin = (indptr[r + 1] - indptr[r] + 3.0) * UNIT_ROUNDOFF + self.error
+            if loop > 0.0 or self.normalise:
+                margin = margin + 4.0 * UNIT_ROUNDOFF + self.error
             lo = round_down(lo, margin)
             hi = round_up(hi, margin)
             if best < 0:

@@ -13,7 +13,7 @@ from libc.math cimport fabs, isfinite, sqrt, INFINITY
 from libc.stdint cimport int32_t, int64_t
 
 from symcheck.kernels.tuning cimport ANDERSON_MEMORY, SWEEPS_PER_COMBINATION
-from symcheck.kernels.rounding cimport error_of_sum, round_down, round_up, underflow_margin
+from symcheck.kernels.rounding cimport error_of_row, round_down, round_up, underflow_margin
 
 # A row must be better by this relative difference to change the policy: roundings are smaller.
 cdef double CLEARLY_BETTER = 1e-13
@@ -42,6 +42,7 @@ cdef class PolicyEvaluator:
         low, high: float64[rows], bounds on b, at least 0; infinite ones are allowed for minima.
         mode: 0 without choices, 1 minimum, 2 maximum.
         relative: whether errors count relative to the values.
+        error: of A and b, relative.
     """
 
     cdef const int64_t[::1] row_ptr, groups, policy_ptr
@@ -55,19 +56,20 @@ cdef class PolicyEvaluator:
     cdef readonly int32_t[::1] policy
     cdef readonly int64_t n, sweeps
     cdef int64_t stored, newest, combined
-    cdef double norm, scale
+    cdef double norm, scale, error
     cdef readonly int mode
     cdef bint relative
     cdef double product[ANDERSON_MEMORY][ANDERSON_MEMORY]
     cdef double factor[ANDERSON_MEMORY]
 
     def __init__(self, indptr: Int64s, indices: Int32s, data: Floats, groups: Int64s | None,
-                 low: Floats, high: Floats, int mode, bint relative):
+                 low: Floats, high: Floats, int mode, bint relative, double error):
         self.row_ptr, self.groups = indptr, indptr if mode == 0 else groups
         cdef int64_t n = self.groups.shape[0] - 1
         self.indices, self.data, self.low, self.high = indices, data, low, high
         self.mode = mode
         self.relative = relative
+        self.error = error
         self.n = n
         if nearly_equal(self.low, self.high):
             self.middle = low
@@ -417,7 +419,7 @@ cdef bint sweep_bounds(PolicyEvaluator e, double* x, bint upper,
         best = 0.0
         for r in range(first, last):
             t = add_row(b[r], indptr, r, data, indices, x)
-            margin = error_of_sum(indptr[r + 1] - indptr[r])
+            margin = error_of_row(indptr[r + 1] - indptr[r], e.error)
             if upper:
                 t = round_up(t, margin)
                 if t == 0.0:

@@ -4,8 +4,8 @@
 An interval row holds the distributions p with lower <= p <= upper and sum 1. Its least (greatest)
 expectation of x gives each successor its lower end, and then as much as fits to the successors with
 the least (greatest) values (Givan, Leach & Dean 2000). Bounds hold for all ends that differ from the
-given ones by a rounding, and so does the mass that is distributed. Functions raise MemoryError when
-memory ends.
+given ones by a relative error, and for the mass that is distributed then. Functions raise MemoryError
+when memory ends.
 """
 
 import numpy as np
@@ -22,6 +22,7 @@ cdef struct Rows:
     const double* lower
     const double* upper
     int32_t* order  # per row its entries in the order of the last values, as offsets
+    double error  # of ends, and of their sums in a row
 
 
 cdef double expectation(Rows rows, int64_t r, const double* x, bint greatest,
@@ -51,13 +52,13 @@ cdef double expectation(Rows rows, int64_t r, const double* x, bint greatest,
                 order[m] = order[m - 1]
                 m -= 1
             order[m] = moved
-        margin = (k + 4) * UNIT_ROUNDOFF
+        margin = (k + 4) * UNIT_ROUNDOFF + rows.error
         rest = 1.0 - mass + (margin if above else -margin)
         for j in range(k):
             if rest <= 0.0:
                 break
             i = order[j]
-            margin = 4.0 * UNIT_ROUNDOFF * upper[i]
+            margin = (4.0 * UNIT_ROUNDOFF + 2.0 * rows.error) * upper[i]
             share = upper[i] - lower[i] + (margin if above == greatest else -margin)
             if share > rest:
                 share = rest
@@ -67,8 +68,8 @@ cdef double expectation(Rows rows, int64_t r, const double* x, bint greatest,
         if above and rest > 0.0:
             total += rest * x[indices[order[0 if greatest else k - 1]]]
     if not above:
-        return round_down(total, (2 * k + 10) * UNIT_ROUNDOFF)
-    return round_up(total, (2 * k + 10) * UNIT_ROUNDOFF) if total > 0.0 else (
+        return round_down(total, (2 * k + 10) * UNIT_ROUNDOFF + rows.error)
+    return round_up(total, (2 * k + 10) * UNIT_ROUNDOFF + rows.error) if total > 0.0 else (
         UNDERFLOW_MARGIN if positive else 0.0)
 
 
@@ -79,6 +80,7 @@ cdef class IntervalRows:
         indptr, indices: the entries of each row, as in SparseMatrix.
         lower, upper: float64[entries], the ends.
         greatest: whether nature maximises.
+        error: of ends, and of their sums in a row, relative.
     """
 
     cdef Rows rows
@@ -86,12 +88,14 @@ cdef class IntervalRows:
     cdef object kept
 
     def __init__(self, const int64_t[::1] indptr, const int32_t[::1] indices,
-                 const double[::1] lower, const double[::1] upper, bint greatest) -> None:
+                 const double[::1] lower, const double[::1] upper, bint greatest,
+                 double error) -> None:
         lengths = np.diff(indptr)
         order = np.arange(len(indices)) - np.repeat(np.asarray(indptr)[:-1], lengths)
         cdef int32_t[::1] offsets = np.append(order, 0).astype(np.int32)
         self.kept = indptr, indices, lower, upper, offsets
         self.greatest = greatest
+        self.rows.error = error
         self.rows.indptr = &indptr[0]
         self.rows.order = &offsets[0]
         if len(indices):

@@ -37,7 +37,7 @@ class BellmanOperator:
     def of(problem: LinearProblem) -> BellmanOperator:
         """The Bellman operator of a problem."""
         longest = problem.expectation.longest
-        return BellmanOperator(problem, (longest + 8) * tuning.UNIT_ROUNDOFF)
+        return BellmanOperator(problem, (longest + 8) * tuning.UNIT_ROUNDOFF + problem.error)
 
     def product(self, x: Floats) -> Floats:
         """A x, per row."""

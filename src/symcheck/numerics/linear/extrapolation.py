@@ -56,6 +56,7 @@ def solve_extrapolated(
         local.high,
         local.mode,
         relative,
+        block.error,
     )
     tolerance = max((1e-3 if relative else 1e-6) * (goal - constants_width), tuning.SMALLEST_CHANGE)
     for change in _changes(evaluator, local, not probability):

@@ -113,14 +113,12 @@ class _Game:
         theirs = self._response(policy, ~leads)
         lower, upper = (ours, theirs) if problem.least else (theirs, ours)
         low, high = lower.lower, upper.upper
-        if lower.up_to_rounding and upper.up_to_rounding:
-            if largest_width(low, high, relative=True) <= tuning.GAME_ROUNDING:
-                return Solution(low, high, "policy", True, True, rounds, note, policy)
-        low = low * (1.0 - ROUNDING * lower.up_to_rounding)
-        high = high * (1.0 + ROUNDING * upper.up_to_rounding)
+        rounded = lower.up_to_rounding and upper.up_to_rounding
+        if rounded:
+            rounded = largest_width(low, high, relative=True) <= tuning.GAME_ROUNDING
         if problem.probability:
             high = np.minimum(high, 1.0)
-        return Solution(low, high, "policy", False, True, rounds, note, policy)
+        return Solution(low, high, "policy", rounded, True, rounds, note, policy)
 
     def _improved(self, leads: Bools) -> tuple[Int64s, Solution, int]:
         """A strategy of the leading side that no row improves, its values, and the rounds."""
@@ -301,6 +299,8 @@ def _process_values(problem: LinearProblem, settings: Settings, inner: Inner) ->
         problem.leaving[mine] + matrix.sums(unknown, ~unknown),
         problem.direction,
         problem.probability,
+        error=problem.error,
+        constant_error=problem.constant_error,
     )
     if infinite.any():
         part = _with_rows(part, (matrix.sums(unknown, infinite) == 0))

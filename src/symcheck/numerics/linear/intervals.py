@@ -21,7 +21,7 @@ from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.interval_rows import IntervalRows
 from symcheck.matrices.numbers import Numbers, doubles, full, numbers
 from symcheck.matrices.rows import Int64s, SparseMatrix, first_best
-from symcheck.numerics import graph, tuning
+from symcheck.numerics import graph
 from symcheck.numerics.linear.mec_quotient import MecQuotient, collapse
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, Solution
 from symcheck.numerics.settings import Settings
@@ -41,8 +41,6 @@ _SOLVED_STATES = 50_000
 """The most states whose policies are evaluated by a direct method, which takes much memory."""
 _GAIN = 1e-14
 """The relative gain of a policy that is more than rounding."""
-_ROUNDING = 16 * tuning.UNIT_ROUNDOFF
-"""The relative error of a reward, or more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +53,7 @@ class IntervalProblem:
         constant: per row.
         direction: the player minimises or maximises over the rows.
         probability: whether the solution consists of probabilities; else of expected rewards.
+        constant_error: the relative error of constants.
     """
 
     rows: IntervalRows
@@ -62,6 +61,7 @@ class IntervalProblem:
     constant: Numbers
     direction: Direction
     probability: bool
+    constant_error: float = 0.0
 
     @property
     def n(self) -> int:
@@ -144,7 +144,7 @@ def _bounds(
         bounds[n:] = problem.known
     rows, groups = problem.rows.compiled, problem.rows.lower.groups
     assert groups is not None
-    constants = [problem.constant * (1.0 + side * _ROUNDING) for side in (-1, 1)]
+    constants = [problem.constant * (1.0 + side * problem.constant_error) for side in (-1, 1)]
     epsilon, sweeps, most = settings.epsilon / _FINER, 0, min(_QUICK, settings.max_iterations)
     candidate, width = np.empty(0), np.inf
     for _ in range(_ROUNDS):

@@ -17,6 +17,7 @@ from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Bools, Floats, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem
+from symcheck.numerics.tuning import ENTRY_ERROR, UNIT_ROUNDOFF
 
 __all__ = ["MaskedProblem"]
 
@@ -42,6 +43,8 @@ class MaskedProblem:
     direction: Direction | None = None
     probability: bool = True
     rates: bool = False
+    error: float = ENTRY_ERROR
+    constant_error: float = 0.0
 
     @cached_property
     def n(self) -> int:
@@ -89,4 +92,14 @@ class MaskedProblem:
             total = matrix.row_sums() + leave
             matrix = matrix.divided(total)
             constant, leave = constant / total, leave / total
-        return LinearProblem(constant, matrix, None, leave, self.direction, self.probability)
+        error = self.error + (m.longest + 2) * UNIT_ROUNDOFF
+        return LinearProblem(
+            constant,
+            matrix,
+            None,
+            leave,
+            self.direction,
+            self.probability,
+            error=2 * error,
+            constant_error=self.constant_error,
+        )

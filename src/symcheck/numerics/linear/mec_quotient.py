@@ -18,6 +18,7 @@ from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem, Solution
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 
 __all__ = ["MecQuotient", "collapse"]
 
@@ -117,5 +118,7 @@ def _quotient(problem: LinearProblem, parts: graph.EndComponents, owner: Int32s)
         matrix=matrix.choose(rows, groups).merge(index, count),
         direction=problem.direction,
         probability=problem.probability,
+        constant_error=problem.constant_error,
+        error=problem.error + matrix.longest * UNIT_ROUNDOFF,
     )
     return MecQuotient(smaller, problem, index, rows, parts.rows, parts.count)

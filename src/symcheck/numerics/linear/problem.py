@@ -67,6 +67,8 @@ class LinearProblem:
     allow_stay: of a game, whether expected rewards are 0 where nothing is earned for ever; if not,
       the states have to be left.
     probability: True for reachability probabilities (0 <= x <= 1), False for rewards.
+    error: of A, b and `exit`, relative: numbers of a text are rounded. constant_error: of b alone,
+      beyond the former.
 
     Graph analysis must have removed states of value 0 or 1 (probabilities) and of infinite value
     (rewards: for 'max' unless all strategies leave almost surely, for 'min' unless some does). End
@@ -82,6 +84,8 @@ class LinearProblem:
     probability: bool = True
     operator: SweepOperator | None = None
     groups: Int64s | None = None
+    error: float = tuning.ENTRY_ERROR
+    constant_error: float = 0.0
     opponents: Bools | None = None
     allow_stay: bool = False
 
@@ -191,6 +195,12 @@ class Solution:
     iterations: int = 0
     explanation: str = ""
     strategy: Int64s | None = None
+
+    def widened(self, error: float) -> Solution:
+        """The solution of equations without negative constants, whose relative error is this."""
+        if error == 0.0 or is_rational(self.lower):
+            return self
+        return replace(self, lower=self.lower * (1.0 - error), upper=self.upper * (1.0 + error))
 
     @property
     def middle(self) -> Numbers:

@@ -65,7 +65,13 @@ def component_solver(problem: LinearProblem) -> ComponentSolver:
     """The equations of a problem, as compiled methods read them."""
     m = problem.rows
     return ComponentSolver(
-        *m.arrays, m.groups, problem.constant, problem.high, problem.leaving, problem.mode
+        *m.arrays,
+        m.groups,
+        problem.constant,
+        problem.high,
+        problem.leaving,
+        problem.mode,
+        error=problem.error,
     )
 
 
@@ -131,7 +137,8 @@ class LocalSystem:
     def problem(self, policy: Int64s, constant: Floats) -> LinearProblem:
         """The chain of a policy as a problem, with the given constants per row of the block."""
         matrix, leave = self.chain(policy)
-        return LinearProblem(constant[policy], matrix, exit=leave, probability=False)
+        error = self.block.error
+        return LinearProblem(constant[policy], matrix, exit=leave, probability=False, error=error)
 
     def rows_of(self, x: Floats, constant: Floats) -> Floats:
         """The right-hand sides constant + A x, per row."""
@@ -144,7 +151,9 @@ class LocalSystem:
         """
         rows = np.zeros(1, dtype=np.int64) if policy is None else policy
         m = self.matrix
-        return certify(*m.arrays, m.groups, self.low, self.high, x, weight, rows, self.mode)
+        return certify(
+            *m.arrays, m.groups, self.low, self.high, x, weight, rows, self.mode, self.block.error
+        )
 
 
 def _absolute_scale(x: Floats) -> Floats:
@@ -175,11 +184,12 @@ def solve_direct(local: LocalSystem, limit: int) -> Bounds | None:
     factors = GthElimination(*m.arrays, local.exit, limit)
     if not factors.complete:
         return None
-    lower = factors.solve(local.low) * (1.0 - factors.error)
+    error = factors.error + 2.0 * local.n * local.block.error
+    lower = factors.solve(local.low) * (1.0 - error)
     upper = factors.solve(local.high)
     if factors.out_of_range:
         return None
-    upper = np.where(upper > 0.0, upper * (1.0 + factors.error) + UNDERFLOW_MARGIN, 0.0)
+    upper = np.where(upper > 0.0, upper * (1.0 + error) + UNDERFLOW_MARGIN, 0.0)
     return Bounds(lower, upper)
 
 
@@ -322,7 +332,7 @@ def _proves_optimality(local: LocalSystem, policy: Int64s, values: Solution) -> 
     groups = local.matrix.groups
     assert groups is not None
     longest = local.matrix.longest
-    rounding_error = (longest + 8) * tuning.UNIT_ROUNDOFF
+    rounding_error = (longest + 8) * tuning.UNIT_ROUNDOFF + 2.0 * local.block.error
     if local.mode == 2:
         rows = local.rows_of(values.upper, local.high)
         worse = rows + np.abs(rows) * rounding_error <= np.repeat(values.lower, np.diff(groups))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from symcheck.direction import Direction
 from symcheck.matrices.numbers import Numbers, numbers
 from symcheck.matrices.rows import Bools, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import LinearProblem, Observer
-from symcheck.numerics.settings import ROUNDING, Settings
+from symcheck.numerics.settings import Settings
+from symcheck.numerics.tuning import ENTRY_ERROR
 
 __all__ = ["until_bounds"]
 
@@ -23,6 +22,7 @@ def until_bounds(
     *,
     closed: bool = True,
     observer: Observer | None = None,
+    error: float = ENTRY_ERROR,
 ) -> tuple[Numbers, Numbers]:
     """Proved bounds on the probability of `left U right` from each state, rounding included.
 
@@ -34,6 +34,7 @@ def until_bounds(
         settings: accuracy and method.
         closed: whether each row sums to 1; if not, what is missing leaves and fails.
         observer: receives the progress.
+        error: of the probabilities, relative.
 
     Returns:
         Lower and upper bounds, float64[n], or the same rationals twice.
@@ -51,12 +52,7 @@ def until_bounds(
     if unknown.any():
         enter, leave = (matrix.sums(unknown, target) for target in (yes, ~unknown))
         part = matrix.among(unknown)
-        solution = solve_linear(
-            LinearProblem(enter, part, None, leave, direction, True), settings, observer
-        )
-        rounding_error = ROUNDING if solution.up_to_rounding and not exact else 0
-        low[unknown], high[unknown] = (
-            solution.lower * (1 - rounding_error),
-            np.minimum(solution.upper * (1 + rounding_error), 1),
-        )
+        problem = LinearProblem(enter, part, None, leave, direction, True, error=error)
+        solution = solve_linear(problem, settings, observer)
+        low[unknown], high[unknown] = solution.lower, solution.upper
     return low, high

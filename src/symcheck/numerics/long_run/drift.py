@@ -58,6 +58,7 @@ def average_by_drift(
     leaving: Floats,
     rewards: Floats,
     solve: PoissonSolver,
+    error: float = tuning.ENTRY_ERROR,
 ) -> CoreBounds | None:
     """Bounds on the long-run average of a reward in an irreducible chain.
 
@@ -67,6 +68,7 @@ def average_by_drift(
         rewards: the reward of each state, float64[n].
         solve: solves the Poisson equation of the chain on the core, where each transition out of it
             is redirected to the most visited state.
+        error: of the rates, relative.
 
     Returns:
         Bounds by the first exponent with a small core; they are valid, but may be loose. None if
@@ -78,7 +80,7 @@ def average_by_drift(
         return None
     cost = _costs(rates, leaving, visits >= tuning.CORE_FREQUENT * int(visits.max()))
     drift, largest = np.empty(rates.states), tuning.CORE_SHARE * rates.states
-    margin = 2.0 * (rates.longest + tuning.EXPONENTIAL_ROUNDINGS) * tuning.UNIT_ROUNDOFF
+    margin = 2.0 * (rates.longest + tuning.EXPONENTIAL_ROUNDINGS) * tuning.UNIT_ROUNDOFF + error
     for exponent in tuning.DRIFT_EXPONENTS:
         if np.count_nonzero(exponent * cost <= tuning.CORE_RISE) > largest:
             continue
@@ -90,7 +92,7 @@ def average_by_drift(
         core = logarithm <= undecided + tuning.CORE_RISE
         if undecided <= tuning.CORE_UNDECIDED and np.count_nonzero(core) <= largest:
             h = _solution(rates, rewards, core, int(np.argmax(visits)), solve)
-            bounds = _bounds(rates, rewards, h, core, logarithm, drift)
+            bounds = _bounds(rates, rewards, h, core, logarithm, drift, error)
             return bounds if math.isfinite(bounds.upper - bounds.lower) else None
     return None
 
@@ -152,6 +154,7 @@ def _bounds(
     core: Bools,
     logarithm: Floats,
     drift: Floats,
+    rate_error: float = 0.0,
 ) -> CoreBounds:
     """The bounds by h and w.
 
@@ -162,7 +165,7 @@ def _bounds(
     gauss_seidel.apply_generator(*rates.arrays, h, value)
     value += rewards
     terms = gauss_seidel.largest_generator_term(*rates.arrays, h) + float(np.abs(rewards).max())
-    error = (rates.longest + 6) * 2.0 * tuning.UNIT_ROUNDOFF * terms
+    error = ((rates.longest + 6) * 2.0 * tuning.UNIT_ROUNDOFF + 2.0 * rate_error) * terms
     inside = value[core]
     middle = 0.5 * (float(inside.min()) + float(inside.max()))
     residual = np.abs(value[~core] - middle) + 2.0 * error

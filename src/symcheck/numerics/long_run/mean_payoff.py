@@ -85,13 +85,14 @@ class Gains:
 class _EndComponent:
     """An end component with the rows that stay inside; rewards, float64[rows], are maximised.
 
-    states, rows_of: its states and rows in the whole matrix.
+    states, rows_of: its states and rows in the whole matrix. error: of probabilities, relative.
     """
 
     matrix: SparseMatrix
     rewards: Numbers = field(repr=False)
     states: Int32s = field(repr=False)
     rows_of: Int64s = field(repr=False)
+    error: float = tuning.ENTRY_ERROR
 
     @property
     def groups(self) -> Int64s:
@@ -113,15 +114,14 @@ class _EndComponent:
             return full(self.matrix.rows, 0, rational=True)
         of_state = np.repeat(np.abs(h), np.diff(self.groups))
         terms = np.abs(self.rewards) + self.matrix.multiply(np.abs(h)) + of_state
-        return np.asarray((self.matrix.longest + 6) * 2.0**-52 * terms)
+        return np.asarray(((self.matrix.longest + 6) * 2.0**-52 + 2.0 * self.error) * terms)
 
     def rounding_error(self, h: Numbers) -> float:
         """A bound on the rounding error of T h - h; 0 in rational arithmetic."""
         if self.matrix.is_rational:
             return 0
         return float(
-            (self.matrix.longest + 6)
-            * 2.0**-52
+            ((self.matrix.longest + 6) * 2.0**-52 + 2.0 * self.error)
             * (np.abs(self.rewards).max() + 2.0 * np.abs(h).max())
         )
 
@@ -132,6 +132,7 @@ def component_gains(
     direction: Direction,
     settings: Settings,
     observer: Observer | None = None,
+    error: float = tuning.ENTRY_ERROR,
 ) -> Gains:
     """The optimal long-run average reward per step in each maximal end component.
 
@@ -141,6 +142,7 @@ def component_gains(
         direction: maximise or minimise the average.
         settings: the accuracy.
         observer: receives the progress.
+        error: of the probabilities, relative.
 
     Returns:
         Certified bounds, a quarter of epsilon apart unless rounding prevents it.
@@ -158,7 +160,7 @@ def component_gains(
         np.maximum.at(best, parts.of[owner[parts.rows]], sign * rewards[parts.rows])
         lower[singleton] = upper[singleton] = best[singleton]
     for c, part in larger_components(matrix, sign * rewards, parts, sizes, owner):
-        gain = _gain(part, settings, observer)
+        gain = _gain(replace(part, error=error), settings, observer)
         lower[c], upper[c] = gain.lower, gain.upper
         iterations += gain.iterations
         largest = max(largest, part.matrix.states)
@@ -174,6 +176,7 @@ def ratio_gains(
     direction: Direction,
     settings: Settings,
     observer: Observer | None = None,
+    error: float = tuning.ENTRY_ERROR,
 ) -> Gains:
     """The optimal long-run average reward per unit of time in each maximal end component.
 
@@ -188,6 +191,7 @@ def ratio_gains(
         direction: maximise or minimise the average.
         settings: the accuracy.
         observer: receives the progress.
+        error: of the probabilities and of times, relative.
 
     Returns:
         Certified bounds.
@@ -196,14 +200,14 @@ def ratio_gains(
     """
     sign = -1 if direction is Direction.MIN else 1
     rewards = sign * rewards
-    shortest = component_gains(matrix, times, Direction.MIN, settings, observer)
-    longest = component_gains(matrix, times, Direction.MAX, settings, observer)
+    shortest = component_gains(matrix, times, Direction.MIN, settings, observer, error)
+    longest = component_gains(matrix, times, Direction.MAX, settings, observer, error)
     parts, iterations = shortest.parts, shortest.iterations + longest.iterations
     if not parts.count:
         return shortest
     exact = matrix.is_rational
     of = np.where(parts.rows, parts.of[graph.Incidence(matrix).owner_of_rows], 0)
-    unit = 0 if exact else 8.0 * tuning.UNIT_ROUNDOFF
+    unit = 0 if exact else 8.0 * tuning.UNIT_ROUNDOFF + error
 
     def excess(g: Numbers, epsilon: float) -> Gains:
         gained = rewards - g[of] * times
@@ -213,13 +217,16 @@ def ratio_gains(
             Direction.MAX,
             Accuracy(epsilon=epsilon, relative=False, max_iterations=settings.max_iterations),
             observer,
+            error,
         )
-        error = full(parts.count, 0, rational=exact)
-        np.maximum.at(error, of, np.where(parts.rows, abs(rewards) + abs(g[of] * times), 0))
-        error = unit * np.where(g == 0, 0, error)
-        return replace(found, lower=found.lower - error, upper=found.upper + error)
+        margin = full(parts.count, 0, rational=exact)
+        np.maximum.at(margin, of, np.where(parts.rows, abs(rewards) + abs(g[of] * times), 0))
+        margin = unit * np.where(g == 0, 0, margin)
+        return replace(found, lower=found.lower - margin, upper=found.upper + margin)
 
     least, most = shortest.lower, longest.upper
+    if not exact:
+        least, most = least * (1.0 - error), most * (1.0 + error)
     before = full(parts.count, 0, rational=exact)
     size = float(np.max(np.abs(rewards), initial=0))
     first = excess(before, 0.01 * settings.epsilon * size)
@@ -376,6 +383,7 @@ def _rational_gain(part: _EndComponent) -> tuple[float, float]:
     else:
         size = _policies(replace(exact, rewards=np.abs(exact.rewards)), nothing, finest)[1]
     error = size * Fraction(8 * (n + part.matrix.longest)) * Fraction(tuning.UNIT_ROUNDOFF)
+    error += size * 2 * n * Fraction(part.error)
     return (
         float(np.nextafter(float(low - error), -np.inf)),
         float(np.nextafter(float(high + error), np.inf)),
@@ -544,7 +552,10 @@ def _floating_bias(chain: SparseMatrix, rewards: Floats, anchor: int) -> Floats 
 
 
 def mec_quotient(
-    matrix: SparseMatrix, gains: Gains, direction: Direction
+    matrix: SparseMatrix,
+    gains: Gains,
+    direction: Direction,
+    error: float = tuning.ENTRY_ERROR,
 ) -> tuple[LinearProblem, Int32s, Int64s]:
     """The equations for the optimal expected gain of the end component in which a run stays.
 
@@ -555,6 +566,7 @@ def mec_quotient(
         matrix: the MDP.
         gains: bounds on the gains, which must not be negative.
         direction: maximise or minimise.
+        error: of the probabilities, relative.
 
     Returns:
         The equations, the state of the quotient of each state, int32[n], and the row of the matrix
@@ -579,5 +591,13 @@ def mec_quotient(
     low, high = (np.concatenate((none, g))[order] for g in (gains.lower, gains.upper))
     leave = np.concatenate((none, one))[order]
     origin = np.concatenate((rows, np.full(parts.count, -1)))[order]
-    problem = LinearProblem(low, whole.choose(order, groups), high, leave, direction, False)
+    problem = LinearProblem(
+        low,
+        whole.choose(order, groups),
+        high,
+        leave,
+        direction,
+        probability=False,
+        error=error + matrix.longest * tuning.UNIT_ROUNDOFF,
+    )
     return problem, state, origin

@@ -60,7 +60,10 @@ class Average:
 
 
 def stationary_distribution(
-    rates: SparseMatrix, settings: Settings, observer: Observer | None = None
+    rates: SparseMatrix,
+    settings: Settings,
+    observer: Observer | None = None,
+    error: float = tuning.ENTRY_ERROR,
 ) -> Stationary:
     """Stationary distribution of an irreducible chain.
 
@@ -68,6 +71,7 @@ def stationary_distribution(
         rates: the rates of a CTMC or the probabilities of a DTMC; self-loops have no effect.
         settings: the accuracy of the sweeps.
         observer: receives the progress.
+        error: of the rates, relative.
 
     Returns:
         Certified bounds if elimination is affordable, otherwise an estimate by Gauss-Seidel sweeps.
@@ -76,7 +80,7 @@ def stationary_distribution(
     if n == 1:
         one = np.ones(1)
         return Stationary(one, one, True, "one state")
-    known = _eliminated(rates, tuning.STATIONARY_OPERATIONS)
+    known = _eliminated(rates, tuning.STATIONARY_OPERATIONS, error)
     if known is not None:
         return known
     pi, count = _estimate(rates, settings, observer)
@@ -84,14 +88,14 @@ def stationary_distribution(
     return Stationary(pi, pi, False, note)
 
 
-def _eliminated(rates: SparseMatrix, limit: int) -> Stationary | None:
+def _eliminated(rates: SparseMatrix, limit: int, rate_error: float) -> Stationary | None:
     """The distribution by elimination; None if that needs more than `limit` operations."""
     n = rates.states
     factors = GthElimination(*rates.arrays, np.zeros(n), limit)
     if not factors.complete:
         return None
     pi = factors.stationary()
-    error = factors.error + (n + 4) * tuning.UNIT_ROUNDOFF
+    error = factors.error + (n + 4) * tuning.UNIT_ROUNDOFF + 2 * n * rate_error
     bounds = [pi * (1.0 - error), np.minimum(pi * (1.0 + error), 1.0)]
     lower, upper = enclosed(bounds, lambda: np.ones(n))  # a state that is left again has a share
     return Stationary(lower, upper, True, f"{counted(n, 'state')}: elimination")
@@ -116,7 +120,11 @@ def _estimate(
 
 
 def long_run_average(
-    rates: SparseMatrix, rewards: Floats, settings: Settings, observer: Observer | None = None
+    rates: SparseMatrix,
+    rewards: Floats,
+    settings: Settings,
+    observer: Observer | None = None,
+    error: float = tuning.ENTRY_ERROR,
 ) -> Average:
     """Long-run average of a reward in an irreducible chain.
 
@@ -126,6 +134,7 @@ def long_run_average(
             rates or probabilities and summed per state.
         settings: the accuracy.
         observer: receives the progress.
+        error: of the rates, relative.
 
     Returns:
         Certified bounds, which are equal if the rates are rationals.
@@ -144,16 +153,18 @@ def long_run_average(
         if n <= tuning.ELIMINATION_STATES
         else 0
     )
-    known = _eliminated(rates, limit) if limit else None
+    known = _eliminated(rates, limit, error) if limit else None
     if known is not None:
         return _weighted(known, rewards)
     leave = gauss_seidel.exit_rates(*rates.arrays)
     core = (
-        _by_drift(rates, leave, rewards, settings, observer) if n >= tuning.DRIFT_STATES else None
+        _by_drift(rates, leave, rewards, settings, observer, error)
+        if n >= tuning.DRIFT_STATES
+        else None
     )
     if core is not None and _close_enough((core.lower, core.upper), settings):
         return core
-    solution, _ = _poisson_equation(rates, leave, rewards, settings, observer)
+    solution, _ = _poisson_equation(rates, leave, rewards, settings, observer, error)
     if core is not None:
         closer = max(core.lower, solution.lower), min(core.upper, solution.upper)
         solution = replace(solution, lower=closer[0], upper=closer[1])
@@ -161,7 +172,7 @@ def long_run_average(
         not _close_enough((solution.lower, solution.upper), settings)
         and n <= tuning.ELIMINATION_STATES
     ):
-        known = _eliminated(rates, tuning.STATIONARY_OPERATIONS)
+        known = _eliminated(rates, tuning.STATIONARY_OPERATIONS, error)
         if known is not None:
             return _weighted(known, rewards)
     return solution
@@ -173,6 +184,7 @@ def _by_drift(
     rewards: Floats,
     settings: Settings,
     observer: Observer | None,
+    error: float,
 ) -> Average | None:
     """Bounds from the states in which the chain is most of the time, if they are few."""
     half = Accuracy(
@@ -187,11 +199,11 @@ def _by_drift(
         inner_leave = gauss_seidel.exit_rates(*inner.arrays)
         if not np.all(inner_leave):  # each jump from the most visited state leaves the core
             return np.zeros(inner.states)
-        average, h = _poisson_equation(inner, inner_leave, inner_rewards, half, observer)
+        average, h = _poisson_equation(inner, inner_leave, inner_rewards, half, observer, error)
         made = average.iterations
         return h
 
-    found = average_by_drift(rates, leave, rewards, solve)
+    found = average_by_drift(rates, leave, rewards, solve, error)
     if found is None:
         return None
     core = f"{rates.states} states: drift towards {found.states} of them"
@@ -238,6 +250,7 @@ def _poisson_equation(
     rewards: Floats,
     settings: Settings,
     observer: Observer | None,
+    error: float,
 ) -> tuple[Average, Floats]:
     """Improve h until the least and the greatest entry of r + Q h are close enough; the best h."""
     split = _bordered(rates, leave)
@@ -249,6 +262,7 @@ def _poisson_equation(
         gauss_seidel.apply_generator(*rates.arrays, h, out)
         most = gauss_seidel.largest_generator_term(*rates.arrays, h)
         rounding_error = (longest + 6) * 2.0 * tuning.UNIT_ROUNDOFF * (most + largest)
+        rounding_error += 2.0 * error * most
         out += rewards
         return float(out.min()) - rounding_error, float(out.max()) + rounding_error
 

@@ -38,6 +38,7 @@ def timed_gains(
     direction: Direction,
     settings: Settings,
     observer: Observer | None = None,
+    error: float = tuning.ENTRY_ERROR,
 ) -> Gains:
     """The optimal long-run average reward per unit of time in each maximal end component.
 
@@ -48,11 +49,12 @@ def timed_gains(
         direction: maximise or minimise the average.
         settings: the accuracy.
         observer: receives the progress.
+        error: of the probabilities and rates, relative.
     """
     timed = exit_rates > 0
     times = np.where(timed, 1 / np.where(timed, exit_rates, 1), 0)
     if matrix.is_rational:
-        return ratio_gains(matrix, rewards, times, direction, settings, observer)
+        return ratio_gains(matrix, rewards, times, direction, settings, observer, error)
     sign = -1.0 if direction is Direction.MIN else 1.0
     signed: Floats = sign * rewards
     parts = graph.maximal_end_components(matrix, np.ones(matrix.states, np.bool_))
@@ -61,7 +63,8 @@ def timed_gains(
     lower, upper = np.full(parts.count, -np.inf), np.full(parts.count, -np.inf)
     single = np.flatnonzero(parts.rows & (sizes[parts.of[owner]] == 1))
     average = signed[single] / times[single]
-    size = np.where(average == signed[single], 0.0, 4.0 * UNIT_ROUNDOFF) * np.abs(average)
+    known = (average == signed[single]) & (error <= 2.0 * UNIT_ROUNDOFF)
+    size = np.where(known, 0.0, 4.0 * UNIT_ROUNDOFF + error) * np.abs(average)
     np.maximum.at(lower, parts.of[owner[single]], average - size)
     np.maximum.at(upper, parts.of[owner[single]], average + size)
     jumps, largest = 0, 1
@@ -81,10 +84,11 @@ def timed_gains(
             Direction.MAX,
             0.0,
             np.inf,
+            error,
         )
         found = _bounds(problem, settings, observer)
         if found is None:
-            return ratio_gains(matrix, rewards, times, direction, settings, observer)
+            return ratio_gains(matrix, rewards, times, direction, settings, observer, error)
         lower[c], upper[c], made = found
         jumps += made
         largest = max(largest, n)
@@ -112,7 +116,8 @@ def _bounds(
         change = (steps.jumped(h, 1) - h)[timed]
         jumps += count + 1
         scale = float(np.abs(h).max()) + (steps.depth + 1) * float(np.abs(problem.constant).max())
-        error = (steps.depth + 1) * (2 * problem.matrix.longest + 12) * UNIT_ROUNDOFF * scale
+        of_row = (2 * problem.matrix.longest + 12) * UNIT_ROUNDOFF + 4.0 * problem.error
+        error = (steps.depth + 1) * of_row * scale
         low = max(low, rate * (float(change.min()) - error))
         high = min(high, rate * (float(change.max()) + error))
         if observer is not None:

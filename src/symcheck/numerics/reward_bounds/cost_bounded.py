@@ -21,7 +21,8 @@ from symcheck.matrices.rows import Bools, Int64s, SparseMatrix, best_of_rows, sp
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress
-from symcheck.numerics.settings import ROUNDING, Accuracy, Settings
+from symcheck.numerics.settings import Accuracy, Settings
+from symcheck.numerics.tuning import ENTRY_ERROR
 from symcheck.numerics.underflow import enclosed, may_underflow
 
 __all__ = ["CostBoundedProblem", "solve_cost_bounded"]
@@ -33,6 +34,7 @@ class CostBoundedProblem:
 
     matrix: probabilities among n states, rows that sum to 1. rewards: what a step by the row earns
     on average, not negative. costs: whole numbers, int64[rows]. direction: None without choices.
+    error: of the probabilities, relative.
     """
 
     matrix: SparseMatrix
@@ -40,6 +42,7 @@ class CostBoundedProblem:
     costs: Int64s = field(repr=False)
     budget: int
     direction: Direction | None
+    error: float = ENTRY_ERROR
 
     @property
     def groups(self) -> Int64s:
@@ -205,7 +208,7 @@ class _FreeSteps:
     ) -> tuple[Numbers, Numbers]:
         from symcheck.numerics.linear.methods import solve_linear
 
-        direction, exact = self.problem.direction, self.closed.is_rational
+        direction = self.problem.direction
         if self._known is None or not np.array_equal(self._known, unknown):
             part = self.closed.among(unknown)
             if direction is None:
@@ -221,6 +224,7 @@ class _FreeSteps:
             leave,
             direction,
             probability=False,
+            error=self.problem.error,
         )
         quotient = None
         if direction is Direction.MAX:
@@ -231,5 +235,4 @@ class _FreeSteps:
         else:
             inner = replace(quotient.problem, direction=direction)
             solution = quotient.expand(solve_linear(inner, settings))
-        rounding = ROUNDING if solution.up_to_rounding and not exact else 0
-        return solution.lower * (1 - rounding), solution.upper * (1 + rounding)
+        return solution.lower, solution.upper

@@ -26,7 +26,7 @@ class RewardBoundedReachability:
     matrix: probabilities among n states. exit: the probability of leaving to states where the
     formula fails, per row. rewards: whole numbers that a step by the row earns, int64[rows].
     lower, upper: the bounds on the reward, inclusive; `upper` None: no upper bound.
-    direction: minimise or maximise; None without choices.
+    direction: minimise or maximise; None without choices. error: of probabilities, relative.
     """
 
     matrix: SparseMatrix
@@ -37,6 +37,7 @@ class RewardBoundedReachability:
     lower: int
     upper: int | None
     direction: Direction | None
+    error: float = tuning.ENTRY_ERROR
 
     @property
     def groups(self) -> Int64s:
@@ -172,7 +173,11 @@ def _ordered(
         val=entries.values(problem, lead)[keep],
         reward=problem.rewards[rows],
         # A deterministic row copies a value, which rounds nothing.
-        slack=np.where((lengths == 1) & full, 0.0, (2.0 * lengths + 12.0) * tuning.UNIT_ROUNDOFF),
+        slack=np.where(
+            (lengths == 1) & full,
+            0.0,
+            (lengths + 6.0) * tuning.UNIT_ROUNDOFF + 2.0 * problem.error,
+        ),
         full=full,
         steps=np.ones(lead.count),
         inverse=np.zeros(0),
@@ -298,7 +303,7 @@ def _expected_steps(system: EpochSystem) -> Floats:
         rest = state_of_row - np.bincount(
             np.repeat(numbers, count), data * h[matrix.indices], len(count)
         )
-        rest -= (2.0 * count + 6.0) * tuning.UNIT_ROUNDOFF * state_of_row
+        rest -= ((2.0 * count + 6.0) * tuning.UNIT_ROUNDOFF + system.slack) * state_of_row
     least = float(rest.min()) * (1.0 - 1e-9)
     if not least > 1e-3:
         raise NumericalError(

@@ -175,6 +175,7 @@ def _unbounded(problem: RewardBoundedReachability, settings: Settings) -> tuple[
         problem.direction,
         settings,
         closed=not (problem.exit > 0).any(),
+        error=problem.error,
     )
 
 

@@ -55,7 +55,7 @@ class Horizon:
     """Values at a time, which need the accuracy at some states.
 
     Attributes:
-        rates, exit_rates, time, settings, interest, observer, leave, limit: as in
+        rates, exit_rates, time, settings, interest, observer, leave, limit, error: as in
             `symcheck.numerics.transient.values.transient_values`.
     """
 
@@ -67,6 +67,7 @@ class Horizon:
     observer: Observer | None
     leave: Floats | None = None
     limit: Callable[[], Floats] | None = None
+    error: float = 0.0
 
     @cached_property
     def steps(self) -> float:
@@ -76,7 +77,7 @@ class Horizon:
     @cached_property
     def chain(self) -> UniformizedChain:
         """The uniformised chain."""
-        return uniformize(self.rates, self.exit_rates)
+        return uniformize(self.rates, self.exit_rates, error=self.error)
 
 
 def close_enough(below: Floats, above: Floats, settings: Settings) -> bool:

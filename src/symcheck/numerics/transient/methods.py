@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -106,8 +106,24 @@ class _Method(NamedTuple):
 
 def computed(part: Part) -> Transient:
     """Bounds by the first method that applies and succeeds."""
-    found = (method.values(part) for method in _METHODS if method.applies(part))
-    return next(values for values in found if values is not None)
+    for method in _METHODS:
+        if method.applies(part) and (found := method.values(part)) is not None:
+            return found if method.values is _series else _perturbed(found, part.horizon)
+    raise AssertionError("uniformisation serves all chains")
+
+
+def _perturbed(found: Transient, h: Horizon) -> Transient:
+    """Bounds for rates with a larger error than those that all methods include.
+
+    The weight of a path with k jumps changes by a factor within exp(±error (k + q t)); that there
+    are more jumps than `most` has a probability below 1e-300.
+    """
+    of_steps = max(h.error - tuning.ENTRY_ERROR, 0.0)
+    of_exits = max(h.error - h.rates.longest * tuning.UNIT_ROUNDOFF, 0.0)
+    most = h.steps + 40.0 * math.sqrt(h.steps) + 1_000.0
+    relative = math.expm1(min(of_steps * most + of_exits * h.steps, 700.0))
+    lower, upper = found.lower * max(1.0 - relative, 0.0), found.upper * (1.0 + relative)
+    return replace(found, lower=lower, upper=upper)
 
 
 # -------------------------------------------------------------------------------------- conditions
@@ -152,13 +168,18 @@ def is_squared(h: Horizon) -> bool:
     return isinstance(rates, SparseMatrix) and h.leave is not None and squaring_pays(rates, h.steps)
 
 
-def squared(h: Horizon, terminal: Floats | None, reward_rate: Floats | None) -> Transient:
+def squared(
+    h: Horizon,
+    terminal: Floats | None,
+    reward_rate: Floats | None,
+    error: float = tuning.ENTRY_ERROR,
+) -> Transient:
     """Both parts, for a small chain (see `is_squared`)."""
     rates, leave = h.rates, h.leave
     assert isinstance(rates, SparseMatrix)
     assert leave is not None
     # Of a sum, its quotient, a sum with what was cut off, and the product.
-    error = tuning.ENTRY_ERROR + (rates.longest + 4) * tuning.UNIT_ROUNDOFF
+    error = max(error, tuning.ENTRY_ERROR) + (rates.longest + 4) * tuning.UNIT_ROUNDOFF
     leave = leave * h.exit_rates
     earned = np.zeros(rates.states) if reward_rate is None else reward_rate
     chain, reward, halvings = IntervalChain.of_rates(rates, leave, h.time, earned, error)
@@ -234,7 +255,7 @@ def _krylov(part: Part, weights: Floats | None = None) -> Transient | None:
     if weights is not None:
         rates, scale, poles = scaled(rates, weights), weights, tuning.WEIGHTED_POLES
         start = start / weights
-        chain = uniformize(rates, h.exit_rates)
+        chain = uniformize(rates, h.exit_rates, error=h.error)
         growth, later_growth = (
             largest_growth(rates, h.exit_rates, t) for t in (4.0 * smoothing, time)
         )
@@ -318,6 +339,7 @@ def _truncated(part: Part) -> Transient | None:
         h.observer,
         leave,
         None if limit is None else lambda: limit()[kept],
+        h.error,
     )
     inside = Part(smaller, reward_rate[kept], True)
     result = squared(smaller, None, inside.start) if is_squared(smaller) else None

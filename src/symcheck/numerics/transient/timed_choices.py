@@ -50,6 +50,7 @@ class TimedProblem:
         instant: what is earned by choices that take no time for ever, and so keep time from
             passing.
         greatest: more than any value.
+        error: of the numbers of a row and of rates, relative.
     """
 
     matrix: SparseMatrix
@@ -61,6 +62,7 @@ class TimedProblem:
     direction: Direction
     instant: float
     greatest: float
+    error: float = 0.0
 
     @cached_property
     def groups(self) -> Int64s:
@@ -160,8 +162,10 @@ class TimedSteps:
     @property
     def error(self) -> float:
         """A bound on the relative error of all steps and weights so far."""
-        each = (self.depth + 1) * (2 * self.problem.matrix.longest + 10)
-        return 1.01 * (self.jumps * each * UNIT_ROUNDOFF + self.weight_error)
+        step = (2 * self.problem.matrix.longest + 10) * UNIT_ROUNDOFF + self.problem.error
+        # Other rates change the density of a run with k jumps up to t by (1 + error)^(k + rate t).
+        # There are twice as many jumps here.
+        return 1.01 * (self.jumps * (self.depth + 1) * step + self.weight_error)
 
     def resolved(self, x: Floats, start: float) -> Floats:
         """The values with those of the states that take no time; the policy is kept."""

@@ -193,7 +193,12 @@ def _step_error(chain: UniformizedChain) -> float:
     """The relative error of a step, which rounds each product and sum, but no difference except
     q - exit rate.
     """
-    return (chain.longest + 14) * tuning.UNIT_ROUNDOFF
+    return (chain.longest + 14) * tuning.UNIT_ROUNDOFF + max(chain.error - tuning.ENTRY_ERROR, 0.0)
+
+
+def _exit_error(chain: UniformizedChain) -> float:
+    """The relative error of exit rates, which are rounded sums."""
+    return max(chain.longest * tuning.UNIT_ROUNDOFF, chain.error) + 2 * tuning.UNIT_ROUNDOFF
 
 
 def _series_error(
@@ -212,7 +217,7 @@ def _series_error(
     8 e max(sqrt(r), d): P(N > k) is at least P(N = k) min(sqrt(r), r/d) / 8 for k <= r + d. For k
     far below r, it is 1, and the sum of those that follow is that of all, r, minus k.
     """
-    differ = (chain.longest + 2) * tuning.UNIT_ROUNDOFF
+    differ = _exit_error(chain)
     shift = window.rate
     if grows:
         beyond = max(40.0 * math.sqrt(window.rate), window.right - window.rate, 1.0)
@@ -229,7 +234,7 @@ def _error_of_extremes(chain: UniformizedChain, steps: int, source: bool, error:
     `_series_error`), of which the entries are as accurate as the sum. Otherwise an entry of P on
     the diagonal is wrong by as much as exit rates are, relative to 1, in each step.
     """
-    differ = (chain.longest + 2) * tuning.UNIT_ROUNDOFF
+    differ = _exit_error(chain)
     return error if source else (steps + 4) * (_step_error(chain) + 2.0 * differ)
 
 

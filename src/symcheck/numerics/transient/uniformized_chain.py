@@ -22,6 +22,7 @@ class UniformizedChain:
 
     q: the uniformisation rate. longest: the largest number of entries of a row. Either `rates`,
     with its entries divided by q, or `operator`, whose products are divided by q here, is given.
+    error: of sums of rates, relative.
     """
 
     q: float
@@ -29,6 +30,7 @@ class UniformizedChain:
     rates: SparseMatrix | None
     operator: SweepOperator | None
     longest: int
+    error: float = 0.0
 
     @property
     def entries(self) -> int:
@@ -83,7 +85,10 @@ class UniformizedChain:
 
 
 def uniformize(
-    rates: SparseMatrix | SweepOperator, exit_rates: Floats, transposed: bool = False
+    rates: SparseMatrix | SweepOperator,
+    exit_rates: Floats,
+    transposed: bool = False,
+    error: float = 0.0,
 ) -> UniformizedChain:
     """The chain of a CTMC, uniformised at its largest exit rate.
 
@@ -91,13 +96,14 @@ def uniformize(
         rates: the rate matrix, or an operator.
         exit_rates: float64[n].
         transposed: multiply distributions instead of values (rows are needed for it).
+        error: of sums of rates, relative.
     """
     q = float(np.max(exit_rates, initial=0.0)) or 1.0
     diagonal = (q - exit_rates) / q  # two roundings: 1 - exit_rates / q would lose digits near 0
     if not isinstance(rates, SparseMatrix):
-        return UniformizedChain(q, diagonal, None, rates, rates.longest)
+        return UniformizedChain(q, diagonal, None, rates, rates.longest, error)
     if transposed:
         transpose = sparse.transpose_values(*rates.arrays, rates.columns)
         rates = SparseMatrix(*transpose, rates.columns)
     divided = SparseMatrix(rates.indptr, rates.indices, rates.data / q, rates.columns)
-    return UniformizedChain(q, diagonal, divided, None, divided.longest)
+    return UniformizedChain(q, diagonal, divided, None, divided.longest, error)

@@ -40,6 +40,7 @@ def transient_values(
     observer: Observer | None = None,
     leave: Floats | None = None,
     limit: Callable[[], Floats] | None = None,
+    error: float = 0.0,
 ) -> Transient:
     """Bounds on x(time) for every state. All arrays are non-negative, float64[n].
 
@@ -54,6 +55,7 @@ def transient_values(
         leave: the probabilities of leaving for states outside; None: not known, and small chains
             are not squared.
         limit: computes an upper bound on the values at any time.
+        error: of the rates, relative.
 
     Returns:
         Bounds, which are further apart than requested if rounding or the work does not allow for
@@ -65,7 +67,7 @@ def transient_values(
     """
     rates, exit_rates = kernel.weights, kernel.exit_rates
     assert exit_rates is not None, "time is continuous"
-    horizon = Horizon(rates, exit_rates, time, settings, interest, observer, leave, limit)
+    horizon = Horizon(rates, exit_rates, time, settings, interest, observer, leave, limit, error)
     starts = [
         (start, source)
         for start, source in ((terminal, False), (reward_rate, True))
@@ -77,13 +79,17 @@ def transient_values(
         nothing = np.zeros(len(exit_rates))
         return Transient(nothing, nothing.copy(), 0, "no reward is earned: 0")
     if is_squared(horizon):
-        return squared(horizon, terminal, reward_rate)
+        return squared(horizon, terminal, reward_rate, error)
     total = reduce(Transient.plus, (computed(Part(horizon, *start)) for start in starts))
     return total.widened(tuning.UNDERFLOW_BOUND)
 
 
 def transient_distribution(
-    kernel: TransitionKernel[SparseMatrix], initial: Floats, time: float, settings: Settings
+    kernel: TransitionKernel[SparseMatrix],
+    initial: Floats,
+    time: float,
+    settings: Settings,
+    error: float = 0.0,
 ) -> Transient:
     """Bounds on the probability of each state at a time.
 
@@ -92,18 +98,19 @@ def transient_distribution(
         initial: the initial distribution, float64[n].
         time: the time.
         settings: accuracy and limits.
+        error: of the rates, relative.
     """
     rates, exit_rates = kernel.weights, kernel.exit_rates
     assert exit_rates is not None, "time is continuous"
     steps = float(exit_rates.max(initial=0.0)) * time
     if squaring_pays(rates, steps):
         nothing = np.zeros(rates.states)
-        error = tuning.ENTRY_ERROR + rates.longest * tuning.UNIT_ROUNDOFF
+        error = max(error, tuning.ENTRY_ERROR) + rates.longest * tuning.UNIT_ROUNDOFF
         squared, _, halvings = IntervalChain.of_rates(rates, nothing, time, nothing, error)
         found = squared.distribution(1 << halvings, initial)
         text = f"{found.squarings} squarings of a matrix"
         return Transient(found.lower, found.upper, found.squarings, text)
-    chain = uniformize(rates, exit_rates, transposed=True)
+    chain = uniformize(rates, exit_rates, transposed=True, error=error)
     series = sum_series(chain, initial, time, False, settings, None, None, mass=True)
     series.upper[:] = np.minimum(series.upper, 1.0)
     return series

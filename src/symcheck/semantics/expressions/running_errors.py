@@ -24,7 +24,7 @@ from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, 
 from symcheck.syntax.operators import Function, Operator
 from symcheck.syntax.traversal import children
 
-__all__ = ["Enclosed", "RunningErrors", "is_accurate", "literal_error"]
+__all__ = ["Enclosed", "RunningErrors", "is_accurate", "is_normal", "literal_error"]
 
 R = TypeVar("R")
 
@@ -253,4 +253,9 @@ def is_accurate(
             case _:
                 return False
 
-    return accurate(expression) and _bits(expression, type_of) < _NORMAL_BITS
+    return accurate(expression) and is_normal(expression, type_of)
+
+
+def is_normal(expression: Expression, type_of: Callable[[Expression], Type]) -> bool:
+    """Whether no operation of an expression without differences can underflow or overflow."""
+    return _bits(expression, type_of) < _NORMAL_BITS

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from symcheck.errors import UnsupportedError
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
@@ -45,8 +47,13 @@ def solve_linear(
     if isinstance(problem, MaskedProblem):
         in_place = settings.method in ("auto", "topological") and problem.n > 0
         if in_place and not (problem.signed or problem.collapsible()):
-            return topological.solve_masked(problem, settings, observer)
+            found = topological.solve_masked(problem, settings, observer)
+            return found.widened(1.01 * problem.constant_error)
         problem = problem.extract()
+    if problem.signed and problem.constant_error and not problem.is_rational:
+        error = problem.constant_error * np.abs(problem.constant)
+        bounds = problem.constant - error, problem.high + error
+        problem = replace(problem.with_constant(*bounds), constant_error=0.0)
     method = _select(problem, settings.method)
     if problem.opponents is not None and problem.n > 0 and (method.sound or not problem.least):
         if not method.sound:
@@ -70,7 +77,7 @@ def solve_linear(
         solution = method.solve(problem, settings, observer)
     else:
         solution = quotient.expand(method.solve(quotient.problem, settings, observer))
-    return replace(solution, method=method.name)
+    return replace(solution.widened(1.01 * problem.constant_error), method=method.name)
 
 
 def _select(problem: LinearProblem, name: str) -> Method:

@@ -106,6 +106,7 @@ def solve_masked(
         problem.mode,
         unknown,
         problem.rates,
+        problem.error,
     )
     no_strategy = np.empty(0, dtype=np.int64)
     values = problem.initial_values()
@@ -116,7 +117,8 @@ def solve_masked(
 def _solve_rows(problem: LinearProblem, settings: Settings, observer: Observer | None) -> Solution:
     """Solve a problem with non-negative constants, whose end components are collapsed."""
     system = component_solver(problem)
-    known_exactly = problem.upper is None or bool(np.array_equal(problem.constant, problem.upper))
+    width = largest_width(problem.constant, problem.high, relative=True)
+    known_exactly = width <= tuning.CONSTANT_WIDTH
     strategy = np.full(problem.n if problem.mode else 0, -1, dtype=np.int64)
     values = np.zeros((problem.n, 2))
     run = TopologicalRun(
@@ -270,7 +272,7 @@ def solve_rationally(local: LocalSystem, probability: bool) -> Bounds | None:
         lower, upper = doubles(sides[0].lower), doubles(sides[-1].upper)
     except (NumericalError, OverflowError, ZeroDivisionError):
         return None
-    error = 4.0 * local.n * (m.longest + 8) * tuning.UNIT_ROUNDOFF
+    error = local.n * (4.0 * (m.longest + 8) * tuning.UNIT_ROUNDOFF + 2.0 * local.block.error)
     attained = sides[0 if local.mode == 2 else -1].strategy
     policy = None if attained is None else (attained - local.block.groups[:-1]).astype(np.int32)
     return Bounds(
@@ -377,7 +379,8 @@ def _signed(problem: LinearProblem, settings: Settings, observer: Observer | Non
         )
     ]
     plus, minus = parts
-    lower, upper = plus.lower - minus.upper, plus.upper - minus.lower
+    lower = np.nextafter(plus.lower - minus.upper, -np.inf)
+    upper = np.nextafter(plus.upper - minus.lower, np.inf)
     note = f"positive and negative rewards separately: {plus.explanation}"
     return Solution(
         lower,
