@@ -417,7 +417,12 @@ def _power(exact: Exactness, node: Node, a: Value, b: Value) -> Value | Irration
     a, b = _double(a, exact), _double(b, exact)
     if isinstance(a, _REAL) and isinstance(b, _REAL):
         return _exact_power(a, b, node, _EXACT_BITS if exact is True else exact)
-    return _finite_exact(_float_power(_sign_if_exact(a), _sign_if_exact(b)), exact)
+    if isinstance(a, _REAL):  # of the base it matters on which side of -1, 0 and 1 it lies
+        a = _sign_if_exact(a) * (2 if a > 1 or a < -1 else 1 if a in (-1, 1) else 0.5)
+    if isinstance(b, _REAL):  # of the exponent, whether it is odd, even, or no whole number
+        whole = isinstance(b, Fraction) and b.denominator == 1
+        b = _sign_if_exact(b) * (0.5 if not whole else 1 if b % 2 else 2)
+    return _finite_exact(_float_power(float(a), float(b)), exact)
 
 
 def _finite_exact(value: float, exact: Exactness) -> Value:
