@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,18 @@ class TestTimed:
     def test_digital_clocks(self, exact):
         model = symcheck.loads(TIMED, exact=exact)
         assert float(model.check('Pmax=? [ F "won" ]').value) == pytest.approx(0.7, abs=1e-12)
+
+    def test_bounds_on_time_need_no_clock_that_is_seen(self):
+        # A strategy remembers when it let time pass.
+        model = symcheck.loads(TIMED, exact=True)
+        assert model.check('Pmax=? [ F<=2 "won" ]').value == Fraction(7, 10)
+        assert model.check('Pmax=? [ F<2 "won" ]').value == 0
+        assert model.check('Pmin=? [ F<=2 "won" ]').value == Fraction(3, 10)
+
+    def test_strict_constraints_are_refused_without_pointing_at_zones(self):
+        strict = TIMED.replace("phase=0 & x>=1", "phase=0 & x>0")
+        with pytest.raises(UnsupportedError, match="zones, which would take it, are not available"):
+            symcheck.loads(strict).check('Pmax=? [ F "won" ]')
 
     def test_a_clock_that_is_not_seen(self):
         hidden = TIMED.replace("observables x, phase", "observables phase")
