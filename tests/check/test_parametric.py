@@ -141,6 +141,11 @@ def test_faulty_ranges(ranges: str) -> None:
         _ = symcheck.loads(ZEROCONF).parametric(ranges).bound
 
 
+def test_a_parameter_has_no_value() -> None:
+    with pytest.raises(InputError, match="parameter p has a value, too"):
+        _ = symcheck.loads(ZEROCONF, "p=0.3").parametric("p,q").bound
+
+
 def test_sums_are_compared_as_functions() -> None:
     text = ZEROCONF.replace("1-q : (s'=N+2)", "1-p : (s'=N+2)")
     with pytest.raises(InputError, match="probabilities sum to -p"):
@@ -349,3 +354,21 @@ def test_infinities_are_reckoned_with_functions() -> None:
     slope = model.check(f"{infinite} * (P=? [ F x=1 ] - 5/8)").regions
     assert slope.at(p=0.1).value == float("inf")
     assert slope.at(p=0.4).value == float("-inf")
+
+
+def test_poles_of_rewards_are_no_part_of_the_regions() -> None:
+    text = PARABOLA.replace("true : 1", "x=0 : 1/((p-1/2)*(p-1/2))")
+    result = symcheck.loads(text).parametric("p").check("R>=2 [ F x>0 ]")
+    assert result.value is True
+    assert [str(c) for c in result.regions.well_defined] == ["(p - 1/2)*(p - 1/2) > 0"]
+    with pytest.raises(UsageError, match="no case"):
+        result.regions.at(p=0.5)
+
+
+def test_a_formula_that_divides_by_0_at_a_point_has_no_case_there() -> None:
+    formula = "P=? [ F x=1 ] / (p-1/2) > 2"
+    regions = symcheck.loads(PARABOLA).parametric("p").check(formula).regions
+    assert regions.at(p=0.4).value is False
+    assert regions.at(p=0.6).value is True
+    with pytest.raises(NumericalError, match="bounds are not within"):
+        symcheck.loads(PARABOLA).parametric("p").extremum("P=? [ F x=1 ] / (p-1/2)", "max")

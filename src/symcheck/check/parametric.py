@@ -83,6 +83,10 @@ class Search:
         for weight in self.model.weights:
             odd = (self.field.factors[i] for i, n in weight.bottom if n % 2)
             self.field.note([weight.top, *odd], 1)
+        rewards = (*self.model.state_rewards, *self.model.choice_rewards)
+        for bottom in {f.bottom for array in rewards for f in array.tolist() if f.bottom}:
+            poles = [self.field.factors[i] for i, _ in bottom]
+            self.field.note([*poles, *poles], 1)  # a square: the denominator is not 0
         self.positive = self._conditions(set())
         self.cases: list[Case] = []
         self.boxes: list[list[Box]] = []
@@ -115,13 +119,19 @@ class Search:
         """Whether all cases that are known have the same value."""
         return all(c.value == self.cases[0].value for c in self.cases)
 
-    def case(self, point: Point) -> int:
-        """The number of the case whose conditions hold at a point, which may be new."""
+    def case(self, point: Point) -> int | None:
+        """The number of the case whose conditions hold at a point, which may be new.
+
+        None: the formula divides by 0 there.
+        """
         for i, case in enumerate(self.cases):
             if case.holds(point):
                 return i
         self.field.sample(point)
-        result = check(self.engine, self.formula, self.options, labels=self.labels)
+        try:
+            result = check(self.engine, self.formula, self.options, labels=self.labels)
+        except ZeroDivisionError:
+            return None
         if self.result is None:
             self.result = result
         known = {" * ".join(map(str, c.parts)) for c in self.positive}
@@ -129,6 +139,18 @@ class Search:
         self.cases.append(Case(result.value, self._conditions(known), point, (), strategy))
         self.boxes.append([])
         return len(self.cases) - 1
+
+    def value_at(self, point: Point) -> tuple[Case, Fraction] | None:
+        """The case of a point, and the number there; None if the formula divides by 0."""
+        chosen = self.case(point)
+        if chosen is None:
+            return None
+        case = self.cases[chosen]
+        _check_number(case)
+        try:
+            return case, case(**point)
+        except ZeroDivisionError:
+            return None
 
     def lifted(self, box: Box) -> tuple[Fraction, Fraction]:
         """Bounds of the value of the measure over a box, by parameter lifting.
@@ -226,10 +248,9 @@ class Search:
             for part in parts_of(box, self.box):
                 point = self.sample(part)
                 bound: Fraction | float = -inf
-                if point is not None:
-                    case = self.cases[self.case(point)]
-                    _check_number(case)
-                    value = sign * case(**point)
+                found = None if point is None else self.value_at(point)
+                if point is not None and found is not None:
+                    case, value = found[0], sign * found[1]
                     if best is None or value < best[0]:
                         best = value, point
                     if (bounds := self.bounds(case, part)) is not None:
@@ -260,8 +281,11 @@ class Search:
                 done = self.is_empty(box)
                 if done:
                     empty.append(box)
+            elif (chosen := self.case(point)) is None:
+                done = all(low == high for low, high in box.values())
+                if done:
+                    empty.append(box)
             else:
-                chosen = self.case(point)
                 conditions = self.cases[chosen].conditions or ()
                 proved |= {c for c in conditions if c not in proved and c.proved(box)}
                 done = proved.issuperset(conditions)

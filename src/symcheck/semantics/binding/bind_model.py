@@ -95,7 +95,7 @@ def bind(
     report.raise_all()
     exact = exact or bool(parameters)
     table = SymbolTable(report, exact)
-    check_ranges(parameters or {}, program.constants, report)
+    check_ranges(parameters or {}, program.constants, constants or {}, report)
     table.parameters = (parameters or {}).keys()
     set_constants(table, program.constants, constants or {})
     check_values_given(table, program.constants)
