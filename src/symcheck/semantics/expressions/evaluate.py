@@ -420,8 +420,10 @@ def _power(exact: Exactness, node: Node, a: Value, b: Value) -> Value | Irration
     if isinstance(x, _REAL):  # of the base it matters on which side of -1, 0 and 1 it lies
         x = _sign_if_exact(x) * (2 if x > 1 or x < -1 else 1 if x in (-1, 1) else 0.5)
     if isinstance(y, _REAL):  # of the exponent, whether it is odd, even, or no whole number
-        whole = isinstance(y, Fraction) and y.denominator == 1
-        y = _sign_if_exact(y) * (0.5 if not whole else 1 if y % 2 else 2)
+        size = 0.5
+        if isinstance(y, Fraction) and y.denominator == 1:
+            size = 1 if y % 2 else 2
+        y = _sign_if_exact(y) * size
     return _finite_exact(_float_power(float(x), float(y)), exact)
 
 
