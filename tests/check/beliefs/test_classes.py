@@ -69,3 +69,11 @@ def test_random_paths(capsys):
 def test_what_is_refused_by_name(call, refused):
     with pytest.raises(UnsupportedError, match=f"{refused} are not available for partially"):
         call(symcheck.load(TIGER))
+
+
+def test_an_infinite_reward_without_a_strategy_is_not_said_to_be_that_of_all():
+    # Waiting earns for ever, and opening a door does not.
+    tiger = symcheck.load(TIGER, strategy=True)
+    result = tiger.check('R{"cost"}max=? [ F "open" ]')
+    assert result.value == float("inf")
+    assert any("no strategy is built for an infinite reward" in w for w in result.warnings)
