@@ -363,5 +363,8 @@ TIMED_LEAST_JUMPS = 1e-9
 TIMED_LEVELS = 200
 """Rounding is counted level by level up to so many choices in no time."""
 
+TIMED_JUMP_WORK = 50
+"""A jump takes as long as so many products, even if a model has few entries."""
+
 TIMED_WORK = 4e10
 """Products of an entry and a value after which bounds are not made closer (a minute or so)."""
