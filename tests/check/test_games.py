@@ -12,6 +12,7 @@ from oracles import draw_games
 from oracles.draw_games import draw
 from symcheck.check.result import Certified, Estimate
 from symcheck.errors import InputError, NameFault, NoStrategyError, SyntaxFault, UnsupportedError
+from symcheck.kernels.solve.game_sweeps import sweep_game
 from symcheck.simulate.steps import CommandSuccessors
 
 ENGINES = [{"engine": "explicit"}, {"engine": "sparse"}, {"engine": "mtbdd"}, {"exact": True}]
@@ -236,6 +237,21 @@ def test_bounds_meet_in_end_components(method):
     )
     assert low - 1e-12 <= 0.4 <= high + 1e-12
     assert high - low < 1e-6
+
+
+def test_a_small_game_is_not_swept_for_ever(monkeypatch):
+    sweeps = []
+
+    def counted(*arguments):
+        sweeps.append(1)
+        return sweep_game(*arguments)
+
+    monkeypatch.setattr("symcheck.numerics.linear.games.sweep_game", counted)
+    text = """smg player a [a],[c] endplayer player b [b] endplayer module m s:[0..2];
+    [a] s=0 -> 1-2e-12:(s'=0) + 1e-12:(s'=1) + 1e-12:(s'=2); [c] s=0 -> (s'=2);
+    [b] s>0 -> true; endmodule"""
+    assert value(text, "<<a>> Pmax=? [ F s=1 ]") == pytest.approx(0.5, abs=1e-3)
+    assert 0 < len(sweeps) < 1_000_000
 
 
 def test_the_power_method_is_an_estimate():

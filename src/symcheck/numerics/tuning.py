@@ -90,6 +90,8 @@ GAME_CHANGE = 1e-10
 """Value iteration that looks for strategies ends at this relative change."""
 GAME_SWEEPS, GAME_ENTRIES = 100, 100_000_000
 """Its sweeps at least, and the entries that it may visit: a second."""
+GAME_SWEEP_WORK = 400
+"""A sweep takes as long as so many entries, even if a game has few."""
 DEFLATION_INTERVAL = 64
 """Most iterations between two searches for end components."""
 
