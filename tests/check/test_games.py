@@ -247,10 +247,10 @@ def test_a_small_game_is_not_swept_for_ever(monkeypatch):
         return sweep_game(*arguments)
 
     monkeypatch.setattr("symcheck.numerics.linear.games.sweep_game", counted)
-    text = """smg player a [a],[c] endplayer player b [b] endplayer module m s:[0..2];
-    [a] s=0 -> 1-2e-12:(s'=0) + 1e-12:(s'=1) + 1e-12:(s'=2); [c] s=0 -> (s'=2);
-    [b] s>0 -> true; endmodule"""
-    assert value(text, "<<a>> Pmax=? [ F s=1 ]") == pytest.approx(0.5, abs=1e-3)
+    text = """smg player a [a],[c] endplayer player b [b],[d] endplayer module m s:[0..3];
+    [a] s=0 -> 1-2e-12:(s'=1) + 1e-12:(s'=2) + 1e-12:(s'=3); [c] s=0 -> 0.4:(s'=2) + 0.6:(s'=3);
+    [b] s=1 -> (s'=0); [d] s=1 -> 0.6:(s'=2) + 0.4:(s'=3); [b] s>1 -> true; endmodule"""
+    assert value(text, "<<a>> Pmax=? [ F s=2 ]") == pytest.approx(0.5, abs=1e-3)
     assert 0 < len(sweeps) < 1_000_000
 
 

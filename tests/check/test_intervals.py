@@ -351,6 +351,13 @@ def test_a_value_that_rounding_hides_is_not_decided_wrongly():
     assert model.check("P<1e-299 [ F s=1 ]").value is False
 
 
+def test_bounds_of_states_that_are_hardly_left_are_finite():
+    text = """dtmc module m s:[0..2]; [] s=0 -> [1-1e-9,1]:true + [1e-12,1e-9]:(s'=2) +
+    [1e-14,1e-10]:(s'=1); [] s>0 -> true; endmodule"""
+    lower, upper = symcheck.loads(text).check("Tmax=? [ F s>0 ]").bounds
+    assert lower <= 1e14 / 101 <= upper < 1.1e12
+
+
 # ------------------------------------------------------------------------------- files and matrices
 
 LOW = [[0, 0.2, 0.3], [0.1, 0, 0.4], [0, 0, 1]]
