@@ -247,11 +247,15 @@ def test_a_small_game_is_not_swept_for_ever(monkeypatch):
         return sweep_game(*arguments)
 
     monkeypatch.setattr("symcheck.numerics.linear.games.sweep_game", counted)
-    text = """smg player a [a],[c] endplayer player b [b],[d] endplayer module m s:[0..3];
-    [a] s=0 -> 1-2e-12:(s'=1) + 1e-12:(s'=2) + 1e-12:(s'=3); [c] s=0 -> 0.4:(s'=2) + 0.6:(s'=3);
-    [b] s=1 -> (s'=0); [d] s=1 -> 0.6:(s'=2) + 0.4:(s'=3); [b] s>1 -> true; endmodule"""
-    assert value(text, "<<a>> Pmax=? [ F s=2 ]") == pytest.approx(0.5, abs=1e-3)
-    assert 0 < len(sweeps) < 1_000_000
+    monkeypatch.setattr("symcheck.numerics.tuning.GAME_ENTRIES", 100_000)
+    text = """smg player a [s],[u],[v],[w] endplayer player b [t],[y] endplayer module m x:[0..7];
+    [s] x=0 -> 0.3:(x'=3) + 0.7:(x'=1); [u] x=1 -> (x'=4); [t] x=2 -> (x'=0);
+    [u] x=3 -> 1e-12:(x'=6) + 1-1e-12:(x'=3); [v] x=3 -> 1e-12:(x'=3) + 1-1e-12:(x'=7);
+    [w] x=3 -> 1-1e-16:(x'=5) + 1e-16:(x'=3); [t] x=4 -> 1e-16:(x'=0) + 1-1e-16:(x'=6);
+    [y] x=4 -> 1-1e-12:(x'=2) + 1e-12:(x'=4); [t] x=5 -> 0.5:(x'=6) + 0.5:(x'=3);
+    [y] x=5 -> 1e-12:(x'=7) + 1-1e-12:(x'=3); endmodule"""
+    assert value(text, "<<a>> Pmax=? [ G F x=7 ]") == pytest.approx(0.3, abs=1e-6)
+    assert 0 < len(sweeps) < 3_000
 
 
 def test_the_power_method_is_an_estimate():

@@ -286,7 +286,7 @@ def timed_values(
 
 def _swept(
     run: TimedSteps,
-    wanted: Int64s,
+    wanted: Int32s,
     total: float,
     allowed: float,
     tolerance: float,
