@@ -12,6 +12,7 @@ from oracles import draw_games
 from oracles.draw_games import draw
 from symcheck.check.result import Certified, Estimate
 from symcheck.errors import InputError, NameFault, NoStrategyError, SyntaxFault, UnsupportedError
+from symcheck.kernels.solve.game_sweeps import sweep_game
 from symcheck.simulate.steps import CommandSuccessors
 
 ENGINES = [{"engine": "explicit"}, {"engine": "sparse"}, {"engine": "mtbdd"}, {"exact": True}]
@@ -185,7 +186,7 @@ def test_negative_rewards_need_a_bound():
     text = PASSING + 'rewards "r" [leave] true : -3; [back] true : 1; endrewards'
     assert value(text, '<<up>> R{"r"}min=? [ C<=2 ]', exact=True) == -3
     for path in ("F s>1", "Fc s>1", "F0 s>1", "C"):
-        with pytest.raises(UnsupportedError, match="negative"):
+        with pytest.raises(UnsupportedError, match=r"negative .*; C<=k is"):
             value(text, f'<<up>> R{{"r"}}min=? [ {path} ]')
 
 
@@ -236,6 +237,25 @@ def test_bounds_meet_in_end_components(method):
     )
     assert low - 1e-12 <= 0.4 <= high + 1e-12
     assert high - low < 1e-6
+
+
+def test_a_small_game_is_not_swept_for_ever(monkeypatch):
+    sweeps = []
+
+    def counted(*arguments):
+        sweeps.append(1)
+        return sweep_game(*arguments)
+
+    monkeypatch.setattr("symcheck.numerics.linear.games.sweep_game", counted)
+    monkeypatch.setattr("symcheck.numerics.tuning.GAME_ENTRIES", 100_000)
+    text = """smg player a [s],[u],[v],[w] endplayer player b [t],[y] endplayer module m x:[0..7];
+    [s] x=0 -> 0.3:(x'=3) + 0.7:(x'=1); [u] x=1 -> (x'=4); [t] x=2 -> (x'=0);
+    [u] x=3 -> 1e-12:(x'=6) + 1-1e-12:(x'=3); [v] x=3 -> 1e-12:(x'=3) + 1-1e-12:(x'=7);
+    [w] x=3 -> 1-1e-16:(x'=5) + 1e-16:(x'=3); [t] x=4 -> 1e-16:(x'=0) + 1-1e-16:(x'=6);
+    [y] x=4 -> 1-1e-12:(x'=2) + 1e-12:(x'=4); [t] x=5 -> 0.5:(x'=6) + 0.5:(x'=3);
+    [y] x=5 -> 1e-12:(x'=7) + 1-1e-12:(x'=3); endmodule"""
+    assert value(text, "<<a>> Pmax=? [ G F x=7 ]") == pytest.approx(0.3, abs=1e-6)
+    assert 0 < len(sweeps) < 3_000
 
 
 def test_the_power_method_is_an_estimate():

@@ -327,11 +327,21 @@ def test_what_needs_numbers_is_refused_by_name(ask):
         ask(symcheck.loads(GAME))
 
 
-def test_negative_rewards_are_for_rationals():
-    text = GAME.replace("s<3 : 1", "s<3 : 0-1")
-    with pytest.raises(UnsupportedError, match="with intervals of probabilities"):
-        symcheck.loads(text).check("Rmaxmin=? [ C<=3 ]")
+@pytest.mark.parametrize("structure", [1, 2])
+@pytest.mark.parametrize("path", ["C<=3", "I=3", "F s>2"])
+def test_negative_rewards_are_for_rationals(path, structure):
+    text = GAME.replace("s<3 : 1", "s<3 : 0-1") + 'rewards "n" s=0 : 2; s=1 : -1; endrewards'
+    with pytest.raises(UnsupportedError, match="negative rewards with intervals") as caught:
+        symcheck.loads(text).check(f"R{{{structure}}}maxmin=? [ {path} ]")
+    assert "use -exact" in str(caught.value)
     assert loaded(text, "exact").check("Rmaxmin=? [ C<=1 ]").value == -1
+
+
+@pytest.mark.parametrize("text", [CHAIN, GAME])
+def test_long_run_averages_are_refused_by_name(text):
+    direction = "min" if text is CHAIN else "minmin"
+    with pytest.raises(UnsupportedError, match=r"long-run averages are not .* with intervals"):
+        symcheck.loads(text).check(f"S{direction}=? [ s=3 ]")
 
 
 def test_a_value_that_rounding_hides_is_not_decided_wrongly():
@@ -339,6 +349,13 @@ def test_a_value_that_rounding_hides_is_not_decided_wrongly():
     model = symcheck.loads(text)
     assert model.check("P<=1e-299 [ F s=1 ]").value is True
     assert model.check("P<1e-299 [ F s=1 ]").value is False
+
+
+def test_bounds_of_states_that_are_hardly_left_are_finite():
+    text = """dtmc module m s:[0..2]; [] s=0 -> [1-1e-9,1]:true + [1e-12,1e-9]:(s'=2) +
+    [1e-14,1e-10]:(s'=1); [] s>0 -> true; endmodule"""
+    lower, upper = symcheck.loads(text).check("Tmax=? [ F s>0 ]").bounds
+    assert lower <= 1e14 / 101 <= upper < 1.1e12
 
 
 # ------------------------------------------------------------------------------- files and matrices

@@ -45,6 +45,19 @@ rewards true : n*x; endrewards
 """
 
 
+PARABOLA = """dtmc const double p;  // reaches x=1 with probability 1/2 at p=1/2, else with more
+module m x:[0..2];
+  [] x=0 -> 1/2+(p-1/2)*(p-1/2) : (x'=1) + 1/2-(p-1/2)*(p-1/2) : (x'=2);
+endmodule
+rewards true : 1; endrewards"""
+
+TIE = """mdp const double p;
+module m x:[0..2];
+  [a] x=0 -> p : (x'=1) + 1-p : (x'=2);
+  [b] x=0 -> 1-p : (x'=1) + p : (x'=2);
+endmodule"""
+
+
 def function(text: str, ranges: str, formula: str) -> RationalFunction:
     found = symcheck.loads(text).parametric(ranges).check(formula).value
     assert isinstance(found, RationalFunction)
@@ -126,6 +139,11 @@ def test_ranges_of_variables_are_numbers() -> None:
 def test_faulty_ranges(ranges: str) -> None:
     with pytest.raises((InputError, UsageError)):
         _ = symcheck.loads(ZEROCONF).parametric(ranges).bound
+
+
+def test_a_parameter_has_no_value() -> None:
+    with pytest.raises(InputError, match="parameter p has a value, too"):
+        _ = symcheck.loads(ZEROCONF, "p=0.3").parametric("p,q").bound
 
 
 def test_sums_are_compared_as_functions() -> None:
@@ -276,3 +294,81 @@ def test_random_models_against_the_exact_engine(number: int) -> None:
     text = parameters.random_model(rng, kind)
     wrong, _ = parameters.difference(rng, text, parameters.random_property(rng, kind))
     assert wrong is None
+
+
+@pytest.mark.parametrize(
+    ("text", "formula", "value_there"),
+    [
+        (PARABOLA, "P>0.5 [ F x=1 ]", False),
+        (PARABOLA, "P<=0.5 [ F x=1 ]", True),
+        (TIE, "Pmax=? [ F x=1 ] > 0.5", False),
+        (PARABOLA, "P=? [ F<=0 (x=0 & P<=0.5 [ F x=1 ]) ]", 1),
+    ],
+)
+def test_a_point_between_boxes_is_an_exception_of_its_own(
+    text: str, formula: str, value_there: object
+) -> None:
+    model = symcheck.loads(text).parametric("p")
+    result = model.check(formula)
+    assert result.value is None
+    assert result.regions.at(p=0.5).value == value_there != result.regions.at(p=0.25).value
+    at_half = symcheck.loads(text, "p=0.5", exact=True).check(formula)
+    assert at_half.value == value_there
+
+
+def test_a_single_point_is_feasible_and_attains_an_extremum() -> None:
+    parabola = symcheck.loads(PARABOLA).parametric("p")
+    assert parabola.feasible("P<=0.5 [ F x=1 ]") == {"p": Fraction(1, 2)}
+    jump = parabola.extremum("P=? [ F<=0 (x=0 & P<=0.5 [ F x=1 ]) ]", "max")
+    assert jump.value == jump.bound == 1
+
+
+@pytest.mark.parametrize("formula", ["R=? [ F x=1 ]", "P>0 [ F x=1 ]"])
+def test_what_is_no_number_has_no_extremum(formula: str) -> None:
+    with pytest.raises(UnsupportedError, match="only finite numbers have extremal values"):
+        symcheck.loads(PARABOLA).parametric("p").extremum(formula, "max")
+
+
+def test_lifting_decides_all_initial_states_and_refuses_nested_operators() -> None:
+    text = "dtmc const double p; module m x:[0..2]; [] x=0 -> p:(x'=1)+1-p:(x'=2); endmodule"
+    starts = symcheck.loads(text + " init x<2 endinit", lifting=True).parametric("p")
+    regions = starts.check("P>=0.5 [ F x=1 ]").regions
+    assert regions.at(p=0.75).value is True
+    assert regions.at(p=0.25).value is False
+    inner = "P>=0.3 [ F x=1 ] & P<=0.7 [ F x=1 ]"  # false at both ends of the range
+    with pytest.raises(UnsupportedError, match="nested"):
+        starts.check(f"P>=1 [ F x=0 & {inner} ]")
+
+
+@pytest.mark.parametrize("formula", ["P=? [ F x=1 ]^p", "2^P=? [ F x=1 ]"])
+def test_powers_with_functions_as_exponents_are_refused(formula: str) -> None:
+    with pytest.raises(UnsupportedError, match="no rational function"):
+        symcheck.loads(PARABOLA).parametric("p").check(formula)
+
+
+def test_infinities_are_reckoned_with_functions() -> None:
+    model = symcheck.loads(PARABOLA).parametric("p")
+    infinite = "R=? [ F x=1 ]"  # x=2 is not left
+    assert model.check(f"{infinite} + P=? [ F x=1 ]").value == float("inf")
+    assert model.check(f"P=? [ F x=1 ] / {infinite}").value == 0
+    slope = model.check(f"{infinite} * (P=? [ F x=1 ] - 5/8)").regions
+    assert slope.at(p=0.1).value == float("inf")
+    assert slope.at(p=0.4).value == float("-inf")
+
+
+def test_poles_of_rewards_are_no_part_of_the_regions() -> None:
+    text = PARABOLA.replace("true : 1", "x=0 : 1/((p-1/2)*(p-1/2))")
+    result = symcheck.loads(text).parametric("p").check("R>=2 [ F x>0 ]")
+    assert result.value is True
+    assert [str(c) for c in result.regions.well_defined] == ["(p - 1/2)*(p - 1/2) > 0"]
+    with pytest.raises(UsageError, match="no case"):
+        result.regions.at(p=0.5)
+
+
+def test_a_formula_that_divides_by_0_at_a_point_has_no_case_there() -> None:
+    formula = "P=? [ F x=1 ] / (p-1/2) > 2"
+    regions = symcheck.loads(PARABOLA).parametric("p").check(formula).regions
+    assert regions.at(p=0.4).value is False
+    assert regions.at(p=0.6).value is True
+    with pytest.raises(NumericalError, match="bounds are not within"):
+        symcheck.loads(PARABOLA).parametric("p").extremum("P=? [ F x=1 ] / (p-1/2)", "max")

@@ -332,8 +332,27 @@ def simple(**changes):
 @pytest.mark.parametrize(
     ("found", "message"),
     [
-        (simple(type="pta"), "probabilistic timed automata are not supported"),
-        (simple(variables=[variable("c", kind="clock")]), "clock variables are not supported"),
+        (simple(variables=[variable("c", kind="clock")]), "only timed automata have clocks"),
+        (
+            simple(
+                automata=[
+                    automaton("m", ["l"], [edge("l", ("l", {}))])
+                    | {"locations": [{"name": "l", "time-progress": {"exp": True}}]}
+                ]
+            ),
+            "only timed automata let time progress",
+        ),
+    ],
+)
+def test_parts_of_timed_automata_in_other_models_are_faults(found, message):
+    with pytest.raises(SyntaxFault, match=message):
+        read_jani(text(found), "model.jani")
+
+
+@pytest.mark.parametrize(
+    ("found", "message"),
+    [
+        (simple(type="sha"), "stochastic hybrid automata are not supported"),
         (simple(variables=[variable("c", kind="real")]), "is real"),
         (
             simple(variables=[variable("c", kind={"kind": "array", "base": "int"})]),
@@ -358,15 +377,6 @@ def simple(**changes):
                 variables=[variable("c", kind={"kind": "bounded", "base": "int", "lower-bound": 0})]
             ),
             "has one bound only",
-        ),
-        (
-            simple(
-                automata=[
-                    automaton("m", ["l"], [edge("l", ("l", {}))])
-                    | {"locations": [{"name": "l", "time-progress": {"exp": True}}]}
-                ]
-            ),
-            "conditions on the progress of time are not supported",
         ),
     ],
 )

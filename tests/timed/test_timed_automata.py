@@ -233,6 +233,17 @@ def test_other_properties_are_refused_by_name(formula, message):
         symcheck.loads(text).check(formula)
 
 
+def test_conditions_beside_an_operator_are_refused_by_zones():
+    text = f"pta module m {REPEATED} endmodule"
+    with pytest.raises(UnsupportedError, match="no condition beside it"):
+        symcheck.loads(text, timed_method="backwards").check("s=0 & Pmax>0.2 [ F s=1 ]")
+
+
+def test_bounds_on_time_are_ints():
+    with pytest.raises(InputError, match="counts units of time in a PTA: it must be an int"):
+        symcheck.loads(f"pta module m {REPEATED} endmodule").check("Pmax=? [ F<=2.5 s=1 ]")
+
+
 def test_several_initial_states_are_refused():
     with pytest.raises(InputError, match="one initial state"):
         symcheck.loads(f"pta module m {REPEATED} endmodule init true endinit")

@@ -35,11 +35,13 @@ from symcheck.syntax.ast import (
     Expression,
     Globally,
     Literal,
+    Measure,
     Name,
     ProbabilityOperator,
     Type,
 )
 from symcheck.syntax.operators import Operator
+from symcheck.syntax.traversal import names, transform
 
 __all__ = ["check_timed", "deciding_model", "displayed_model"]
 
@@ -74,15 +76,18 @@ def deciding_model(
     if options.timed_method in ("auto", "digital"):
         try:
             return digital_clocks(automaton, _without_zeno(automaton, asked_of(reached)))
-        except NotDigital:
-            if options.timed_method == "digital" or automaton.type.partially_observed:
+        except NotDigital as found:
+            if automaton.type.partially_observed:
+                hint = f"zones, which would take it, are not available for {automaton.type.called}"
+                raise UnsupportedError(replace(found.args[0], hint=hint)) from None
+            if options.timed_method == "digital":
                 raise
     if automaton.type.partially_observed:
         raise UnsupportedError(
             f"zones are not available for {automaton.type.called}",
             hint="-ptamethod digital, the default",
         )
-    return _on_zones(automaton, reached)
+    return _on_zones(automaton, bound.formula, reached)
 
 
 def _without_zeno(automaton: BoundModel, asked: Asked) -> Asked:
@@ -94,11 +99,13 @@ def _without_zeno(automaton: BoundModel, asked: Asked) -> Asked:
     return replace(asked, ticks=not is_non_zeno(automaton, unit, _MOST_LOCATIONS))
 
 
-def _on_zones(automaton: BoundModel, reached: list[Reach]) -> BoundModel:
-    if len(reached) != 1 or reached[0].path is None:
+def _on_zones(automaton: BoundModel, formula: Expression, reached: list[Reach]) -> BoundModel:
+    outside = transform(formula, lambda node: _ONE if isinstance(node, Measure) else node)
+    if len(reached) != 1 or reached[0].path is None or names(outside):
         raise UnsupportedError(
-            "by zones, a property has one operator P; expected rewards and times need digital "
-            "clocks, that is closed constraints that do not compare two clocks"
+            "by zones, a property has one operator P, and no condition beside it; expected rewards "
+            "and times need digital clocks, that is closed constraints that do not compare two "
+            "clocks"
         )
     return zone_model(automaton, reached[0])
 

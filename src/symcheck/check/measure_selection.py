@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from symcheck.check.context import Context
 from symcheck.check.measures.base import LongRunMeasures, TimedMeasures
+from symcheck.errors import UnsupportedError
 from symcheck.syntax.ast import Weights
 
 __all__ = ["long_run_measures", "timed_measures"]
@@ -33,7 +34,16 @@ def timed_measures(context: Context) -> TimedMeasures:
 
 
 def long_run_measures(context: Context) -> LongRunMeasures:
-    """Long-run averages of a chain or of an MDP; the module is imported when needed."""
+    """Long-run averages of a chain or of an MDP; the module is imported when needed.
+
+    Raises:
+        UnsupportedError: probabilities are intervals.
+    """
+    if context.engine.model.weights is Weights.INTERVALS:
+        raise UnsupportedError(
+            "long-run averages are not available for models with intervals of probabilities",
+            hint="they are if all intervals are points",
+        )
     if context.engine.model.type.has_choices:
         from symcheck.check.measures import long_run_mdp
 

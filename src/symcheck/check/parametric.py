@@ -13,6 +13,7 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import count
 from math import inf
+from numbers import Rational
 from random import Random
 from time import perf_counter
 from typing import Any
@@ -26,12 +27,13 @@ from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.parametric.build import ParametricModel, random_point
 from symcheck.errors import NumericalError, UnsupportedError
 from symcheck.matrices.rational_functions import RationalFunction
-from symcheck.numerics.bernstein import Box, function_bounds
+from symcheck.numerics.bernstein import Box, function_bounds, sign_on
 from symcheck.options import Options
 from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.query import PathProbability, ReachReward, query_of
 from symcheck.syntax.ast import Expression, Measure
 from symcheck.syntax.declarations import Property
+from symcheck.syntax.traversal import nodes
 
 __all__ = ["Search", "check_parametric"]
 
@@ -41,8 +43,11 @@ _SAMPLES = 40
 """Points at which a box is searched for one where all probabilities are positive."""
 
 
-def halves(box: Box, whole: Box) -> tuple[Box, Box]:
-    """A box divided across its longest side, relative to the whole one."""
+def parts_of(box: Box, whole: Box) -> tuple[Box, Box, Box]:
+    """A box divided across its longest side, relative to the whole one: halves, and their border.
+
+    What is proved inside boxes says nothing about the border, which is a box without volume.
+    """
 
     def length(name: str) -> Fraction:
         (low, high), (first, last) = box[name], whole[name]
@@ -51,7 +56,9 @@ def halves(box: Box, whole: Box) -> tuple[Box, Box]:
     name = max(box, key=length)
     low, high = box[name]
     middle = (low + high) / 2
-    return {**box, name: (low, middle)}, {**box, name: (middle, high)}
+    sides = (low, middle), (middle, high), (middle, middle)
+    first_half, second_half, border = ({**box, name: side} for side in sides)
+    return first_half, second_half, border
 
 
 class Search:
@@ -76,6 +83,10 @@ class Search:
         for weight in self.model.weights:
             odd = (self.field.factors[i] for i, n in weight.bottom if n % 2)
             self.field.note([weight.top, *odd], 1)
+        rewards = (*self.model.state_rewards, *self.model.choice_rewards)
+        for bottom in {f.bottom for array in rewards for f in array.tolist() if f.bottom}:
+            poles = [self.field.factors[i] for i, _ in bottom]
+            self.field.note([*poles, *poles], 1)  # a square: the denominator is not 0
         self.positive = self._conditions(set())
         self.cases: list[Case] = []
         self.boxes: list[list[Box]] = []
@@ -98,13 +109,29 @@ class Search:
                 return point
         return None
 
-    def case(self, point: Point) -> int:
-        """The number of the case whose conditions hold at a point, which may be new."""
+    def is_empty(self, box: Box) -> bool:
+        """Whether it is proved that some probability is not positive anywhere in a box."""
+        signs = ((sign_on(c.parts, self.field, box), c.sign) for c in self.positive)
+        return any(found in (0, -sign) for found, sign in signs)
+
+    @property
+    def has_one_value(self) -> bool:
+        """Whether all cases that are known have the same value."""
+        return all(c.value == self.cases[0].value for c in self.cases)
+
+    def case(self, point: Point) -> int | None:
+        """The number of the case whose conditions hold at a point, which may be new.
+
+        None: the formula divides by 0 there.
+        """
         for i, case in enumerate(self.cases):
             if case.holds(point):
                 return i
         self.field.sample(point)
-        result = check(self.engine, self.formula, self.options, labels=self.labels)
+        try:
+            result = check(self.engine, self.formula, self.options, labels=self.labels)
+        except ZeroDivisionError:
+            return None
         if self.result is None:
             self.result = result
         known = {" * ".join(map(str, c.parts)) for c in self.positive}
@@ -112,6 +139,18 @@ class Search:
         self.cases.append(Case(result.value, self._conditions(known), point, (), strategy))
         self.boxes.append([])
         return len(self.cases) - 1
+
+    def value_at(self, point: Point) -> tuple[Case, Fraction] | None:
+        """The case of a point, and the number there; None if the formula divides by 0."""
+        chosen = self.case(point)
+        if chosen is None:
+            return None
+        case = self.cases[chosen]
+        _check_number(case)
+        try:
+            return case, case(**point)
+        except ZeroDivisionError:
+            return None
 
     def lifted(self, box: Box) -> tuple[Fraction, Fraction]:
         """Bounds of the value of the measure over a box, by parameter lifting.
@@ -123,6 +162,11 @@ class Search:
         measure = self.formula
         if not isinstance(measure, Measure):
             raise UnsupportedError("parameter lifting bounds P and R alone")
+        if sum(isinstance(node, Measure) for node in nodes(measure)) > 1:
+            raise UnsupportedError(
+                "parameter lifting has no nested operators: bounds of one do not bound the other",
+                hint="without -lifting, regions are decided by functions",
+            )
         query = query_of(measure, self.model.model)
         match query.quantity:
             case PathProbability(UntilPath()) | ReachReward():
@@ -157,7 +201,10 @@ class Search:
             raise UnsupportedError("parameter lifting decides P and R with a threshold")
         self.field.sample(point)
         try:
-            values = {threshold.operator.compare(v, threshold.value) for v in self.lifted(box)}
+            values = {
+                all(threshold.operator.compare(v, threshold.value) for v in _of_starts(bound))
+                for bound in self.lifted(box)
+            }
         except NumericalError:
             return False
         if len(values) == 2:
@@ -184,27 +231,33 @@ class Search:
     def extremum(self, direction: Direction, gap: Fraction) -> Extremum:
         """A least or greatest value over the box, by branch and bound.
 
-        Raises NumericalError: the bounds do not come close.
+        Raises:
+            NumericalError: the bounds do not come close.
+            UnsupportedError: the formula has no number as its value everywhere.
         """
         sign = 1 if direction is Direction.MIN else -1
         number = count()
         queue: list[tuple[Fraction | float, int, Box]] = [(-inf, next(number), self.box)]
         best: tuple[Fraction, Point] | None = None
         for _ in range(_MOST_BOXES):
+            if not queue:
+                break
             least, _, box = heapq.heappop(queue)
             if best is not None and best[0] - least <= gap:
                 return Extremum(sign * best[0], sign * Fraction(least), best[1])
-            for half in halves(box, self.box):
-                point = self.sample(half)
+            for part in parts_of(box, self.box):
+                point = self.sample(part)
                 bound: Fraction | float = -inf
-                if point is not None:
-                    case = self.cases[self.case(point)]
-                    value = sign * case(**point)
+                found = None if point is None else self.value_at(point)
+                if point is not None and found is not None:
+                    case, value = found[0], sign * found[1]
                     if best is None or value < best[0]:
                         best = value, point
-                    if (bounds := self.bounds(case, half)) is not None:
+                    if (bounds := self.bounds(case, part)) is not None:
                         bound = min(sign * b for b in bounds)
-                heapq.heappush(queue, (bound, next(number), half))
+                elif self.is_empty(part):
+                    continue
+                heapq.heappush(queue, (bound, next(number), part))
         raise NumericalError(f"the bounds are not within {float(gap):g} after {_MOST_BOXES} boxes")
 
     def regions(self, share: float, *, feasible: bool = False) -> Regions:
@@ -216,20 +269,23 @@ class Search:
         left, empty = whole, []
         for _ in range(_MOST_BOXES):
             found = feasible and any(c.value is True for c in self.cases)
-            if found or not queue or left <= rest:
+            # A value that all boxes have is not that of their borders, unless it is proved there.
+            done = left <= rest and (left > 0 or not self.has_one_value)
+            if found or not queue or done:
                 break
             negative, _, box, proved = heapq.heappop(queue)
             point = self.sample(box)
             if self.lifting and point is not None:
                 done = self.by_lifting(box, point)
             elif point is None:
-                done = any(
-                    Condition(c.parts, -c.sign, self.field).proved(box) for c in self.positive
-                )
+                done = self.is_empty(box)
+                if done:
+                    empty.append(box)
+            elif (chosen := self.case(point)) is None:
+                done = all(low == high for low, high in box.values())
                 if done:
                     empty.append(box)
             else:
-                chosen = self.case(point)
                 conditions = self.cases[chosen].conditions or ()
                 proved |= {c for c in conditions if c not in proved and c.proved(box)}
                 done = proved.issuperset(conditions)
@@ -238,8 +294,11 @@ class Search:
             if done:
                 left += negative
                 continue
-            for half in halves(box, self.box):
+            *halved, border = parts_of(box, self.box)
+            for half in halved:
                 heapq.heappush(queue, (negative / 2, next(number), half, proved))
+            if not self.lifting:  # whose bounds hold on the borders of a box, too
+                heapq.heappush(queue, (Fraction(0), next(number), border, proved))
         if not self.cases:
             raise NumericalError(
                 "at no point of the ranges that was tried are all probabilities positive",
@@ -250,7 +309,21 @@ class Search:
             tuple(c for c in self.positive if not c.proved(self.box)),
             tuple(replace(c, boxes=tuple(b)) for c, b in zip(self.cases, self.boxes, strict=True)),
             tuple(empty),
-            tuple(box for _, _, box, _ in queue) if left else (),
+            tuple(box for _, _, box, _ in queue) if left or self.has_one_value else (),
+        )
+
+
+def _of_starts(value: Any) -> tuple[Any, ...]:
+    """The ends of a range of values over initial states; else the value."""
+    return value if isinstance(value, tuple) else (value,)
+
+
+def _check_number(case: Case) -> None:
+    """Refuse an outcome that is a truth value, a range of values, or infinite."""
+    if isinstance(case.value, bool) or not isinstance(case.value, RationalFunction | Rational):
+        hint = 'filter(max, …, "init") gives one number' if isinstance(case.value, tuple) else None
+        raise UnsupportedError(
+            f"only finite numbers have extremal values, and the value is {case}", hint=hint
         )
 
 
@@ -279,7 +352,7 @@ def check_parametric(
     regions = search.regions(options.regions)
     assert search.result is not None
     first, *others = regions.cases
-    same = all(other.value == first.value for other in others)
+    same = search.has_one_value
     where = [str(c) for c in regions.well_defined]
     explanation = search.result.explanation
     if not same:

@@ -70,6 +70,12 @@ class Case:
             return all(c.holds(point) for c in self.conditions)
         return any(all(low <= point[n] <= high for n, (low, high) in b.items()) for b in self.boxes)
 
+    def __str__(self) -> str:
+        """The value."""
+        if isinstance(self.value, tuple):
+            return "[{},{}]".format(*self.value)
+        return str(self.value).lower() if isinstance(self.value, bool) else str(self.value)
+
     def __call__(self, **point: Fraction | float | str) -> Any:
         """The value at a point, whether or not it is valid there."""
         return self.value(**point) if isinstance(self.value, RationalFunction) else self.value
@@ -116,8 +122,7 @@ class Regions:
         lines = []
         first: dict[str, Case] = {}
         for case in self.cases:
-            text = "[{},{}]".format(*case.value) if isinstance(case.value, tuple) else case.value
-            first.setdefault(str(text).lower() if isinstance(text, bool) else str(text), case)
+            first.setdefault(str(case), case)
         for text, case in first.items():
             share = sum(map(volume, self.where(case.value)), Fraction(0)) / volume(self.box)
             lines.append(f"  {float(share):7.2%}  {text}, first found at {_shown(case.sample)}")

@@ -94,7 +94,8 @@ def _draw(axes: Any, positions: Sequence[Any], rows: Sequence[Row], label: str) 
     values = [rows[i].number for i in order]
     bounds = [rows[i].bounds or (rows[i].number, rows[i].number) for i in order]
     (line,) = axes.plot(across, values, marker="o", markersize=3.5, label=label)
-    if all(high - low <= ROUNDING_WIDTH * abs(high) for low, high in bounds):
+    known = [(low, high) for low, high in bounds if low is not None and high is not None]
+    if all(high - low <= ROUNDING_WIDTH * abs(high) for low, high in known):
         return
     lower, upper = zip(*bounds, strict=True)
     if len(order) > _FEW:

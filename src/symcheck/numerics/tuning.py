@@ -92,6 +92,8 @@ GAME_CHANGE = 1e-10
 """Value iteration that looks for strategies ends at this relative change."""
 GAME_SWEEPS, GAME_ENTRIES = 100, 100_000_000
 """Its sweeps at least, and the entries that it may visit: a second."""
+GAME_SWEEP_WORK = 400
+"""A sweep takes as long as so many entries, even if a game has few."""
 DEFLATION_INTERVAL = 64
 """Most iterations between two searches for end components."""
 
@@ -364,6 +366,9 @@ TIMED_LEAST_JUMPS = 1e-9
 
 TIMED_LEVELS = 200
 """Rounding is counted level by level up to so many choices in no time."""
+
+TIMED_JUMP_WORK = 50
+"""A jump takes as long as so many products, even if a model has few entries."""
 
 TIMED_WORK = 4e10
 """Products of an entry and a value after which bounds are not made closer (a minute or so)."""

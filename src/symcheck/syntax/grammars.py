@@ -136,12 +136,13 @@ def _operations() -> str:
 def _other_types(grammar: str) -> str:
     """The terminal of the types of models whose words are names elsewhere.
 
-    Such a word is a type where a declaration follows, which never follows a name.
+    Such a word is a type where a declaration follows, or nothing: neither follows a name.
     """
     words = "|".join(k.value for k in ModelType if f"\n{k.name}: " not in grammar) + "|tsg"
     declarations = "|".join(_DECLARATIONS)
+    space = r"(?:\s|\/\/[^\r\n]*(?![^\r\n]))"
     return rf"""
-OTHER_TYPE.3: /(?:{words})(?=(?:\s|\/\/[^\r\n]*(?![^\r\n]))+(?:{declarations})(?![A-Za-z_0-9]))/
+OTHER_TYPE.3: /(?:{words})(?={space}+(?:{declarations})(?![A-Za-z_0-9])|{space}*\Z)/
 """
 
 

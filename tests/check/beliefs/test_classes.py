@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,18 @@ class TestTimed:
         model = symcheck.loads(TIMED, exact=exact)
         assert float(model.check('Pmax=? [ F "won" ]').value) == pytest.approx(0.7, abs=1e-12)
 
+    def test_bounds_on_time_need_no_clock_that_is_seen(self):
+        # A strategy remembers when it let time pass.
+        model = symcheck.loads(TIMED, exact=True)
+        assert model.check('Pmax=? [ F<=2 "won" ]').value == Fraction(7, 10)
+        assert model.check('Pmax=? [ F<2 "won" ]').value == 0
+        assert model.check('Pmin=? [ F<=2 "won" ]').value == Fraction(3, 10)
+
+    def test_strict_constraints_are_refused_without_pointing_at_zones(self):
+        strict = TIMED.replace("phase=0 & x>=1", "phase=0 & x>0")
+        with pytest.raises(UnsupportedError, match="zones, which would take it, are not available"):
+            symcheck.loads(strict).check('Pmax=? [ F "won" ]')
+
     def test_a_clock_that_is_not_seen(self):
         hidden = TIMED.replace("observables x, phase", "observables phase")
         with pytest.raises(InputError, match="different actions"):
@@ -56,3 +69,11 @@ def test_random_paths(capsys):
 def test_what_is_refused_by_name(call, refused):
     with pytest.raises(UnsupportedError, match=f"{refused} are not available for partially"):
         call(symcheck.load(TIGER))
+
+
+def test_an_infinite_reward_without_a_strategy_is_not_said_to_be_that_of_all():
+    # Waiting earns for ever, and opening a door does not.
+    tiger = symcheck.load(TIGER, strategy=True)
+    result = tiger.check('R{"cost"}max=? [ F "open" ]')
+    assert result.value == float("inf")
+    assert any("no strategy is built for an infinite reward" in w for w in result.warnings)

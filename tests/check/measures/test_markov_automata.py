@@ -236,3 +236,52 @@ def test_a_function_gives_rates_beside_actions():
 @pytest.mark.parametrize("seed", range(12))
 def test_random_automata(seed: int):
     assert run(f"test {seed}") == []
+
+
+AT_ONCE = chain(
+    "[a] x=0 -> (x'=1);",
+    "[b] x=0 -> 0.5:(x'=1) + 0.5:(x'=2);",
+    "<> x=1 -> 3:(x'=2);",
+    "<> x>=2 -> 1:true;",
+    states=4,
+)
+
+
+@pytest.mark.parametrize(
+    ("formula", "expected"),
+    [
+        ("P>0 [ F<=0 x=3 ]", False),
+        ("P<=0 [ F<=0 x=3 ]", True),
+        ("P>=1 [ G<=0 x<3 ]", True),
+        ("filter(forall, P<=0 [ F<=0 x=2 ], x=1)", True),
+        ("P<=0 [ F<=0 x=2 ]", False),
+    ],
+)
+def test_at_time_0_only_choices_are_made(formula: str, expected: bool):
+    assert symcheck.loads(AT_ONCE).check(formula).value is expected
+
+
+def test_at_time_0_the_value_is_that_of_choices():
+    assert value(AT_ONCE, "Pmax=? [ F<=0 x=2 ]") == pytest.approx(0.5, rel=1e-14)
+    assert value(AT_ONCE, "Pmin=? [ F<=0 x=2 ]") == 0
+    assert value(AT_ONCE, "Pmin=? [ G<=0 x!=2 ]") == pytest.approx(0.5, rel=1e-14)
+
+
+def test_a_long_time_is_not_gone_through_where_nothing_is_left_to_happen():
+    for time in (1e6, 1e12):
+        result = symcheck.loads(AT_ONCE).check(f"Pmin=? [ F<={time:.0f} x=2 ]")
+        lower, upper = result.bounds
+        assert 1 - 1e-10 < lower < 1
+        assert upper == 1
+        assert result.iterations < 10_000
+        assert symcheck.loads(AT_ONCE).check(f"Pmax=? [ G<={time:.0f} x!=2 ]").bounds[1] < 1e-299
+
+
+def test_too_much_work_leaves_the_bounds_of_less_time(monkeypatch: pytest.MonkeyPatch):
+    text = chain("<> x=0 -> 1:(x'=1) + 1:(x'=2);", "<> x=1 -> 1:true;", "<> x=2 -> 1:true;")
+    monkeypatch.setattr("symcheck.numerics.tuning.TIMED_WORK", 1e4)
+    result = symcheck.loads(text).check("Pmax=? [ F<=1000000 x=1 ]")
+    lower, upper = result.bounds
+    assert 0.49 < lower <= 0.5
+    assert upper == 1
+    assert result.warnings

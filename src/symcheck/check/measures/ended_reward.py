@@ -217,7 +217,10 @@ class _Pairs:
 def _rewards(earned: Numbers) -> Numbers:
     """The rewards of rows. Raises UnsupportedError: one is negative or infinite."""
     if len(earned) and (earned.min() < 0 or is_infinite(earned).any()):
-        raise UnsupportedError("the rewards Fc and F0 must not be negative or infinite")
+        raise UnsupportedError(
+            "negative or infinite rewards of games are not supported without a bound on steps; "
+            "C<=k is"
+        )
     return earned
 
 

@@ -17,9 +17,9 @@ from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.engines.capabilities import HasBestExpectations
-from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import best_of_rows
+from symcheck.numerics.linear.intervals import require_signs
 from symcheck.numerics.linear.problem import Progress, largest_width
 from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.rewards import Reward
@@ -140,13 +140,7 @@ class _Steps:
         expectations = engine.capability(HasBestExpectations)
         assert expectations is not None
         sides = list(values.at(engine.all))
-        numbers = [*sides, sides[0][:0] if add is None else add]
-        if not engine.is_rational and any(len(x) > 0 and x.min() < 0 for x in numbers):
-            raise UnsupportedError(
-                "negative rewards with intervals of probabilities are not supported in floating "
-                "point",
-                hint="use -exact",
-            )
+        require_signs(*sides)
         system = engine.system(engine.all)
         move = None if within is None else engine.to_bools(within)
         fixed = None if elsewhere is None else list(engine.constant(elsewhere).at(engine.all))

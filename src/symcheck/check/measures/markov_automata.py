@@ -228,13 +228,14 @@ def _within(
     assert direction is not None
     engine = context.engine
     other = direction.dual if path.negative else direction
-    never = engine.graph.prob0(path.left, path.right, other)
     whole = engine.system(engine.all)
     assert whole.groups is not None
     instants = engine.from_bools(_exit_rates(whole)[whole.groups[:-1]] == 0)
+    left = path.left if time > 0 else path.left & instants
+    never = engine.graph.prob0(left, path.right, other)
     at_once = engine.graph.prob1(path.left & instants, path.right, other)
     goal, end = (never, 1.0) if path.negative else (at_once, 0.0)
-    system = engine.system(path.left - at_once - never, direction)
+    system = engine.system(left - at_once - never, direction)
     entered = system.one_step_probability(goal)
     terminal = system.full(0) + end
     return _lifted(

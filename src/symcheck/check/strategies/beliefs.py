@@ -22,7 +22,7 @@ from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.finite_memory import Decisions, finite_memory_strategy
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import NumericalError, UnsupportedError
-from symcheck.matrices.numbers import Numbers, rationals
+from symcheck.matrices.numbers import Numbers, doubles, rationals
 from symcheck.matrices.rows import Int64s, spans, starts_of
 from symcheck.numerics.beliefs.exploration import Beliefs, Rows
 from symcheck.numerics.beliefs.observed import GOAL, SINK
@@ -58,7 +58,9 @@ def belief_strategy(context: Context) -> Strategy:
 
 def _strategy(context: Context, problem: Problem, found: Found, states: Int64s) -> Strategy:
     if found.plan is None:
-        raise UnsupportedError("no strategy is built for a value that every strategy has")
+        infinite = np.isinf(doubles(found.lower)).any()
+        what = "an infinite reward" if infinite else "a value that every strategy has"
+        raise UnsupportedError(f"no strategy is built for {what}")
     if len(states) != 1:
         raise UnsupportedError("a strategy of a partially observed model is built for one state")
     decisions = _decisions(context, problem, found.plan)

@@ -32,11 +32,10 @@ from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.interval_rows import IntervalRows
 from symcheck.matrices.numbers import Numbers, doubles, full, numbers
 from symcheck.matrices.rows import Bools, Int64s, spans, starts_of
-from symcheck.numerics.linear.intervals import IntervalProblem, solve_intervals
+from symcheck.numerics.linear.intervals import IntervalProblem, require_signs, solve_intervals
 from symcheck.numerics.linear.problem import LinearProblem, Observer
 from symcheck.numerics.settings import Settings
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
-from symcheck.semantics.features import class_name
 from symcheck.semantics.rewards import Reward, Structure
 from symcheck.syntax.ast import Expression, ModelType
 
@@ -145,7 +144,7 @@ class IntervalEngine(ExplicitEngine, HasUncertainty, HasBestExpectations, HasRat
 
     def refuse(self) -> NoReturn:
         """Raise UnsupportedError: this needs probabilities that are numbers."""
-        raise UnsupportedError(f"this is not available for {class_name(self.model)}")
+        raise UnsupportedError("this is not available for models with intervals of probabilities")
 
     def system(self, states: ArraySet, direction: Direction | None = None) -> IntervalSystem:
         """The equations over some states."""
@@ -181,6 +180,11 @@ class IntervalSystem(ExplicitSystem):
     """The equations over some states: best expectations in place of products with numbers."""
 
     engine: IntervalEngine = field(repr=False)
+
+    def earned(self, reward: Reward) -> Numbers:
+        """Per row, the sum of its rewards. Raises UnsupportedError: one is negative, in doubles."""
+        require_signs(*self.rewards(reward))
+        return super().earned(reward)
 
     @property
     def weights(self) -> NoReturn:

@@ -178,12 +178,18 @@ def _rational(value: Value) -> Rational:
 
 def apply_to_functions(operation: Operator | Function, *values: Any) -> Any:
     """The value of an operator or function of rational functions. Raises UnsupportedError."""
-    if operation in (Function.MIN, Function.MAX):
-        return (min if operation is Function.MIN else max)(values)
-    if operation in (Operator.POWER, Function.POW) and values[1] == int(values[1]):
-        return values[0] ** int(values[1])
     from symcheck.engines.parametric.functions import FIELD
 
+    if operation in FIELD and any(isinstance(v, float) and not isfinite(v) for v in values):
+        # Beside an infinity, the sign of a function matters alone.
+        signs = [(v > 0) - (v < 0) if isinstance(v, RationalFunction) else v for v in values]
+        return _rational(apply_exactly(operation, *signs))
+    if operation in (Function.MIN, Function.MAX):
+        return (min if operation is Function.MIN else max)(values)
+    if operation in (Operator.POWER, Function.POW):
+        base, exponent = values
+        if not isinstance(exponent, RationalFunction) and exponent % 1 == 0:
+            return base ** int(exponent)
     if operation in FIELD:
         return FIELD[operation](*values)
     raise UnsupportedError(f"{operation!s} of functions of parameters is no rational function")

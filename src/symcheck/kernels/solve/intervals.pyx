@@ -277,7 +277,7 @@ cdef class Iteration:
                 self.stop *= 0.1
             else:
                 self.guess *= 10.0
-            if self.warm and self.guess > 1e-3:
+            if self.warm and self.guess > 0.1:
                 self.warm, self.low_proved, self.guess = False, True, self.epsilon
                 for i in range(begin, end):
                     self.x[self.states[i]] = 0.0

@@ -232,15 +232,18 @@ class _Game:
             x = self._response(policy, leads).upper.copy()
         original, policy, rows = policy, policy.copy(), problem.rows
         assert rows.groups is not None
-        most = max(tuning.GAME_SWEEPS, tuning.GAME_ENTRIES // (rows.entries + problem.n))
+        sweep = rows.entries + problem.n + tuning.GAME_SWEEP_WORK
+        most = max(tuning.GAME_SWEEPS, tuning.GAME_ENTRIES // sweep)
+        maximises, leading = problem.maximises.view(np.uint8), leads.view(np.uint8)
+        least = problem.least
         for i in range(min(most, self.settings.max_iterations)):
             change = sweep_game(
                 *rows.arrays,
                 rows.groups,
                 problem.constant,
-                problem.maximises.view(np.uint8),
-                leads.view(np.uint8),
-                problem.least,
+                maximises,
+                leading,
+                least,
                 tuning.SMALLEST_CHANGE,
                 x,
                 policy,

@@ -19,7 +19,7 @@ from symcheck.errors import UnsupportedError
 from symcheck.kernels.solve.intervals import Iteration
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.interval_rows import IntervalRows
-from symcheck.matrices.numbers import Numbers, doubles, full, numbers
+from symcheck.matrices.numbers import Numbers, doubles, full, is_rational, numbers
 from symcheck.matrices.rows import Int64s, SparseMatrix, first_best
 from symcheck.numerics import graph
 from symcheck.numerics.linear.mec_quotient import MecQuotient, collapse
@@ -27,7 +27,7 @@ from symcheck.numerics.linear.problem import LinearProblem, Observer, Progress, 
 from symcheck.numerics.settings import Settings
 from symcheck.tables import counted
 
-__all__ = ["IntervalProblem", "solve_intervals"]
+__all__ = ["IntervalProblem", "require_signs", "solve_intervals"]
 
 _WORK = 1 << 20
 """Updates of states between two reports to the observer."""
@@ -100,17 +100,26 @@ def solve_intervals(
     """
     if problem.rows.is_rational:
         return _strategy_iteration(problem, settings, observer)
-    if len(problem.constant) and problem.constant.min() < 0.0:
-        raise UnsupportedError(
-            "negative rewards with intervals of probabilities are not supported in floating point",
-            hint="use -exact",
-        )
+    require_signs(problem.constant)
     structure = problem.against(problem.rows.lower)
     quotient = collapse(structure)
     if quotient is None:
         return _bounds(problem, graph.sccs(structure.rows), settings, observer)
     parts = graph.sccs(quotient.problem.rows)
     return quotient.expand(_bounds(_on_quotient(problem, quotient), parts, settings, observer))
+
+
+def require_signs(*values: Numbers) -> None:
+    """Refuse negative rewards, whose expectations are no bounds in doubles.
+
+    Raises:
+        UnsupportedError: a number is negative, and not rational.
+    """
+    if any(len(v) and not is_rational(v) and v.min() < 0 for v in values):
+        raise UnsupportedError(
+            "negative rewards with intervals of probabilities are not supported in floating point",
+            hint="use -exact",
+        )
 
 
 def _on_quotient(problem: IntervalProblem, quotient: MecQuotient) -> IntervalProblem:

@@ -159,6 +159,10 @@ class TimedSteps:
             depth = deeper
         return parts.count + 1
 
+    def work(self, jumps: int) -> float:
+        """About the products that so many jumps take; each takes some time for itself."""
+        return jumps * (self.problem.matrix.entries + tuning.TIMED_JUMP_WORK)
+
     @property
     def error(self) -> float:
         """A bound on the relative error of all steps and weights so far."""
@@ -267,17 +271,16 @@ def timed_values(
         )
     while True:
         run = TimedSteps(problem, rate)
-        lower, upper, intervals = _swept(run, total, allowed, tolerance, observer)
+        lower, upper, intervals = _swept(run, wanted, total, allowed, tolerance, observer)
         jumps += run.jumps
         lower = lower * (1.0 - run.error)
         upper = upper * (1.0 + run.error) + run.beyond + tuning.UNDERFLOW_BOUND
         low, high = lower[wanted], upper[wanted]
         width = largest_width(low, np.maximum(low, high - 1e-299), settings.relative)
-        work = jumps * max(problem.matrix.entries, 1)
         least = float(high[high > 1e-290].min(initial=1.0)) if settings.relative else 1.0
         finer = min(tolerance, 0.5 * settings.epsilon * least)
         stuck = width > 0.5 * before and finer > 0.5 * tolerance
-        if width <= settings.epsilon or work > tuning.TIMED_WORK or stuck:
+        if width <= settings.epsilon or run.work(jumps) > tuning.TIMED_WORK or stuck:
             break
         before, tolerance = width, finer
         allowed *= max(min(0.25, (settings.epsilon / width) ** 1.5), 1e-4)
@@ -286,10 +289,22 @@ def timed_values(
 
 
 def _swept(
-    run: TimedSteps, total: float, allowed: float, tolerance: float, observer: Observer | None
+    run: TimedSteps,
+    wanted: Int32s,
+    total: float,
+    allowed: float,
+    tolerance: float,
+    observer: Observer | None,
 ) -> tuple[Floats, Floats, int]:
-    """The bounds at time 0, interval by interval; each may move them by `allowed` apart."""
+    """The bounds at time 0, interval by interval; each may move them by `allowed` apart.
+
+    Values that begin with 0 never fall with more time, and those that begin with the greatest value
+    never rise. So bounds for less time are bounds, where the rest would take too much work, or
+    where they are as close to the greatest value, or to 0, as they can be.
+    """
     problem = run.problem
+    rises = not problem.lower.any()
+    falls = bool((problem.upper >= problem.greatest).all())
     lower = run.resolved(problem.lower.copy(), 0.0)
     upper = run.resolved(problem.upper.copy(), min(problem.greatest, 1e300))
     left, length, gap, intervals = total, min(total, tuning.TIMED_FIRST_JUMPS), 0.0, 0
@@ -314,8 +329,15 @@ def _swept(
         gap = max(gap, apart)
         if observer is not None:
             observer(Progress("intervals", intervals, apart, problem.matrix.states))
-        if run.jumps * problem.matrix.entries > tuning.TIMED_WORK:
+        least = float(lower[wanted].min(initial=np.inf))
+        most = float(upper[wanted].max(initial=0.0))
+        near = max(1e-4 * tolerance, run.error)
+        closed = (rises and least >= (1.0 - near) * problem.greatest) or (
+            falls and most <= tuning.UNDERFLOW_BOUND
+        )
+        if closed or run.work(run.jumps) > tuning.TIMED_WORK:
             break
-    if left > 0.0:  # too much work: what is known without it
-        return np.zeros_like(lower), np.full_like(upper, problem.greatest), intervals
+    if left > 0.0:
+        lower = lower if rises else np.zeros_like(lower)
+        upper = upper if falls else np.full_like(upper, problem.greatest)
     return lower, upper, intervals

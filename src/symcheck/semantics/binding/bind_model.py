@@ -100,7 +100,7 @@ def bind(
     if parameters:
         from symcheck.semantics.binding.parameters import check_places, check_ranges
 
-        check_ranges(parameters, program.constants, report)
+        check_ranges(parameters, program.constants, constants or {}, report)
         table.parameters = parameters.keys()
     set_constants(table, program.constants, constants or {})
     check_values_given(table, program.constants)

@@ -221,8 +221,9 @@ class _Conditions:
         if value is None:
             return None
         if not self.model.type.continuous_time and not isinstance(value, int):
+            counted = "units of time" if self.model.type.has_clocks else "steps"
             message = (
-                f"{what} counts steps in a {self.model.type.value.upper()}: it must be an int, "
+                f"{what} counts {counted} in a {self.model.type.value.upper()}: it must be an int, "
                 "not a double"
             )
             self.report.type(message, expression.span)

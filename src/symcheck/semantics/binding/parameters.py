@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 
@@ -33,9 +33,12 @@ _POWERS = {Operator.POWER, Function.POW}
 
 
 def check_ranges(
-    parameters: Ranges, declared: Iterable[Constant], report: DiagnosticCollector
+    parameters: Ranges,
+    declared: Iterable[Constant],
+    given: Container[str],
+    report: DiagnosticCollector,
 ) -> None:
-    """Report parameters that are no open constants of type double."""
+    """Report parameters that are no open constants of type double, or have a value (`given`)."""
     known = {c.name: c for c in declared}
     for name in parameters:
         constant = known.get(name)
@@ -48,6 +51,9 @@ def check_ranges(
             message = f"{name} is of type {constant.type.value}: a parameter is a real number"
             hint = f"-const {name}=VALUE gives it a value"
             report.absorb(TypeFault(Diagnostic(message, constant.span, "parameter", hint)))
+        elif name in given:
+            message, hint = f"parameter {name} has a value, too", "give a range or a value"
+            report.absorb(NameFault(Diagnostic(message, constant.span, "parameter", hint)))
 
 
 def check_places(model: BoundModel) -> None:

@@ -414,10 +414,17 @@ def _power(exact: Exactness, node: Node, a: Value, b: Value) -> Value | Irration
         if abs(a) > 1 and b > 63:
             raise _overflow(node)
         return _checked(a**b, node)
-    a, b = _double(a, exact), _double(b, exact)
-    if isinstance(a, _REAL) and isinstance(b, _REAL):
-        return _exact_power(a, b, node, _EXACT_BITS if exact is True else exact)
-    return _finite_exact(_float_power(_sign_if_exact(a), _sign_if_exact(b)), exact)
+    x, y = _double(a, exact), _double(b, exact)
+    if isinstance(x, _REAL) and isinstance(y, _REAL):
+        return _exact_power(x, y, node, _EXACT_BITS if exact is True else exact)
+    if isinstance(x, _REAL):  # of the base it matters on which side of -1, 0 and 1 it lies
+        x = _sign_if_exact(x) * (2 if x > 1 or x < -1 else 1 if x in (-1, 1) else 0.5)
+    if isinstance(y, _REAL):  # of the exponent, whether it is odd, even, or no whole number
+        size = 0.5
+        if isinstance(y, Fraction) and y.denominator == 1:
+            size = 1 if y % 2 else 2
+        y = _sign_if_exact(y) * size
+    return _finite_exact(_float_power(float(x), float(y)), exact)
 
 
 def _finite_exact(value: float, exact: Exactness) -> Value:

@@ -114,8 +114,9 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
     """The decision process with digital clocks.
 
     Its variables are those of the automaton in their order, then those that a property asks for.
-    Who observes what is not changed. A command without effect is left out where time may pass: it
-    would only let an infinite number of steps happen at one instant.
+    Strategies observe what they did, and the counters that are added, which they remember anyway.
+    A command without effect is left out where time may pass: it would only let an infinite number
+    of steps happen at one instant.
 
     Args:
         automaton: a bound model whose variables include clocks, checked by `check_clocks`.
@@ -217,6 +218,8 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
         replace(m, commands=tuple(converted(c, ()) for c in m.commands), invariant=None)
         for m in automaton.modules
     )
+    # A strategy remembers when it let time pass, and so it knows these counters.
+    remembered = [Name(v.name) for v in counters[place:] if own_kind.partially_observed]
     labels = {
         name: in_units(label)
         for name, label in automaton.labels.items()
@@ -229,7 +232,7 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
         modules=modules,
         events=tuple(events),
         labels=labels,
-        observables=tuple(map(in_units, automaton.observables)),
+        observables=(*map(in_units, automaton.observables), *remembered),
         rewards=tuple(rewards),
         derivation=partial(digital_clocks, asked=for_property),
         clocks=DigitalClocks(
