@@ -423,7 +423,7 @@ def formatted(text: str) -> str:
     more, unless they were indented further.
 
     Examples:
-        >>> print(formatted("module m\nx : bool;\n[] x ->\n(x'=false);\nendmodule"))
+        >>> print(formatted("module m\nx : bool;\n[] x ->\n(x'=false);\nendmodule"), end="")
         module m
           x : bool;
           [] x ->

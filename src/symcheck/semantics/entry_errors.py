@@ -148,12 +148,18 @@ def expression_error(
         variables: those of the model.
         table_bits: as for `entry_error`.
     """
-    from symcheck.semantics.reduction.live_variables import int_bounds
-
     types = {v.name: v.type for v in variables}
 
     def type_of(node: Expression) -> Type:
         return static_type(node, types.__getitem__)
+
+    def largest(node: Expression) -> float:
+        """A bound on the size of an int; a bool counts as one."""
+        if isinstance(node, Literal):
+            return abs(int(node.value))
+        from symcheck.semantics.reduction.live_variables import int_bounds
+
+        return max(map(abs, int_bounds(node, variables)))
 
     def is_natural(name: str) -> bool:
         return any(v.name == name and v.low is not None and v.low >= 0 for v in variables)
@@ -166,7 +172,7 @@ def expression_error(
 
     def error(node: Expression) -> float:
         if type_of(node) is not Type.DOUBLE:
-            return 0.0 if max(map(abs, int_bounds(node, variables))) <= LARGEST_WHOLE else UNIT
+            return 0.0 if largest(node) <= LARGEST_WHOLE else UNIT
         if not names(node) and not isinstance(node, Literal):
             return _constant_error(node)
         match node:
