@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from math import inf, isfinite, nextafter
+from math import isfinite
 from typing import Generic, TypeVar, assert_never
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.result import Line
 from symcheck.check.thresholds import by_rationals
-from symcheck.engines.base import Number, StateSet, Values
+from symcheck.engines.base import Number, StateSet, Values, bracket
 from symcheck.errors import Diagnostic, InputError, SymcheckError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import is_rational, rationals
@@ -134,7 +134,7 @@ class AppliedFilter:
                 bounds = values.total(states)
             case "avg":
                 low, high = values.total(states)
-                bounds = _share(low, states.count, -inf), _share(high, states.count, inf)
+                bounds = _share(low, states.count)[0], _share(high, states.count)[1]
             case "min":
                 bounds = values.minimum(states)
             case "state" | "first":
@@ -224,12 +224,11 @@ def _lines(context: Context, states: StateSet, values: Sequence[bool | float]) -
     ]
 
 
-def _share(total: Number, count: int, towards: float) -> Number:
-    """The total divided by a count, rounded in a direction."""
-    share = total / count
-    if isinstance(share, Fraction) or not isfinite(share) or Fraction(share) * count == total:
-        return share
-    return nextafter(share, towards)
+def _share(total: Number, count: int) -> Bounds:
+    """Bounds on the total divided by a count; they are equal if it is a number of the type."""
+    if isinstance(total, Fraction) or not isfinite(total):
+        return total / count, total / count
+    return bracket(Fraction(total) / count)
 
 
 def _is_large_whole(value: float | Fraction) -> bool:

@@ -9,8 +9,7 @@ from math import inf, isinf, nextafter
 from sys import float_info
 from typing import TYPE_CHECKING, TypeVar, assert_never
 
-from symcheck.engines.base import ROUNDING, Engine
-from symcheck.engines.explicit.rational_values import enclosure
+from symcheck.engines.base import ROUNDING, Engine, bracket
 from symcheck.engines.states import States, StateValues
 from symcheck.errors import NoStrategyError, NotInResultError, UnsupportedError, UsageError
 from symcheck.lazy_dataclass import dataclass
@@ -122,8 +121,8 @@ def nearest_double(value: Fraction) -> tuple[float, Accuracy]:
     if near == value:
         return near, Exact()
     if isinf(near) or abs(near) < float_info.min:  # no double is near
-        return near, Certified(*enclosure(value))
-    return near, Exact(True, *enclosure(value))
+        return near, Certified(*bracket(value))
+    return near, Exact(True, *bracket(value))
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
 from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.numerics.linear.problem import LinearProblem, Observer
 from symcheck.numerics.settings import ROUNDING, Settings
+from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward
 from symcheck.syntax.ast import Expression, Type
@@ -55,17 +56,17 @@ __all__ = [
 ]
 
 
-def bracket(threshold: float | Fraction) -> tuple[float, float]:
-    """The largest double not above the threshold and the smallest not below it (equal where it is a
+def bracket(number: float | Fraction) -> tuple[float, float]:
+    """The largest double not above a number and the smallest not below it (equal where it is a
     double).
 
-    With them `value >= threshold` is exactly `value >= upper`, and `value <= threshold` is `value
-    <= lower`, for doubles.
+    With those of a threshold, `value >= threshold` is exactly `value >= upper`, and `value <=
+    threshold` is `value <= lower`, for doubles.
     """
-    near = float(threshold)
-    if isinstance(threshold, float) or near in (inf, -inf) or near == threshold:
+    near = to_float(number)
+    if isinstance(number, float) or near == number:
         return near, near
-    return (near, nextafter(near, inf)) if near < threshold else (nextafter(near, -inf), near)
+    return (near, nextafter(near, inf)) if near < number else (nextafter(near, -inf), near)
 
 
 def require_expression(expression: Expression) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import field
 from fractions import Fraction
-from math import inf, nextafter
 
 from symcheck.check.property_instance import PropertyInstance
-from symcheck.check.result import Accuracy, Answer, Estimate, Number, Result, show_value
+from symcheck.check.result import Accuracy, Answer, Estimate, Result, show_value
 from symcheck.constant_values import ConstantValue, GivenConstants, typed_value
+from symcheck.engines.base import bracket
 from symcheck.errors import SymcheckError, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rational_functions import RationalFunction
@@ -66,19 +66,12 @@ class Row:
             low, high = Result(self.value, self.accuracy or Estimate()).bounds
         except (TypeError, UnsupportedError):
             return None
-        return _double(low, -inf), _double(high, inf)
+        return bracket(low)[0], bracket(high)[1]
 
     @property
     def text(self) -> str:
         """The value as text, or 'Error'."""
         return "Error" if self.error is not None else show_value(self.value)
-
-
-def _double(bound: Number, towards: float) -> float:
-    """A bound as a double that is one too."""
-    near = to_float(bound)
-    beyond = near > bound if towards < 0 else near < bound
-    return nextafter(near, towards) if beyond else near
 
 
 def constant_text(value: ConstantValue) -> str:

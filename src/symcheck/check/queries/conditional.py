@@ -12,8 +12,7 @@ from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.check.queries.path_probabilities import complement_of, defined_bounds, probability
 from symcheck.direction import Direction
-from symcheck.engines.base import ROUNDING, StateSet, Values
-from symcheck.engines.explicit.rational_values import enclosure
+from symcheck.engines.base import ROUNDING, StateSet, Values, bracket
 from symcheck.errors import Diagnostic, InputError, NumericalError, UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.numerics import rational_limits
@@ -144,7 +143,7 @@ def _nearest(context: Context, value: Fraction) -> Values:
     if value == Fraction(double):
         return engine.constant(double)
     if double >= SMALLEST_NORMAL:
-        return engine.constant(*enclosure(value), rounded=True)
+        return engine.constant(*bracket(value), rounded=True)
     context.warn_if_wide(1.0, "the value is below the doubles")
     return engine.constant(0, SMALLEST_NORMAL)
 

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import field
 from fractions import Fraction
 from functools import partial, reduce
-from math import inf, isfinite, nan, nextafter
+from math import isfinite, nan
 from typing import Any
 
 import numpy as np
 
+from symcheck.engines.base import bracket
 from symcheck.engines.explicit.array_values import ArraySet, ArrayValues
 from symcheck.errors import UnsupportedError
 from symcheck.lazy_dataclass import dataclass
@@ -29,7 +30,7 @@ from symcheck.syntax.operators import (
     UnaryOperator,
 )
 
-__all__ = ["RationalValues", "enclosure", "in_doubles"]
+__all__ = ["RationalValues", "in_doubles"]
 
 Rational = Fraction | float
 """A Fraction, or a float that is infinite or NaN."""
@@ -75,7 +76,7 @@ class RationalValues:
         # Beyond the range of normal doubles the nearest one is not near.
         far = differs & (np.isinf(low) | (np.abs(low) < LEAST_NORMAL))
         for i in np.flatnonzero(differs).tolist():
-            low[i], high[i] = enclosure(self.array[i])
+            low[i], high[i] = bracket(self.array[i])
         return ArrayValues(low, high, differs & ~far)
 
     def __repr__(self) -> str:
@@ -145,12 +146,6 @@ class RationalValues:
 def in_doubles(values: ArrayValues | RationalValues) -> ArrayValues:
     """Values as doubles."""
     return values if isinstance(values, ArrayValues) else values.in_doubles()
-
-
-def enclosure(value: Fraction) -> tuple[float, float]:
-    """The greatest double below a rational number that no double is, and the least above it."""
-    near = to_float(value)
-    return (near, nextafter(near, inf)) if near < value else (nextafter(near, -inf), near)
 
 
 def _exactly(operation: Operator | Function, *values: Rational) -> Rational:
