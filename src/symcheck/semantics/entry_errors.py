@@ -17,7 +17,7 @@ from math import inf, prod
 from symcheck.errors import InputError
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import LARGEST_WHOLE, to_float
-from symcheck.semantics.expressions.running_errors import is_normal
+from symcheck.semantics.expressions.running_errors import is_never_negative, is_normal
 from symcheck.semantics.expressions.types import static_type
 from symcheck.semantics.model import BoundCommand, BoundModel, Event, Variable
 from symcheck.syntax.ast import (
@@ -26,7 +26,6 @@ from symcheck.syntax.ast import (
     Conditional,
     Expression,
     Literal,
-    Name,
     Type,
     Unary,
 )
@@ -193,16 +192,11 @@ def expression_error(
                 return inf
 
     def natural(node: Expression) -> bool:
-        match node:
-            case Name(name):
-                return is_natural(name)
-            case Binary(Operator.PLUS | Operator.TIMES | Operator.DIVIDE, x, y):
-                return natural(x) and natural(y)
-            case Conditional(_, x, y):
-                return natural(x) and natural(y)
-            case _:
-                value = _constant(node)
-                return value is not None and value >= 0
+        return is_never_negative(node, is_natural, is_natural_constant)
+
+    def is_natural_constant(node: Expression) -> bool:
+        value = _constant(node)
+        return value is not None and value >= 0
 
     found = error(expression)
     if type_of(expression) is not Type.DOUBLE or found == 0.0:

@@ -24,7 +24,14 @@ from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, 
 from symcheck.syntax.operators import Function, Operator
 from symcheck.syntax.traversal import children
 
-__all__ = ["Enclosed", "RunningErrors", "is_accurate", "is_normal", "literal_error"]
+__all__ = [
+    "Enclosed",
+    "RunningErrors",
+    "is_accurate",
+    "is_never_negative",
+    "is_normal",
+    "literal_error",
+]
 
 R = TypeVar("R")
 
@@ -241,19 +248,33 @@ def is_accurate(
                 return False
 
     def natural(node: Expression) -> bool:
-        match node:
-            case Literal():
-                return node.value >= 0
-            case Name(name):
-                return is_natural(name)
-            case Binary(Operator.PLUS | Operator.TIMES | Operator.DIVIDE, x, y):
-                return natural(x) and natural(y)
-            case Conditional(_, x, y):
-                return natural(x) and natural(y)
-            case _:
-                return False
+        return is_never_negative(
+            node, is_natural, lambda part: isinstance(part, Literal) and part.value >= 0
+        )
 
     return accurate(expression) and is_normal(expression, type_of)
+
+
+def is_never_negative(
+    expression: Expression,
+    is_natural: Callable[[str], bool],
+    is_natural_part: Callable[[Expression], bool],
+) -> bool:
+    """Whether an expression is plainly never negative: sums, products, quotients and choices are
+    not if their parts are not.
+
+    Args:
+        expression: the expression.
+        is_natural: whether a variable is never negative.
+        is_natural_part: the same of another part, such as a literal.
+    """
+    match expression:
+        case Name(name):
+            return is_natural(name)
+        case Binary(Operator.PLUS | Operator.TIMES | Operator.DIVIDE, x, y) | Conditional(_, x, y):
+            return all(is_never_negative(part, is_natural, is_natural_part) for part in (x, y))
+        case _:
+            return is_natural_part(expression)
 
 
 def is_normal(expression: Expression, type_of: Callable[[Expression], Type]) -> bool:
