@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from symcheck.semantics.binding.bind_model import undefined_constants
 from symcheck.semantics.binding.bind_properties import bind_properties
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import MEASURE_WORDS
+from symcheck.syntax.ast import MEASURE_WORDS, TYPE_WORDS
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.grammars import load
 from symcheck.syntax.operators import Function
@@ -60,14 +60,12 @@ class Document:
         text: its characters.
         language: 'prism', or 'properties'.
         model: the document of the model, of properties; None if none is known.
-        states: the number of reachable states, if it is known.
     """
 
     uri: str
     text: str
     language: str
     model: Document | None = None
-    states: int | None = field(default=None, init=False)
 
     @property
     def name(self) -> str:
@@ -210,8 +208,11 @@ class Document:
 
     # ----------------------------------------------------------------------------------------- help
 
-    def hover(self, offset: int) -> tuple[str, Place] | None:
-        """What stands at an offset, in Markdown, and the piece of the text that this is about."""
+    def hover(self, offset: int, states: int | None = None) -> tuple[str, Place] | None:
+        """What stands at an offset, in Markdown, and the piece of the text that this is about.
+
+        states: the number of reachable states, if it is known.
+        """
         found, declared = self.names.at(offset), self.declaration(offset)
         if found is not None and declared is not None:
             place, symbol = declared
@@ -220,8 +221,8 @@ class Document:
         word = next((w for w in self.words if w.start <= offset < w.end), None)
         if word is None:
             return None
-        if word.text in MODEL_WORDS and self.states is not None:
-            return f"{self.states:,} reachable states", Place(self, word.start, word.end)
+        if word.text in TYPE_WORDS and states is not None:
+            return f"{states:,} reachable states", Place(self, word.start, word.end)
         if word.text in HELP:
             return HELP[word.text], Place(self, word.start, word.end)
         return None
@@ -371,7 +372,6 @@ COLOURS: Mapping[Kind, str] = {
 }
 """The type of semantic tokens for each kind."""
 
-MODEL_WORDS = ("dtmc", "ctmc", "mdp", "probabilistic", "stochastic", "nondeterministic")
 HELP: Mapping[str, str] = {
     "X": "`X a`: a holds in the next state",
     "F": "`F a`: a holds now or later; `F<=k a`: within k steps, or units of time",
@@ -445,7 +445,7 @@ def formatted(text: str) -> str:
         opens = first in _BLOCKS and f"end{first}" not in code
         depth += opens
         if code:
-            ended = code.endswith((";", "endmodule", "endrewards")) or opens or first in _LONE
+            ended = code.endswith((";", "endmodule", "endrewards")) or opens or first in TYPE_WORDS
             goes_on = not ended and not first.startswith("end")
     while len(result) > 1 and not result[-1]:
         result.pop()
@@ -453,4 +453,3 @@ def formatted(text: str) -> str:
 
 
 _BLOCKS = ("module", "rewards", "init", "system", "player", "observables", "invariant")
-_LONE = (*MODEL_WORDS, "ma", "pta", "pomdp", "popta", "smg", "tsg")

@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
+from weakref import WeakKeyDictionary
 
 from lsprotocol import types as lsp
 from pygls.exceptions import JsonRpcInvalidParams
@@ -58,6 +59,7 @@ class SymcheckServer(LanguageServer):
     def __init__(self) -> None:
         super().__init__("symcheck-lsp", __version__)
         self.documents: dict[str, Document] = {}
+        self.states: WeakKeyDictionary[Document, int | None] = WeakKeyDictionary()
         self.verdicts: dict[tuple[str, str, str], Verdict] = {}
         self.timers: dict[str, asyncio.Task[None]] = {}
 
@@ -129,7 +131,7 @@ class SymcheckServer(LanguageServer):
         await asyncio.sleep(PAUSE)
         found = await explore(document.text)
         if self.documents.get(document.uri) is document:
-            object.__setattr__(document, "states", found.states)
+            self.states[document] = found.states
             self.publish(document.uri, found.faults)
 
 
@@ -196,7 +198,8 @@ def make_server() -> SymcheckServer:
     @server.feature(lsp.TEXT_DOCUMENT_HOVER)
     def hover(ls: SymcheckServer, params: lsp.HoverParams) -> lsp.Hover | None:
         document = ls.document(params.text_document.uri)
-        found = document.hover(ls.offset(document.uri, params.position))
+        offset = ls.offset(document.uri, params.position)
+        found = document.hover(offset, ls.states.get(document))
         if found is None:
             return None
         text, place = found

@@ -8,6 +8,7 @@ the boolean `Unary`, `Binary` and `Conditional` nodes of state formulas. Declara
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field
 from enum import Enum
 from fractions import Fraction
@@ -22,6 +23,7 @@ __all__ = [
     "LETTERS",
     "MEASURES",
     "MEASURE_WORDS",
+    "TYPE_WORDS",
     "AnyMeasure",
     "Binary",
     "BinaryTemporal",
@@ -204,6 +206,18 @@ class ModelType(Enum):
             if _CLASSES[kind.value][1:] == wanted:
                 return kind
         raise LookupError("no type of models has these properties")
+
+
+_OTHER_WORDS = {
+    "probabilistic": "dtmc",
+    "stochastic": "ctmc",
+    "nondeterministic": "mdp",
+    "tsg": "smg",
+}
+TYPE_WORDS: Mapping[str, ModelType] = {kind.value: kind for kind in ModelType} | {
+    word: ModelType(keyword) for word, keyword in _OTHER_WORDS.items()
+}
+"""The words that tell the type of a model in its text."""
 
 
 class Weights(Enum):

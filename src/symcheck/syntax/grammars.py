@@ -21,7 +21,7 @@ from typing import Any, cast
 
 import lark
 
-from symcheck.syntax.ast import ModelType
+from symcheck.syntax.ast import TYPE_WORDS
 from symcheck.syntax.operators import Function, Operator
 from symcheck.syntax.tree_builder import Builder, ModelBuilder, PropertiesBuilder
 
@@ -138,7 +138,7 @@ def _other_types(grammar: str) -> str:
 
     Such a word is a type where a declaration follows, or nothing: neither follows a name.
     """
-    words = "|".join(k.value for k in ModelType if f"\n{k.name}: " not in grammar) + "|tsg"
+    words = "|".join(word for word in TYPE_WORDS if f': "{word}"' not in grammar)
     declarations = "|".join(_DECLARATIONS)
     space = r"(?:\s|\/\/[^\r\n]*(?![^\r\n]))"
     return rf"""

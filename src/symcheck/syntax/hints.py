@@ -5,15 +5,12 @@ from __future__ import annotations
 import re
 
 from symcheck.errors import Source
-from symcheck.syntax.ast import MEASURE_WORDS, AnyMeasure, letters_of
+from symcheck.syntax.ast import MEASURE_WORDS, TYPE_WORDS, AnyMeasure, letters_of
 from symcheck.syntax.grammars import Language
 from symcheck.syntax.recovery import Fault
 
 __all__ = ["meant"]
 
-_MODEL_TYPES = frozenset(
-    ("dtmc", "ctmc", "mdp", "ma", "probabilistic", "stochastic", "nondeterministic")
-)
 _MEASURES = frozenset(word for word in MEASURE_WORDS if word[0] != "S")  # S has no path
 _OTHER = {
     spelling: measure + direction
@@ -65,9 +62,9 @@ def meant(fault: Fault, source: Source, language: Language) -> str | None:
         return "R=? is the expected value; variances are not supported"
     if found == "[" and last == "int" and ";" in signs:
         return _RANGE
-    if in_model and found.lower() in _MODEL_TYPES and not before:
+    if in_model and found.lower() in TYPE_WORDS and not before:
         return f"write {found.lower()}"
-    if found == ";" and last in _MODEL_TYPES:
+    if found == ";" and last in TYPE_WORDS:
         return "leave out the semicolon"
     if last == "if":
         return "a condition is written condition ? value : other value"

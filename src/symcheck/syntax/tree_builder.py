@@ -387,7 +387,7 @@ class ModelBuilder(Builder):
 
     def model_type(self, values: Values) -> tuple[ast.ModelType, Span]:
         word = values[0].value
-        return ast.ModelType(_MODEL_TYPES.get(word, word)), self._words(values)
+        return ast.TYPE_WORDS[word], self._words(values)
 
     def program(self, values: Values) -> decl.Program:
         tagged = _of_kind(tuple, values)
@@ -782,9 +782,6 @@ def _is_temporal(path: ast.PathFormula) -> bool:
     return any(isinstance(n, ast.UnaryTemporal | ast.BinaryTemporal) for n in nodes(path))
 
 
-_MODEL_TYPES = {"probabilistic": "dtmc", "stochastic": "ctmc", "nondeterministic": "mdp"} | {
-    "tsg": "smg"
-}
 _UNARY_PATHS = {kind.symbol: kind for kind in (ast.Next, ast.Eventually, ast.Globally)}
 _BINARY_PATHS = {kind.symbol: kind for kind in (ast.Until, ast.WeakUntil, ast.Release)}
 _DECLARATIONS = frozenset({decl.Formula, decl.Label, decl.Observable, decl.RewardItem})
