@@ -7,7 +7,6 @@ gates are closed, and each feature is opened together with its tests.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from enum import Enum
 
 from symcheck.errors import UnsupportedError
@@ -191,29 +190,22 @@ def offers(model: BoundModel, feature: Feature) -> bool:
     """
     if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
         return False  # the rows of the two tables were opened, and tested, apart
-    if model.type.players > 1 and model.weights is not Weights.NUMBERS:
-        return False
     of_type = _OF_TYPE.get(model.type, _NONE)
     if feature in _EXCEPT.get((model.type, model.weights), _NONE):
         return False
     return feature in of_type and feature in _OF_WEIGHTS.get(model.weights, _NONE)
 
 
-def require(model: BoundModel, *features: Feature, instead: Iterable[Feature] = ()) -> None:
+def require(model: BoundModel, *features: Feature) -> None:
     """Refuse what is not offered for the class of a model.
 
     Args:
         model: the bound model.
         features: what is asked for.
-        instead: features of the same kind; those that are offered are named as a hint.
 
     Raises:
         UnsupportedError: one of the features is not offered.
     """
     for feature in features:
         if not offers(model, feature):
-            others = [f.value for f in instead if offers(model, f)]
-            hint = f"; {', '.join(others)} are" if others else ""
-            raise UnsupportedError(
-                f"{feature.value} are not available for {class_name(model)}{hint}"
-            )
+            raise UnsupportedError(f"{feature.value} are not available for {class_name(model)}")
