@@ -1,8 +1,9 @@
 """What symcheck offers for a class of models: one table, and the refusal of what is not in it.
 
 A class of models is a type together with the kind of its probabilities. What is asked for a model
-passes a gate, `require`, before it is computed. A new class begins with an empty row: all of its
-gates are closed, and each feature is opened together with its tests.
+is checked by `require` before it is computed. A new class begins without any feature, and each is
+added together with its tests. Timed automata have those that may be asked of the automaton; what is
+checked in their place, with digital clocks, has those of its own class.
 """
 
 from __future__ import annotations
@@ -189,7 +190,7 @@ def offers(model: BoundModel, feature: Feature) -> bool:
         True
     """
     if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
-        return False  # the rows of the two tables were opened, and tested, apart
+        return False  # the features of types and of weights are tested apart, and not together
     of_type = _OF_TYPE.get(model.type, _NONE)
     if feature in _EXCEPT.get((model.type, model.weights), _NONE):
         return False

@@ -264,7 +264,6 @@ def explore_zones(graph: TimedGraph, limits: Mapping[int, int], atoms: set[Atom]
         atoms: the diagonal constraints.
 
     Raises:
-        ModelFault: an invariant does not hold where it is entered, or time stops.
         UnsupportedError: an invariant is no zone.
 
     Source: Bengtsson & Yi, On clock difference constraints and termination in reachability
