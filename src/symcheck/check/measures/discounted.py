@@ -19,7 +19,13 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.measures.exact_steps import steps_in_integers
 from symcheck.check.measures.long_horizons import RestOfSteps
-from symcheck.check.measures.signed_steps import Steps, best, is_signed, lifted, signed_steps
+from symcheck.check.measures.signed_steps import (
+    BellmanOperator,
+    best,
+    is_signed,
+    lifted,
+    signed_steps,
+)
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING, System, Values
@@ -81,7 +87,7 @@ def discounted_reward(
     is_long = steps is not None and not engine.is_rational and _is_long(steps, discount)
     if is_long or is_signed(context, rewards):
         errors = system.step_reward_errors(reward)
-        signed = Steps(system, rewards, errors, float(discount), float(1 - discount))
+        signed = BellmanOperator(system, rewards, errors, float(discount), float(1 - discount))
     if steps is not None:
         if signed is not None:
             zero = system.full(0)
@@ -129,7 +135,7 @@ def solved_discounted(
 
 def _around(
     context: Context,
-    signed: Steps,
+    signed: BellmanOperator,
     discount: Fraction,
     bounds: tuple[Floats, Floats],
     margins: Floats,

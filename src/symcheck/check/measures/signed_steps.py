@@ -18,7 +18,7 @@ from symcheck.numerics.linear.problem import Progress, largest_width
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics.expressions.literals import LEAST
 
-__all__ = ["REWARD_ERROR", "Steps", "best", "is_signed", "lifted", "signed_steps"]
+__all__ = ["REWARD_ERROR", "BellmanOperator", "best", "is_signed", "lifted", "signed_steps"]
 
 REWARD_ERROR = 2.0**-43
 """The relative error of rewards: see `symcheck.engines.tuning.CANCELLATION`."""
@@ -35,7 +35,7 @@ def is_signed(context: Context, rewards: Numbers) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Steps:
+class BellmanOperator:
     """The steps x' = rewards + factor A x of the rows of a system, with bounds on their errors.
 
     Args:
@@ -70,7 +70,7 @@ class Steps:
 
 def signed_steps(
     context: Context,
-    steps: Steps,
+    steps: BellmanOperator,
     start: tuple[Floats, Floats],
     count: int,
     direction: Direction | None,

@@ -20,7 +20,7 @@ from symcheck.check.measures.exact_steps import steps_in_integers
 from symcheck.check.measures.long_horizons import RestOfSteps, squared_steps
 from symcheck.check.measures.signed_steps import (
     REWARD_ERROR,
-    Steps,
+    BellmanOperator,
     best,
     is_signed,
     signed_steps,
@@ -174,7 +174,7 @@ def cumulative_reward(
     system = engine.system(engine.all)
     rewards, zero = system.step_rewards(reward), system.full(0)
     if is_signed(context, rewards):
-        signed = Steps(system, rewards, system.step_reward_errors(reward))
+        signed = BellmanOperator(system, rewards, system.step_reward_errors(reward))
         return signed_steps(context, signed, (zero, zero), steps, direction, "rewards of k steps")
     error = system.reward_error(reward)
     return _repeat(context, system, [zero], steps, direction, rewards, error=error)
@@ -192,7 +192,7 @@ def instantaneous_reward(
     if steps and is_signed(context, last):
         margin = max(REWARD_ERROR, system.state_reward_error(reward)) * np.abs(last)
         zero = np.zeros(system.rows)
-        signed = Steps(system, zero, zero)
+        signed = BellmanOperator(system, zero, zero)
         bounds = last - margin, last + margin
         return signed_steps(context, signed, bounds, steps, direction, "rewards after k steps")
     error = system.state_reward_error(reward)
