@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
+from functools import wraps
 from itertools import chain, cycle, repeat
 from pathlib import Path
 from random import Random
@@ -20,8 +21,9 @@ from generate import random_model
 from in_process_cluster import InProcessCluster, cluster
 from symcheck.check.result import Certified, Exact
 from symcheck.distributed import DistributedModel, explore_on_cluster, parts, tuning
+from symcheck.distributed import iteration as iteration_module
 from symcheck.distributed import model as model_module
-from symcheck.distributed import part as part_module
+from symcheck.distributed.iteration import Iteration
 from symcheck.distributed.messages import Message
 from symcheck.distributed.part import Part
 from symcheck.distributed.partition import Partition, choose_partition
@@ -220,13 +222,14 @@ def test_cycles_over_boundaries_are_iterated_on_solved_states(
     text = text.replace("[go] x<N & y<N", "[go] (z=0 | z=60) & x<N & y<N") + walk
     model = symcheck.loads(text)
     distributed = explore_on_cluster(model, cluster(3))
-    unknown, begin = [], Part.begin_phase
+    unknown, begin = [], Iteration.begin_phase
 
-    def begin_phase(part: Part) -> list[Message]:
-        unknown.append(int(part._unknown_own.sum()))
-        return begin(part)
+    @wraps(begin)
+    def begin_phase(iteration: Iteration) -> list[Message]:
+        unknown.append(int(iteration.unknown_own.sum()))
+        return begin(iteration)
 
-    monkeypatch.setattr(Part, "begin_phase", begin_phase)
+    monkeypatch.setattr(Iteration, "begin_phase", begin_phase)
     assert_same(model, distributed, "P=? [ F x>=N ]")
     assert 0 < sum(unknown[:3]) <= 61
 
@@ -314,7 +317,7 @@ def test_backward_substitution_that_has_not_enough_memory(monkeypatch: pytest.Mo
         return Substitution(*arguments)
 
     fails = cycle([False, True])
-    monkeypatch.setattr(part_module, "Substitution", fail_once_in_a_while)
+    monkeypatch.setattr(iteration_module, "Substitution", fail_once_in_a_while)
     for text, formulas in (
         (WALK, ["P=? [ F x=N ]", "R=? [ F x=0 | x=N ]"]),
         (COIN, ['Pmin=? [ F "heads" ]', "Rmin=? [ F p1=2 ]"]),
@@ -556,6 +559,7 @@ def test_a_part_that_began_anew_is_lost(monkeypatch: pytest.MonkeyPatch) -> None
     known = iter([True, True, False])  # by the three parts
     begin = Part.begin_exchange
 
+    @wraps(begin)
     def begin_exchange(part: Part, generation: int) -> None:
         if next(known, True):
             begin(part, generation)

@@ -12,10 +12,15 @@ import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.distributed import tuning
+from symcheck.distributed.component_search import ComponentSearch
 from symcheck.distributed.end_components import end_components
+from symcheck.distributed.iteration import Iteration
 from symcheck.distributed.messages import Message
 from symcheck.distributed.part import Part
 from symcheck.distributed.parts import Parts
+from symcheck.distributed.state_sets import StateSets
+from symcheck.distributed.steps import PartSteps
+from symcheck.distributed.substitution import Substitution
 from symcheck.errors import MemoryLimitError, NumericalError, ResourceError, UnsupportedError
 from symcheck.matrices.rows import Floats
 from symcheck.matrices.tuning import UNDERFLOW_MARGIN
@@ -137,27 +142,27 @@ class Measures:
     ) -> None:
         known = {**self.model.labels, **labels}
         try:
-            outgoing = self.parts.call(Part.evaluate, left, right, known)
+            outgoing = self.parts.call(Part.begin_formulas, left, right, known)
         except UnsupportedError:  # an operator inside: what the simulator says is about paths
             raise UnsupportedError(f"{_SUPPORTED}, over state formulas without operators") from None
-        self.parts.exchange(Part.receive_sets, outgoing)
+        self.parts.exchange(StateSets.receive, outgoing)
 
     def _finish_search(self, name: str, outgoing: list[list[Message]]) -> None:
         """Backward search over all parts, in rounds."""
         while _any_messages(outgoing):
-            outgoing = self.parts.exchange(Part.continue_search, outgoing)
-        self.parts.call(Part.end_search, name)
+            outgoing = self.parts.exchange(StateSets.continue_search, outgoing)
+        self.parts.call(StateSets.end_search, name)
 
     def _search(
         self, name: str, source: str, *, every_choice: bool, inside: str | None = None
     ) -> None:
-        begin = self.parts.call(Part.begin_search, source, "through", every_choice, inside)
+        begin = self.parts.call(StateSets.begin_search, source, "through", every_choice, inside)
         self._finish_search(name, begin)
 
     def _prob0(self, direction: Direction | None) -> None:
         """The states with probability 0 (minimum, maximum) as the set `zero`."""
         self._search("reaching", "right", every_choice=direction is Direction.MIN)
-        self.parts.call(Part.complement, "zero", "reaching")
+        self.parts.call(StateSets.complement, "zero", "reaching")
 
     def _prob1(self) -> None:
         """The states from which all strategies have probability 1, by the set `zero` of those from
@@ -166,7 +171,7 @@ class Measures:
         Source: Baier & Katoen (2008), 10.1.1 and 10.6.1.
         """
         self._search("missing", "zero", every_choice=False)
-        self.parts.call(Part.complement, "one", "missing")
+        self.parts.call(StateSets.complement, "one", "missing")
 
     def _prob1_of_some_strategy(self) -> None:
         """The states from which some strategy has probability 1, as the set `one`.
@@ -181,10 +186,10 @@ class Measures:
             before, count = count, self._count("one")
 
     def _is_initial(self, name: str) -> bool:
-        return sum(initial for initial, _ in self.parts.call(Part.members, name)) > 0
+        return sum(initial for initial, _ in self.parts.call(StateSets.members, name)) > 0
 
     def _count(self, name: str) -> int:
-        return sum(members for _, members in self.parts.call(Part.members, name))
+        return sum(members for _, members in self.parts.call(StateSets.members, name))
 
     def _until(self, direction: Direction | None) -> Bounds:
         self._prob0(direction)
@@ -198,7 +203,7 @@ class Measures:
         return self._solve("one", "zero", direction, None)
 
     def _bounded_until(self, window: Window, direction: Direction | None) -> Bounds:
-        self.parts.call(Part.complement, "zero", "left", "right")
+        self.parts.call(StateSets.complement, "zero", "left", "right")
         self.parts.call(Part.begin_iteration, "right", "zero", direction, None)
         if self.model.type.continuous_time:
             _, time = window.times()
@@ -209,12 +214,12 @@ class Measures:
         begin = self._resume()
         outgoing = self.parts.call(Part.begin_steps, None)
         for k in range(begin, steps):
-            answers = self.parts.exchange(Part.step, outgoing, 0.0)
+            answers = self.parts.exchange(PartSteps.step, outgoing, 0.0)
             outgoing = [messages for _, messages in answers]
             self._save(k + 1)
         self._forget()
         (value,) = self._initial(upper=False)
-        error = (1 + max(self.parts.call(Part.slack))) ** steps - 1
+        error = (1 + max(self.parts.call(PartSteps.slack))) ** steps - 1
         if steps == 0 or self._is_initial("right") or self._is_initial("zero"):
             return Bounds(value, value, f"{steps} steps")
         # A product may have underflowed to 0, or a sum may have been rounded to 1.
@@ -226,16 +231,16 @@ class Measures:
 
         They grow with k, up to 1: so the last one bounds the terms that are left out.
         """
-        rate = max(self.parts.call(Part.greatest_rate))
+        rate = max(self.parts.call(Iteration.greatest_rate))
         window = poisson(rate * time)
         weights = window.masses()
         begin = self._resume()
         outgoing = self.parts.call(Part.begin_steps, rate or 1.0)
-        slack = max(self.parts.call(Part.slack))
+        slack = max(self.parts.call(PartSteps.slack))
         lower, upper = 0.0, 1.0
         for k in range(begin, len(weights)):
             weight = float(weights.between(k, k + 1)[0])
-            answers = self.parts.exchange(Part.step, outgoing, weight)
+            answers = self.parts.exchange(PartSteps.step, outgoing, weight)
             outgoing = [messages for _, messages in answers]
             (total,) = [s for sums, _ in answers for s in sums]
             (value,) = self._initial(upper=False)
@@ -272,7 +277,7 @@ class Measures:
             return Bounds(float("inf"), float("inf"), method)
         if self._is_initial("right"):
             return Bounds(0.0, 0.0, "the initial state is in the target")
-        self.parts.call(Part.complement, "infinite", "one")
+        self.parts.call(StateSets.complement, "infinite", "one")
         return self._solve("right", "infinite", direction, reward)
 
     def _collapse_components(self) -> None:
@@ -282,10 +287,10 @@ class Measures:
         Raises:
             ResourceError: the choices between their states are too many for this process.
         """
-        begin = self.parts.call(Part.begin_loop_search, "unknown")
+        begin = self.parts.call(Part.begin_component_search)
         self._finish_search("leaving", begin)
-        self.parts.call(Part.complement, "staying", "leaving")
-        members = [states for _, states in self.parts.call(Part.members, "staying")]
+        self.parts.call(StateSets.complement, "staying", "leaving")
+        members = [states for _, states in self.parts.call(StateSets.members, "staying")]
         if sum(members) > tuning.COMPONENT_STATES:
             raise ResourceError(
                 f"a strategy may stay away from the target for ever in {sum(members)} states, and "
@@ -295,24 +300,26 @@ class Measures:
         if not sum(members):
             return
         firsts = [sum(members[:i]) for i in range(len(members))]
-        rows = self.parts.exchange(Part.staying_rows, self.parts.call(Part.number_staying, firsts))
+        rows = self.parts.exchange(
+            ComponentSearch.rows, self.parts.call(ComponentSearch.number_states, firsts)
+        )
         components, count = end_components(rows)
         if count:
-            outgoing = self.parts.exchange(Part.number_components, [components])
-            self.parts.exchange(Part.collapse, outgoing, count)
+            outgoing = self.parts.exchange(ComponentSearch.number_components, [components])
+            self.parts.exchange(ComponentSearch.collapse, outgoing, count)
 
     # ---------------------------------------------------------------------------- iteration
 
     def _solve(
         self, known: str, zero: str, direction: Direction | None, reward: Reward | None
     ) -> Bounds:
-        """Bounds from those of the sets `known` and `zero` (see `Part.begin_iteration`)."""
+        """Bounds from those of the sets `known` and `zero` (see `Iteration`)."""
         problem = (known, zero, direction, reward)
         self.parts.call(Part.begin_iteration, *problem)
         # Estimates of other methods are no bounds.
         settings = replace(self.options, epsilon=self.epsilon, method="auto")
         if len(self.parts) == 1:
-            ((lower, upper, method),) = self.parts.call(Part.solve_alone, settings)
+            ((lower, upper, method),) = self.parts.call(Iteration.solve_alone, settings)
             return Bounds(lower, upper, method)
         try:
             rounds, width, found = self._substitute(replace(settings, relative=True))
@@ -339,7 +346,7 @@ class Measures:
         rounds = (last or 0) + 1
         while _any_messages(outgoing):
             self._save(rounds, substitution=True)
-            outgoing = self.parts.exchange(Part.solve_ready, outgoing)
+            outgoing = self.parts.exchange(Substitution.solve_ready, outgoing)
             rounds += 1
         ends = self.parts.call(Part.end_substitution)
         width, known = max(w for w, _ in ends), [b for _, bounds in ends for b in bounds]
@@ -376,10 +383,10 @@ class Measures:
 
     def _raise_lower(self, threshold: float, rounds: int) -> int:
         """A phase of lower bounds; the number of rounds so far."""
-        outgoing, busy = self.parts.call(Part.begin_phase), True
+        outgoing, busy = self.parts.call(Iteration.begin_phase), True
         components = None
         while busy and rounds < tuning.MAX_ROUNDS:
-            answers = self.parts.exchange(Part.improve, outgoing, threshold, components)
+            answers = self.parts.exchange(Iteration.raise_lower, outgoing, threshold, components)
             outgoing = [messages for _, messages, _ in answers]
             changed, components = self._combined([x for *_, x in answers], components, threshold)
             busy = changed or any(left for left, *_ in answers) or _any_messages(outgoing)
@@ -389,10 +396,10 @@ class Measures:
 
     def _lower_upper(self, threshold: float, rounds: int, guess: float | None) -> tuple[int, bool]:
         """A phase of upper bounds; the number of rounds so far, and whether they are proved."""
-        outgoing, busy, violated = self.parts.call(Part.begin_bounding, guess), True, 1
+        outgoing, busy, violated = self.parts.call(Iteration.begin_bounding, guess), True, 1
         components = None
         while busy and rounds < tuning.MAX_ROUNDS and not (guess and not violated):
-            answers = self.parts.exchange(Part.lower, outgoing, threshold, components)
+            answers = self.parts.exchange(Iteration.lower_upper, outgoing, threshold, components)
             outgoing = [messages for _, messages, *_ in answers]
             changed, components = self._combined([x for *_, x, _ in answers], components, threshold)
             violated = sum(count for *_, count in answers)
@@ -416,7 +423,7 @@ class Measures:
 
     def _initial(self, *, upper: bool) -> list[float]:
         """The values of the initial states."""
-        found = [x for part in self.parts.call(Part.initial, upper) for x in part]
+        found = [x for part in self.parts.call(Iteration.initial, upper) for x in part]
         if len(found) != 1:
             raise UnsupportedError("a distributed model is checked from one initial state")
         return found
@@ -433,7 +440,8 @@ class Measures:
         if folder is None or now - self._saved < self._saving / tuning.SAVING_SHARE:
             return
         name = self._substitution_name if substitution else self.formula
-        self.parts.call(Part.save_substitution if substitution else Part.save_values, name, number)
+        save = Part.save_substitution if substitution else Iteration.save_values
+        self.parts.call(save, name, number)
         folder.complete(name, number)
         self._saved = perf_counter()
         self._saving = self._saved - now
@@ -444,7 +452,7 @@ class Measures:
         last = None if folder is None else folder.last(self.formula)
         if last is None:
             return 0
-        self.parts.call(Part.load_values, self.formula, last)
+        self.parts.call(Iteration.load_values, self.formula, last)
         return last
 
     def _forget(self) -> None:

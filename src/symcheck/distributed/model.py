@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from symcheck.check.result import Certified, Exact, Result
 from symcheck.check.tuning import REFINED_ACCURACIES
 from symcheck.distributed.checkpoints import Folder
+from symcheck.distributed.explored_part import ExploredPart
 from symcheck.distributed.measures import Measures, supported
 from symcheck.distributed.part import Counts, Part
 from symcheck.distributed.partition import choose_partition
@@ -203,7 +204,7 @@ class DistributedModel:
 
     def deadlock_examples(self) -> list[str]:
         """Some deadlock states, as texts."""
-        return [text for part in self.parts.call(Part.deadlock_examples) for text in part]
+        return [text for part in self.parts.call(ExploredPart.deadlock_examples) for text in part]
 
     def __repr__(self) -> str:
         return (

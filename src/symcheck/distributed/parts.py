@@ -145,7 +145,9 @@ class Parts:
         return _Creation(self._cluster, worker, future)
 
     def call(self, method: Callable[..., R], *arguments: object) -> list[R]:
-        """The results of a method of `Part`, with the same arguments, on each part."""
+        """The results of a method of `Part`, or of what it holds, with the same arguments, on each
+        part.
+        """
         return self.results(self._calls(method, [arguments] * len(self)))
 
     def exchange(
@@ -166,7 +168,7 @@ class Parts:
 
     def _calls(self, method: Callable[..., R], arguments: Sequence[Sequence[object]]) -> list[Any]:
         return [
-            _method(part.actor, method.__name__)(*given)
+            _perform(part.actor)(*method.__qualname__.split("."), *given)
             for part, given in zip(self._placed, arguments, strict=True)
         ]
 
@@ -246,12 +248,12 @@ class Parts:
         return (free or remaining)[0]
 
 
-def _method(actor: Any, name: str) -> Callable[..., Any]:
-    """A method of an actor. An actor that is known to be lost has none: the call then fails."""
+def _perform(actor: Any) -> Callable[..., Any]:
+    """`Part.perform` of an actor. An actor that is known to be lost has none: the call fails."""
     try:
         if actor is None:
             raise RuntimeError("its worker was lost")
-        method: Callable[..., Any] = getattr(actor, name)
+        method: Callable[..., Any] = actor.perform
     except RuntimeError as error:
         failed: Future[object] = Future()
         failed.set_exception(OSError(str(error)))

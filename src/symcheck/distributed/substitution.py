@@ -7,12 +7,14 @@ topological` solves the components.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
 
 from symcheck.distributed import tuning
+from symcheck.distributed.messages import Boundary, Message
 from symcheck.kernels.graph.component_queue import ComponentQueue
 from symcheck.kernels.solve.certificates import component_depths
 from symcheck.kernels.solve.component_bounds import ComponentSolver
@@ -59,13 +61,23 @@ class Substitution:
         own: the number of states of this part, which come first.
         values: float64[m, 2], bounds; those of states that become known are written here.
         settings: the accuracy.
+        boundary: of the part.
+        told: for each other part, the states whose values it knows.
     """
 
     def __init__(
-        self, equations: PartEquations, unknown: Bools, own: int, values: Floats, settings: Settings
+        self,
+        equations: PartEquations,
+        unknown: Bools,
+        own: int,
+        values: Floats,
+        settings: Settings,
+        boundary: Boundary,
+        told: Sequence[Bools],
     ) -> None:
         e, m = equations, equations.matrix
         self.unknown, self.values = unknown, values
+        self._own, self._boundary, self._told = own, boundary, told
         inside = unknown.copy()
         inside[own:] = False
         source = graph.Incidence(m)
@@ -105,12 +117,20 @@ class Substitution:
         large = np.bincount(found.of[found.of >= 0], minlength=found.count) > 1
         return np.append(large, False)[found.of]
 
-    def decide(self, found: Int32s) -> None:
-        """Solve the components that have waited for some states of other parts.
+    def solve_ready(self, incoming: Sequence[Message]) -> list[Message]:
+        """Solve the components whose last successors have become known, and tell the others."""
+        self._boundary.receive(self.values, incoming)
+        self._decide(self._boundary.ghosts(incoming))
+        return self._boundary.of_new(~self.unknown, self._told, self.values)
 
-        Args:
-            found: int32, states whose values were written to `values`.
-        """
+    def known_values(self) -> Floats:
+        """The bounds of the states of this part, not a number where they are not known yet."""
+        found = self.values[: self._own].copy()
+        found[self.unknown[: self._own]] = np.nan
+        return found
+
+    def _decide(self, found: Int32s) -> None:
+        """Solve the components that have waited for some states of other parts."""
         self.unknown[found] = False
         self._widen(found)
         ready = self._queue.ready(found, self._order, self._start)
