@@ -11,7 +11,7 @@ const values = {}; // of constants, as texts
 const ranges = {};
 const options = {};
 const results = new Map(); // by the text of a property
-let list = [], constants = [], running = null, waiting = [], known = {};
+let list = [], constants = [], known = {};
 
 // ------------------------------------------------------------------------------------------- log
 
@@ -47,7 +47,7 @@ const editors = Object.fromEntries(PARTS.map((part) => [part, new Editor(at(part
   completions: async (place) => (await ask("completions", { ...texts(), part, at: place }).catch(() => ({ items: [] }))).items,
 })]));
 
-const draftKey = (name) => `draft ${known.folder}/${name}`;
+const draftKey = (part) => `draft ${part} ${known.folder}/${files[part].name}`;
 const isDirty = (part) => editors[part].text !== files[part].saved;
 
 function marks() {
@@ -61,9 +61,9 @@ function marks() {
 
 function changed(part) {
   marks();
-  const { name, version } = files[part];
-  if (isDirty(part)) localStorage.setItem(draftKey(name), JSON.stringify({ text: editors[part].text, version }));
-  else localStorage.removeItem(draftKey(name));
+  const { version } = files[part];
+  if (isDirty(part)) localStorage.setItem(draftKey(part), JSON.stringify({ text: editors[part].text, version }));
+  else localStorage.removeItem(draftKey(part));
   later();
 }
 
@@ -71,9 +71,12 @@ async function open(part, name) {
   try {
     const { text, version } = name ? await ask("read", { name }) : { text: "", version: "" };
     files[part] = { name, version, saved: text };
-    const draft = JSON.parse(localStorage.getItem(draftKey(name)) ?? "null");
+    const draft = JSON.parse(localStorage.getItem(draftKey(part)) ?? "null");
     editors[part].open(draft ? draft.text : text);
-    if (draft && draft.version !== version) conflict(part, text, version, draft.version);
+    if (draft && draft.version !== version) {
+      files[part].version = draft.version; // saving does not overwrite the newer file
+      conflict(part, text, version);
+    }
     log(draft ? `${name}: unsaved changes of the last visit are there again` : `opened ${name || "an empty text"}`);
   } catch (error) {
     fail(error, `opening ${name}`);
@@ -90,16 +93,18 @@ async function saveAll() {
     if (!file.name) {
       const name = prompt(`A name for the ${part}:`, part === "model" ? "model.prism" : "model.props");
       if (!name) continue;
+      localStorage.removeItem(draftKey(part));
       file.name = name;
     }
     try {
       const { version } = await ask("write", { name: file.name, text, version: file.version });
-      localStorage.removeItem(draftKey(file.name));
+      localStorage.removeItem(draftKey(part));
       Object.assign(file, { version, saved: text });
       log(`saved ${file.name}`);
     } catch (error) {
       fail(error, `saving ${file.name}`);
       if (error.newer) await outside();
+      else if (!file.version) file.name = "";
     }
   }
   known = await ask("project");
@@ -207,44 +212,51 @@ function showConstants() {
 
 const job = () => ({ ...texts(), constants: { ...values }, options: { ...options } });
 
-/** Do a job after those that wait; its progress and a button to cancel it are on the page. */
+const lanes = {}; // a worker does one job at a time: the jobs that wait, and the one that runs
+
+/** Do a job after those that wait for the same worker. Its progress and a button are on the page. */
 function queue(worker, asked, what, told) {
+  const lane = (lanes[worker] ??= { worker, waiting: [], running: null });
   return new Promise((resolve) => {
-    waiting.push({ worker, asked, what, told, resolve });
-    if (!running) next();
+    lane.waiting.push({ asked, what, told, resolve });
+    if (!lane.running) next(lane);
   });
 }
 
-async function next() {
-  const todo = waiting.shift();
-  at("progress").hidden = !todo;
+async function next(lane) {
+  const todo = lane.waiting.shift();
   if (!todo) return;
-  running = new AbortController();
   const { what } = todo, started = performance.now();
-  at("doing").textContent = what;
+  const doing = make("output", {}, what);
+  const row = make("div", { class: "bar" }, make("span", { class: "spinner", "aria-hidden": "true" }), doing, button("Cancel", () => cancel(lane), { title: "End it (Esc)" }));
+  lane.running = new AbortController();
+  at("progress").append(row);
   let step = "";
-  const shown = (message) => {
-    step = message.progress ?? step;
-    const more = waiting.length ? `, ${waiting.length} more wait` : "";
-    at("doing").textContent = `${what}: ${step} (${((performance.now() - started) / 1000).toFixed(1)} s${more})`;
+  const told = (message) => {
+    step = message.progress ? `: ${message.progress}` : step;
+    const more = lane.waiting.length ? `, ${lane.waiting.length} more wait` : "";
+    doing.textContent = `${what}${step} (${((performance.now() - started) / 1000).toFixed(1)} s${more})`;
     todo.told?.(message);
   };
+  let found;
   try {
-    todo.resolve(await run(todo.worker, todo.asked(), { told: shown, signal: running.signal }));
+    found = await run(lane.worker, todo.asked(), { told, signal: lane.running.signal });
   } catch (error) {
     fail(error, what);
-    todo.resolve({ error });
+    found = { error };
   }
-  running = null;
-  next();
+  lane.running = null;
+  row.remove();
+  todo.resolve(found);
+  next(lane);
 }
 
-function cancel() {
-  for (const { resolve, what } of waiting.splice(0)) {
+function cancel(lane) {
+  for (const { resolve, what } of lane.waiting.splice(0)) {
     log(`${what}: cancelled`);
     resolve({ error: { name: "AbortError", message: "cancelled" } });
   }
-  running?.abort();
+  lane.running?.abort();
 }
 
 // ----------------------------------------------------------------------------------------- check
@@ -252,22 +264,30 @@ function cancel() {
 const nameOf = (p) => p.name || p.text;
 const keyOf = (p) => `${p.name}:${p.text}`;
 
+/** New children of a box, in which the focus stays where it is. */
+function replace(box, ...children) {
+  const place = (element) => [...box.querySelectorAll("button")].indexOf(element);
+  const before = place(document.activeElement);
+  box.replaceChildren(...children);
+  if (before >= 0) [...box.querySelectorAll("button")].slice(0, before + 1).at(-1)?.focus();
+}
+
 function showList() {
-  const { model, constants } = job(), now = JSON.stringify([model, constants]);
+  const now = JSON.stringify(job());
   at("no-properties").hidden = list.length > 0;
-  at("list").replaceChildren(...list.map((p, number) => {
+  replace(at("list"), ...list.map((p, number) => {
     const seen = results.get(keyOf(p)), { result, error } = seen ?? {};
-    const item = make("li", {}, button(p.name ? `"${p.name}": ${p.text}` : p.text, () => { showText("properties"); editors.properties.go(p.at); }, { class: "link mono", title: "Go to the text" }), make("br"),
+    const isOld = seen && seen.of !== now;
+    const item = make("li", { class: isOld ? "old" : "" }, button(p.name ? `"${p.name}": ${p.text}` : p.text, () => { showText("properties"); editors.properties.go(p.at); }, { class: "link mono", title: "Go to the text" }), make("br"),
       button("Check", () => check(number), { "aria-label": `Check ${nameOf(p)}` }));
     if (result) {
       const mark = result.holds === null ? "" : result.holds ? "✓ " : "✗ ";
       item.append(" ", make("span", { class: `value ${result.holds === null ? "" : result.holds ? "good" : "bad"}` }, mark + result.value),
-        make("span", { class: "of" }, [result.accuracy, result.bounds, result.about, `${result.seconds.toFixed(3)} s`].filter(Boolean).join("; ")),
+        make("span", { class: "of" }, [isOld ? "before the last changes" : "", result.accuracy, result.bounds, result.about, `${result.seconds.toFixed(3)} s`].filter(Boolean).join("; ")),
         " ", result.holds === null ? "" : button("Why?", () => explain("explain", number), { title: "Counterexample or witness" }),
         result.chooses ? button("Strategy", () => explain("strategy", number)) : "",
         result.lines.length ? make("pre", {}, result.lines.join("\n")) : "");
     } else if (error) item.append(" ", make("span", { class: "of bad" }, error.name === "AbortError" ? "cancelled" : error.message));
-    if (seen && seen.of !== now) item.classList.add("stale"), (item.title = "The model or its constants have changed since");
     return item;
   }));
   for (const id of ["experiment-property", "sim-property"]) {
@@ -281,9 +301,8 @@ async function check(number) {
   const property = list[number];
   let of = "";
   const asked = () => {
-    const { model, constants } = job();
-    of = JSON.stringify([model, constants]);
-    return { do: "check", ...job(), number: Math.max(0, list.findIndex((p) => keyOf(p) === keyOf(property))) };
+    of = JSON.stringify(job());
+    return { do: "check", ...job(), property: property.text };
   };
   const found = await queue("check", asked, nameOf(property));
   results.set(keyOf(property), found.error ? { error: found.error, of } : { result: found, of });
@@ -299,7 +318,7 @@ async function build() {
 }
 
 async function explain(what, number) {
-  const found = await queue("check", () => ({ do: what, ...job(), number }), `${what === "explain" ? "explaining" : "strategy of"} ${nameOf(list[number])}`);
+  const found = await queue("check", () => ({ do: what, ...job(), property: list[number].text }), `${what === "explain" ? "explaining" : "strategy of"} ${nameOf(list[number])}`);
   if (found.error) return;
   log(found.text);
   draw(found);
@@ -311,12 +330,12 @@ let series = [], rows = [];
 const chart = new Chart(at("experiment-chart"), "experiment");
 
 async function experiment() {
-  const number = at("experiment-property").value === "" ? null : Number(at("experiment-property").value);
+  const property = list[at("experiment-property").value]?.text ?? null;
   if (!at("keep").checked) series = [];
   const mine = { rows: [], run: series.length + 1 };
   series.push(mine);
   const given = Object.fromEntries(constants.map((c) => [c.name, ranges[c.name] || values[c.name] || ""]));
-  const found = await queue("check", () => ({ do: "experiment", ...job(), constants: given, number }), "experiment", (message) => {
+  const found = await queue("check", () => ({ do: "experiment", ...job(), constants: given, property }), "experiment", (message) => {
     if (message.rows) mine.rows.push(...message.rows), plot();
   });
   if (found.error) return;
@@ -341,7 +360,7 @@ function plot() {
   points.sort((a, b) => a.x - b.x);
   const head = ["property", ...names, "value", "accuracy"];
   chart.show(points, x, several ? "value" : rows[0]?.property ?? "", series.length === 1 ? series[0].csv : csv([head, ...rows.map((r) => [r.property, ...names.map((n) => r.constants[n] ?? ""), r.text, r.accuracy])]));
-  at("experiment-table").replaceChildren(make("tr", {}, ...head.map((h) => make("th", {}, h))),
+  at("experiment-table").replaceChildren(make("tr", {}, ...head.map((h) => make("th", { class: h === "property" || h === "accuracy" ? "left" : "" }, h))),
     ...rows.slice(-500).map((r) => make("tr", {}, make("td", { class: "left" }, r.property), ...names.map((n) => make("td", {}, r.constants[n] ?? "")), make("td", {}, r.text), make("td", { class: "left" }, r.accuracy))));
 }
 
@@ -369,7 +388,7 @@ function showPath() {
   at("sim-back").disabled = at("sim-reset").disabled = length < 2;
   const earned = Object.entries(totals).map(([n, x]) => `${n} so far ${Number(x.toPrecision(6))}`);
   at("sim-state").replaceChildren(make("strong", {}, `Step ${length - 1}: `), [sim.state.replaceAll(" & ", ", "), labels.length ? `labels ${labels.join(", ")}` : "", ...earned, choices.length ? "" : "a deadlock"].filter(Boolean).join("; "));
-  at("sim-choices").replaceChildren(...choices.map((c, i) => make("li", {}, make("code", {}, `${c.module ? `${c.module}: ` : ""}${c.text}`),
+  replace(at("sim-choices"), ...choices.map((c, i) => make("li", {}, make("code", {}, `${c.module ? `${c.module}: ` : ""}${c.text}`),
     ...c.branches.map(([weight, change], j) => button(`${weight}: ${change}`, () => step({ move: "step", choice: i, branch: j }))))));
   const cells = ([transition, time, state, reward, earned], i) => [i, transition, Number(time.toPrecision(6)), ...state.map(String), ...reward, ...(earned.length ? earned : reward.map(() => ""))];
   const head = ["step", "transition", "time", ...variables, ...rewards.map((r) => `${r} (state)`), ...rewards.map((r) => `${r} (transition)`)];
@@ -427,10 +446,10 @@ const showTool = tabs(at("tool-tabs"), (id) => id === "experiment" && chart.draw
 
 for (const part of PARTS) at(`${part}-file`).addEventListener("change", (e) => open(part, e.target.value));
 const clicks = {
-  save: saveAll, cancel, build, "check-all": () => list.forEach((_, i) => check(i)), "experiment-run": experiment,
+  save: saveAll, build, "check-all": () => list.forEach((_, i) => check(i)), "experiment-run": experiment,
   "sim-start": () => move({ do: "start", seed: at("sim-seed").value }, "new path"), "sim-step": () => step({ move: "step" }),
   "sim-run": () => step({ move: "run", steps: number(at("sim-steps").value) }), "sim-back": () => step({ move: "back", steps: 1 }), "sim-reset": () => step({ move: "restart" }),
-  "sim-follow": () => step({ move: "follow", steps: number(at("sim-steps").value), number: Number(at("sim-property").value) }),
+  "sim-follow": () => step({ move: "follow", steps: number(at("sim-steps").value), property: list[at("sim-property").value]?.text }),
   "sim-graph": () => sim && drawNear(sim.state), draw: drawModel, "draw-near": () => drawNear(at("around").value),
   "export-results": exportResults, "log-clear": () => at("log-lines").replaceChildren(),
 };
@@ -439,7 +458,12 @@ for (const id of ["sim-step", "sim-run", "sim-follow", "sim-back", "sim-reset"])
 at("axis").addEventListener("change", plot);
 at("around").addEventListener("keydown", (e) => e.key === "Enter" && drawNear(at("around").value));
 at("sim-plot").addEventListener("toggle", () => pathChart.draw());
-addEventListener("keydown", (e) => e.key === "Escape" && !e.defaultPrevented && running && cancel());
+addEventListener("keydown", (e) => {
+  if (e.key !== "s" || !(e.ctrlKey || e.metaKey) || e.defaultPrevented) return;
+  e.preventDefault();
+  saveAll();
+});
+addEventListener("keydown", (e) => e.key === "Escape" && !e.defaultPrevented && Object.values(lanes).forEach(cancel));
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => (chart.draw(), pathChart.draw()));
 setInterval(() => document.hidden || outside().catch((error) => tell(error.message, true)), 2000);
 

@@ -47,7 +47,7 @@ export class Chart {
     series.forEach((name, i) => {
       const text = document.createElementNS("http://www.w3.org/2000/svg", "text");
       text.textContent = `● ${name.length > 70 ? `${name.slice(0, 69)}…` : name}`;
-      for (const [key, value] of Object.entries({ x: 56, y: 16 + 14 * i, fill: this.drawn.scale("color").apply(name) })) text.setAttribute(key, value);
+      for (const [key, value] of Object.entries({ x: 56, y: 16 + 14 * i, "text-anchor": "start", fill: this.drawn.scale("color").apply(name) })) text.setAttribute(key, value);
       this.drawn.append(text);
     });
     this.figure.replaceChildren(this.drawn);

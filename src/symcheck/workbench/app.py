@@ -209,10 +209,9 @@ def make_app(project: Project, access: Access, start: Mapping[str, str]) -> Star
         try:
             asked = await _asked(request)
             return JSONResponse(await run_in_threadpool(answers[name], asked))
-        except NewerFileError as error:
-            return JSONResponse({"error": {"message": str(error), "newer": True}}, 409)
-        except SymcheckError as error:
-            return JSONResponse({"error": {"message": str(error)}}, 400)
+        except SymcheckError as error:  # an answer: other statuses fill the browser's console
+            newer = isinstance(error, NewerFileError)
+            return JSONResponse({"error": {"message": str(error), "newer": newer}})
         except (KeyError, TypeError, ValueError, OSError) as error:
             return JSONResponse({"error": {"message": f"wrong question: {error!r}"}}, 400)
 

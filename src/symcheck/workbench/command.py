@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import socket
 from collections.abc import Sequence
 from pathlib import Path
@@ -40,10 +41,11 @@ def serve(words: Sequence[str]) -> int:
     from symcheck.workbench.project import Project
 
     given = {n: Path(p) for n in ("model", "properties") if (p := getattr(arguments, n))}
-    project = Project(given["model"].resolve().parent if given else Path.cwd())
+    folders = {path.resolve().parent for path in given.values()} or {Path.cwd()}
+    if len(folders) > 1:
+        raise UsageError("the model and its properties have to stand in one folder")
+    project = Project(folders.pop(), [path.name for path in given.values()])
     for path in given.values():
-        if path.resolve().parent != project.folder:
-            raise UsageError("the model and its properties stand in one folder", hint=str(path))
         project.read(path.name)
     with socket.socket() as listener:
         try:
@@ -66,5 +68,7 @@ def serve(words: Sequence[str]) -> int:
 
             address = f"http://{access.host}/?token={access.once}"
             Timer(0.5, webbrowser.open, (address,)).start()
+        for number in (signal.SIGINT, signal.SIGTERM):  # uvicorn raises them again at its end
+            signal.signal(number, signal.default_int_handler)
         uvicorn.Server(config).run(sockets=[listener])
     return 0

@@ -11,6 +11,7 @@ from typing import Any
 
 from symcheck.api.model import Model
 from symcheck.check.counterexample import Counterexample
+from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result, show_value
 from symcheck.engines.base import erased
 from symcheck.errors import InputError, SymcheckError, UnsupportedError, UsageError
@@ -39,6 +40,8 @@ Say = Callable[[Answer], None]
 EXPORTS = ("tra", "sta", "lab", "srew", "trew", "pexp", "dot", "drn", "jani")
 """The files that a model is written to; `symcheck.export` describes them."""
 
+_WITHOUT_FIELD = ("strategy", "everywhere", "regions", "lifting", "ltl2da_syntax")
+"""Options that a job sets itself, or that need one without a field."""
 _PAUSE = 0.1
 """Seconds between two messages on progress."""
 _MOST_STEPS = 10_000
@@ -52,7 +55,25 @@ _MOST_GRAPH_STATES = 200_000
 def shown_options() -> list[Option]:
     """The options with a field: those that are a name, a truth value or a plain number."""
     kinds = (bool, int, float)
-    return [o for o in OPTIONS if o.values.names or isinstance(o.default, kinds)]
+    shown = [o for o in OPTIONS if o.values.names or isinstance(o.default, kinds)]
+    return [o for o in shown if o.name not in _WITHOUT_FIELD]
+
+
+class _Reporter:
+    """Tells the progress of building and solving, some times a second."""
+
+    def __init__(self) -> None:
+        self.say: Say = lambda _: None
+        self._told = 0.0
+
+    def __call__(self, event: object) -> None:
+        if perf_counter() - self._told > _PAUSE:
+            self._told = perf_counter()
+            self.say({"progress": str(event).splitlines()[0]})
+
+    def iteration(self, event: Any) -> None:
+        """An iteration of a numerical method."""
+        self(f"{event.method}: iteration {event.iteration:,}, {event.states:,} states")
 
 
 class _Session:
@@ -61,7 +82,8 @@ class _Session:
     def __init__(self) -> None:
         self._key: object = None
         self._model: Model | None = None
-        self.path: tuple[Model, Simulator] | None = None
+        self.simulator: Simulator | None = None
+        self.reporter = _Reporter()
 
     def model(self, job: Job, **more: object) -> tuple[Model, PropertiesFile, dict[str, str]]:
         """The model of a job with its options, its properties, and the constants of these."""
@@ -75,7 +97,9 @@ class _Session:
         options = {**_options(job.get("options", {})), **more}
         key = (job["model"], sorted(split.of_model.items()), sorted(options.items(), key=str))
         if key != self._key or self._model is None:
-            self._model = Model(program, split.of_model, make_options(options)).checked()
+            given_options = make_options(options)
+            model = Model(program, split.of_model, given_options, observer=self.reporter)
+            self._model = model.checked()
             self._key = key
         return self._model, file, of_properties
 
@@ -98,41 +122,29 @@ def _options(texts: Mapping[str, str]) -> dict[str, object]:
     return result
 
 
-class _Reporter:
-    """Tells the progress of building and solving, some times a second."""
-
-    def __init__(self, say: Say) -> None:
-        self.say, self._told = say, 0.0
-
-    def __call__(self, event: object) -> None:
-        if perf_counter() - self._told > _PAUSE:
-            self._told = perf_counter()
-            self.say({"progress": str(event).splitlines()[0]})
-
-    def iteration(self, event: Any) -> None:
-        """An iteration of a numerical method."""
-        self(f"{event.method}: iteration {event.iteration:,}, {event.states:,} states")
-
-
-def _checked(job: Job, say: Say, **more: object) -> tuple[Model, Result]:
+def _checked(job: Job, **more: object) -> tuple[Model, Result]:
     """The model and the result of one property."""
     model, file, constants = _SESSION.model(job, **more)
-    reporter = _Reporter(say)
-    model = model.with_observer(reporter)
-    _SESSION._model = model
     values = {n: (v,) for n, v in constants.items()}
-    instances = model.instances(file, values, [job["number"]])
+    instances = model.instances(file, values, [_number(file, job["property"])])
     prepared = model.prepared_for(instances)
-    return model, prepared.check(instances[0], reporter.iteration)
+    return model, prepared.check(instances[0], _SESSION.reporter.iteration)
+
+
+def _number(file: PropertiesFile, wanted: str) -> int:
+    """The number of the property with a text: that in the browser may be older than the file."""
+    for i in range(len(file.properties)):
+        if PropertyInstance(file, i, {}).text == wanted:
+            return i
+    raise UsageError(f"the properties have changed: there is no {wanted}")
 
 
 # ------------------------------------------------------------------------------------------- jobs
 
 
-def _build(job: Job, say: Say) -> Answer:
+def _build(job: Job) -> Answer:
     model, _, _ = _SESSION.model(job)
     started = perf_counter()
-    _SESSION._model = model = model.with_observer(_Reporter(say))
     engine = model.engine
     facts = [["type", model.type.value], ["states", f"{engine.states:,}"]]
     facts += [["choices", f"{engine.choices:,}"]] if model.type.has_choices else []
@@ -141,14 +153,14 @@ def _build(job: Job, say: Say) -> Answer:
     return {"facts": facts, "seconds": perf_counter() - started}
 
 
-def _explore(job: Job, say: Say) -> Answer:
+def _explore(job: Job) -> Answer:
     """Find the faults of a model that only its states show, for some seconds."""
     model, _, _ = _SESSION.model(job, time_limit=5.0)
-    return {"states": model.with_observer(_Reporter(say)).engine.states}
+    return {"states": model.engine.states}
 
 
-def _check(job: Job, say: Say) -> Answer:
-    model, result = _checked(job, say)
+def _check(job: Job) -> Answer:
+    model, result = _checked(job)
     lines = [*map(str, result.lines[:1000]), *result.warnings, *result.notes]
     return {
         "value": show_value(result.value),
@@ -170,13 +182,13 @@ def _bounds(result: Result) -> str:
     return "" if low == high else f"[{format_value(low)}, {format_value(high)}]"
 
 
-def _experiment(job: Job, say: Say) -> Answer:
+def _experiment(job: Job) -> Answer:
     model, file, _ = _SESSION.model({**job, "constants": {}})
     ranges = ",".join(f"{n}={v}" for n, v in job["constants"].items() if v)
-    only = None if job["number"] is None else [job["number"]]
+    only = None if job["property"] is None else [_number(file, job["property"])]
 
     def tell(event: Progress) -> None:
-        say({"progress": str(event), "rows": [_row(r) for r in event.rows]})
+        _SESSION.reporter.say({"progress": str(event), "rows": [_row(r) for r in event.rows]})
 
     found = experiment(model, file, ranges or None, only=only, progress=tell)
     return {"varying": list(found.varying), "csv": _saved(found.save, "results.csv")}
@@ -202,19 +214,17 @@ def _saved(save: Callable[[Path], object], name: str) -> str:
         return path.read_text(encoding="utf-8")
 
 
-def _page(job: Job, say: Say) -> Answer:
+def _page(job: Job) -> Answer:
     """The state graph, the simulator, the diagrams, and the iterations of each property."""
     model, file, constants = _SESSION.model(job)
-    page = model.with_observer(_Reporter(say)).page(
-        file, constants, max_states=job["states"], title=job["model_name"]
-    )
+    page = model.page(file, constants, max_states=job["states"], title=job["model_name"])
     return {"html": page.html}
 
 
-def _graph(job: Job, say: Say) -> Answer:
+def _graph(job: Job) -> Answer:
     """The states near those that satisfy a formula, with the path of the simulator."""
     model, _, _ = _SESSION.model(job, engine="explicit")
-    states = model.with_observer(_Reporter(say)).engine.states
+    states = model.engine.states
     if states > _MOST_GRAPH_STATES:
         raise UnsupportedError(f"{states:,} states are too many for a picture of some of them")
     return {"html": _near(model, job["around"])}
@@ -239,9 +249,9 @@ def _picture(name: str, note: str, drawn: Picture) -> str:
     return document({"title": name, "graphs": [drawn.svg], "shows": [show], "embedded": True})
 
 
-def _explain(job: Job, say: Say) -> Answer:
+def _explain(job: Job) -> Answer:
     """The counterexample or witness of a bound, in words and on the graph."""
-    model, result = _checked(job, say, engine="explicit")
+    model, result = _checked(job, engine="explicit")
     found = result.witness_or_none or result.counterexample(100)
     text = str(found) if isinstance(found, Counterexample) else "\n".join(map(str, found))
     answer = {"text": text}
@@ -260,9 +270,9 @@ def _explain(job: Job, say: Say) -> Answer:
     return answer
 
 
-def _strategy(job: Job, say: Say) -> Answer:
+def _strategy(job: Job) -> Answer:
     """The choices of the strategy of a property, as a table and on the graph."""
-    result = _checked(job, say, engine="explicit", strategy=True)[1]
+    result = _checked(job, engine="explicit", strategy=True)[1]
     strategy = result.strategy
     answer = {"text": str(strategy)}
     try:
@@ -275,7 +285,7 @@ def _strategy(job: Job, say: Say) -> Answer:
     return answer
 
 
-def _export(job: Job, say: Say) -> Answer:
+def _export(job: Job) -> Answer:
     """The text of a file of the model."""
     from symcheck.exchange.api_io import export
 
@@ -283,7 +293,6 @@ def _export(job: Job, say: Say) -> Answer:
     if kind not in EXPORTS:
         raise UsageError(f"there is no export '{kind}'", hint=", ".join(EXPORTS))
     model, file, _ = _SESSION.model(job)
-    model = model.with_observer(_Reporter(say))
     properties = file if kind == "jani" and file.properties else None
     with TemporaryDirectory() as folder:
         export(model, str(Path(folder) / f"model.{kind}"), properties)
@@ -294,14 +303,14 @@ def _export(job: Job, say: Say) -> Answer:
 # -------------------------------------------------------------------------------------- simulator
 
 
-def _start(job: Job, _: Say) -> Answer:
+def _start(job: Job) -> Answer:
     model = _SESSION.model(job)[0]
     seed = job.get("seed")
-    _SESSION.path = model, model.simulator(int(seed) if seed else None)
-    return {**_now(0), "seed": _SESSION.path[1].seed}
+    _SESSION.simulator = model.simulator(int(seed) if seed else None)
+    return {**_now(0), "seed": _SESSION.simulator.seed}
 
 
-def _move(job: Job, say: Say) -> Answer:
+def _move(job: Job) -> Answer:
     """A step, some steps, or steps back."""
     simulator = _simulator()
     known = len(simulator.path)
@@ -311,7 +320,7 @@ def _move(job: Job, say: Say) -> Answer:
         case "run":
             simulator.run(min(int(job["steps"]), _MOST_STEPS))
         case "follow":
-            strategy = _checked(job, say, engine="explicit", strategy=True)[1].strategy
+            strategy = _checked(job, engine="explicit", strategy=True)[1].strategy
             simulator.run(min(int(job["steps"]), _MOST_STEPS), strategy)
         case "back":
             for _ in range(min(int(job.get("steps", 1)), known)):
@@ -324,9 +333,9 @@ def _move(job: Job, say: Say) -> Answer:
 
 
 def _simulator() -> Simulator:
-    if _SESSION.path is None:
-        raise UsageError("no path has been started", hint="start a new one")
-    return _SESSION.path[1]
+    if _SESSION.simulator is None:
+        raise UsageError("there is no path any more", hint="start a new one")
+    return _SESSION.simulator
 
 
 def _now(known: int) -> Answer:
@@ -370,7 +379,7 @@ def _step(step: PathStep) -> list[Any]:
     return [step.transition, step.time, list(step.state), list(step.rewards), list(step.earned)]
 
 
-JOBS: Mapping[str, Callable[[Job, Say], Answer]] = {
+JOBS: Mapping[str, Callable[[Job], Answer]] = {
     "build": _build,
     "explore": _explore,
     "check": _check,
@@ -387,8 +396,9 @@ JOBS: Mapping[str, Callable[[Job, Say], Answer]] = {
 
 def done(job: Job, say: Say) -> Answer:
     """Do a job: its `result`, or an `error` with the faults of the texts."""
+    _SESSION.reporter.say = say
     try:
-        return {"result": JOBS[job["do"]](job, say)}
+        return {"result": JOBS[job["do"]](job)}
     except SymcheckError as error:
         answer: Answer = {"message": str(error)}
         if isinstance(error, InputError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -35,9 +36,10 @@ class File(NamedTuple):
 
 @dataclass(frozen=True)
 class Project:
-    """The files of a folder."""
+    """The files of a folder: those with a known ending, and those of the command line."""
 
     folder: Path
+    given: Sequence[str] = ()
 
     def names(self) -> dict[str, list[str]]:
         """The names of the models, and of the properties."""
@@ -49,7 +51,8 @@ class Project:
 
     def path(self, name: str) -> Path:
         """A file of the folder. Raises UsageError for another name."""
-        if not _NAME.fullmatch(name) or not name.lower().endswith((*MODELS, *PROPERTIES)):
+        known_ending = name.lower().endswith((*MODELS, *PROPERTIES))
+        if name not in self.given and not (_NAME.fullmatch(name) and known_ending):
             known = ", ".join((*MODELS, *PROPERTIES))
             raise UsageError(f"'{name}' is no name of a model or of properties", hint=known)
         return self.folder / name
