@@ -41,13 +41,18 @@ endmodule
 FOREVER = "P=? [ F<=2000000000 x=0 & y=0 ];\n"
 
 
+def write_files(folder: Path) -> Path:
+    """Two models with properties, in a folder."""
+    (folder / "walk.nm").write_text(MODEL)
+    (folder / "walk.props").write_text(PROPERTIES)
+    (folder / "grid.pm").write_text(GRID)
+    (folder / "grid.props").write_text(FOREVER)
+    return folder
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    (tmp_path / "walk.nm").write_text(MODEL)
-    (tmp_path / "walk.props").write_text(PROPERTIES)
-    (tmp_path / "grid.pm").write_text(GRID)
-    (tmp_path / "grid.props").write_text(FOREVER)
-    return tmp_path
+    return write_files(tmp_path)
 
 
 @pytest.fixture

@@ -242,8 +242,7 @@ def make_app(project: Project, access: Access, start: Mapping[str, str]) -> Star
         started = asyncio.gather(workers["check"].start(), workers["simulate"].start())
         yield
         await started
-        for worker in workers.values():
-            worker.kill()
+        await asyncio.gather(*(worker.close() for worker in workers.values()))
 
     app = Starlette(
         routes=[

@@ -50,6 +50,7 @@ def serve(words: Sequence[str]) -> int:
     with socket.socket() as listener:
         try:
             listener.bind(("127.0.0.1", arguments.port))
+            listener.listen(64)  # a browser that comes early waits
         except (OSError, OverflowError) as error:
             raise UsageError(f"--port: cannot use {arguments.port}: {error}") from None
         access = Access(f"127.0.0.1:{listener.getsockname()[1]}")

@@ -56,9 +56,10 @@ class Worker:
                     except TimeoutError:
                         yield {"seconds": asyncio.get_running_loop().time() - started}
                         continue
-                    message = json.loads(line) if line else _ENDED
+                    ended = not line.endswith(b"\n")  # perhaps within a message
+                    message = _ENDED if ended else json.loads(line)
                     finished = "result" in message or "error" in message
-                    if not line:
+                    if ended:
                         await process.wait()
                     yield message
             finally:
@@ -71,6 +72,13 @@ class Worker:
             with suppress(ProcessLookupError):
                 self.process.kill()
         self.process = None
+
+    async def close(self) -> None:
+        """End the process, and wait for its end."""
+        process = self.process
+        self.kill()
+        if process is not None:
+            await process.communicate()
 
 
 _ENDED: Message = {
