@@ -8,7 +8,7 @@ import signal
 import socket
 from collections.abc import Iterator
 from pathlib import Path
-from threading import Thread, Timer
+from threading import Thread
 from typing import Any
 
 import httpx
@@ -301,19 +301,18 @@ def test_each_export_has_a_text(user: Client, kind: str) -> None:
 def test_a_killed_worker_leaves_the_workbench_alive(user: Client, folder: Path) -> None:
     workers = user.served.app.state.workers
 
-    killed = []
-
-    def kill() -> None:
-        killed.append(workers["check"].process.pid)
-        os.kill(killed[0], signal.SIGKILL)
-
-    Timer(2, kill).start()
-    job = {"model": GRID, "properties": FOREVER, "constants": {}}
-    *_, last = run(user, do="check", property=FOREVER.strip("; \n"), **job)
-    assert "was ended" in last["error"]["message"]
+    job = {**TEXTS, "model": GRID, "properties": FOREVER, "constants": {}}
+    job |= {"do": "check", "property": FOREVER.strip("; \n")}
+    with user.stream("POST", "/job/check", json=job, headers=user.own) as answer:
+        lines = answer.iter_lines()
+        next(lines)
+        killed = workers["check"].process.pid
+        os.kill(killed, signal.SIGKILL)
+        *_, last = lines
+    assert "was ended" in json.loads(last)["error"]["message"]
     found = run(user, do="check", property='P>=0.9 [ F "done" ]')[-1]["result"]
     assert found["holds"] is False
-    assert workers["check"].process.pid not in killed
+    assert workers["check"].process.pid != killed
     assert (folder / "walk.nm").read_text() == MODEL
 
 
