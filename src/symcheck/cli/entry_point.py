@@ -58,6 +58,8 @@ def run_safely(words: Sequence[str] | None = None, started: float | None = None)
 
         if is_batch(sys.argv[1:] if words is None else words):
             return _run_batch(words)
+    if (sys.argv[1:] if words is None else list(words))[:1] == ["workbench"]:
+        return _run_workbench(sys.argv[2:] if words is None else words[1:])
     if words is not None:
         with ExitStack() as stack:
             return _Session(StopSignals(), started, own_process=False).run(words, stack)
@@ -91,6 +93,17 @@ def _run_batch(words: Sequence[str] | None) -> int:
     if words is None:
         _leave(status)
     return status
+
+
+def _run_workbench(words: Sequence[str]) -> int:
+    from symcheck.workbench.command import serve
+
+    try:
+        return serve(words)
+    except KeyboardInterrupt:
+        return 0
+    except SymcheckError as error:
+        return fail(error, 2 if isinstance(error, UsageError) else 1)
 
 
 def _leave(status: int) -> NoReturn:

@@ -66,6 +66,7 @@ def experiment(
     properties: PropertiesFile | str | Path,
     constants: GivenValues | None = None,
     *,
+    only: Sequence[int] | None = None,
     jobs: int = 1,
     executor: Executor | Cluster | None = None,
     resume: str | Path | None = None,
@@ -83,6 +84,7 @@ def experiment(
         properties: a file, a text, or parsed properties.
         constants: values of the constants of model and properties: a text such as "N=3:6,p=0.5",
             or for each constant a value, a text such as "1:2:9", a range, a list or an array.
+        only: the properties that are checked, counted from 0; None for all.
         jobs: number of processes that check instances at the same time.
         executor: does the work instead: an executor of `concurrent.futures`, or with its interface,
             or a `distributed.Client` of a Dask cluster.
@@ -118,8 +120,9 @@ def experiment(
     split = split_constants(whole.program, file, dict.fromkeys(values, ""))
     if split.warnings:
         raise NameFault(*(replace(w, severity="error") for w in split.warnings))
-    _require_values(whole, file, values)
-    instances = whole.instances(file, {n: values[n] for n in split.of_properties})
+    indices = range(len(file.properties)) if only is None else only
+    _require_values(whole, file, values, indices)
+    instances = whole.instances(file, {n: values[n] for n in split.of_properties}, indices)
     choices = [
         {**whole.given_constants, **choice}
         for choice in combinations({n: values[n] for n in split.of_model})
@@ -203,9 +206,12 @@ def is_file(text: str | Path) -> bool:
     )
 
 
-def _require_values(model: Model, file: PropertiesFile, values: Iterable[str]) -> None:
+def _require_values(
+    model: Model, file: PropertiesFile, values: Iterable[str], indices: Sequence[int]
+) -> None:
     given = {*model.given_constants, *values}
-    needed = dict.fromkeys(n for names in needed_constants(model.program, file) for n in names)
+    of_each = needed_constants(model.program, file)
+    needed = dict.fromkeys(n for i in indices for n in of_each[i])
     missing = [n for n in needed if n not in given]
     if missing:
         raise UsageError(

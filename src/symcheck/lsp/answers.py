@@ -25,7 +25,10 @@ from symcheck.syntax.grammars import load
 from symcheck.syntax.operators import Function
 from symcheck.syntax.parse import parse_model, parse_properties
 
-__all__ = ["Document", "Edit", "Item", "Place", "formatted", "quick_fixes"]
+__all__ = ["COLOURS", "MODELS", "Document", "Edit", "Item", "Place", "formatted", "quick_fixes"]
+
+MODELS = (".pm", ".nm", ".sm", ".prism", ".mm", ".ma", ".pta", ".smg", ".pomdp")
+"""The endings of the names of models; other files that a client sends hold properties."""
 
 
 class Place(NamedTuple):

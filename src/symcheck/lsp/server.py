@@ -13,15 +13,12 @@ from pygls.exceptions import JsonRpcInvalidParams
 from pygls.lsp.server import LanguageServer
 
 from symcheck.errors import Diagnostic
-from symcheck.lsp.answers import COLOURS, Document, Place, formatted, quick_fixes
+from symcheck.lsp.answers import COLOURS, MODELS, Document, Place, formatted, quick_fixes
 from symcheck.lsp.checks import Fault, Verdict, check, explore
 from symcheck.lsp.symbols import Kind, Symbol
 from symcheck.version import __version__
 
 __all__ = ["SymcheckServer", "main", "make_server"]
-
-MODELS = (".pm", ".nm", ".sm", ".prism", ".mm", ".ma", ".pta", ".smg", ".pomdp")
-"""The endings of the names of models; other files that a client sends hold properties."""
 
 PAUSE = 0.4
 """Seconds without typing after which a model is explored."""

@@ -1,0 +1,415 @@
+"""What a worker computes: each job calls the library, and gives what the browser shows."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import isfinite
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+from typing import Any
+
+from symcheck.api.model import Model
+from symcheck.check.counterexample import Counterexample
+from symcheck.check.property_instance import PropertyInstance
+from symcheck.check.result import Result, show_value
+from symcheck.engines.base import erased
+from symcheck.errors import InputError, SymcheckError, UnsupportedError, UsageError
+from symcheck.experiments.rows import Row, constant_text, error_text
+from symcheck.experiments.run import Progress, experiment
+from symcheck.options import OPTIONS, Option, make_options
+from symcheck.page.document import document
+from symcheck.semantics.binding.bind import split_constants
+from symcheck.semantics.expressions.literals import format_value
+from symcheck.semantics.interpreter import State
+from symcheck.simulate.path import PathStep
+from symcheck.simulate.stepper import Simulator
+from symcheck.syntax.declarations import PropertiesFile
+from symcheck.syntax.parse import parse_model, parse_properties
+from symcheck.view.choice_graph import ChoiceGraph
+from symcheck.view.picture import Picture
+from symcheck.view.states import state_graph
+from symcheck.workbench.language import faults
+
+__all__ = ["EXPORTS", "JOBS", "done", "shown_options"]
+
+Job = Mapping[str, Any]
+Answer = dict[str, Any]
+Say = Callable[[Answer], None]
+
+EXPORTS = ("tra", "sta", "lab", "srew", "trew", "pexp", "dot", "drn", "jani")
+"""The files that a model is written to; `symcheck.export` describes them."""
+
+_WITHOUT_FIELD = ("strategy", "everywhere", "regions", "lifting", "ltl2da_syntax")
+"""Options that a job sets itself, or that need one without a field."""
+_PAUSE = 0.1
+"""Seconds between two messages on progress."""
+_MOST_STEPS = 10_000
+"""Steps of a path that are taken at once."""
+_DRAWN = 120
+"""States of a neighbourhood that are drawn; Graphviz takes a second."""
+_MOST_GRAPH_STATES = 200_000
+"""States of a model of which a neighbourhood is drawn: their valuations are listed."""
+
+
+def shown_options() -> list[Option]:
+    """The options with a field: those that are a name, a truth value or a plain number."""
+    kinds = (bool, int, float)
+    shown = [o for o in OPTIONS if o.values.names or isinstance(o.default, kinds)]
+    return [o for o in shown if o.name not in _WITHOUT_FIELD]
+
+
+class _Reporter:
+    """Tells the progress of building and solving, some times a second."""
+
+    def __init__(self) -> None:
+        self.say: Say = lambda _: None
+        self._told = 0.0
+
+    def __call__(self, event: object) -> None:
+        if perf_counter() - self._told > _PAUSE:
+            self._told = perf_counter()
+            self.say({"progress": str(event).splitlines()[0]})
+
+    def iteration(self, event: Any) -> None:
+        """An iteration of a numerical method."""
+        self(f"{event.method}: iteration {event.iteration:,}, {event.states:,} states")
+
+
+class _Session:
+    """What is kept between jobs: the last model, and the path of the simulator."""
+
+    def __init__(self) -> None:
+        self._key: object = None
+        self._model: Model | None = None
+        self.simulator: Simulator | None = None
+        self.reporter = _Reporter()
+
+    def model(self, job: Job, **more: object) -> tuple[Model, PropertiesFile, dict[str, str]]:
+        """The model of a job with its options, its properties, and the constants of these."""
+        program = parse_model(job["model"], job.get("model_name") or "model")
+        file = PropertiesFile()
+        if job.get("properties"):
+            file = parse_properties(job["properties"], job.get("properties_name") or "properties")
+        given = {n: v for n, v in job.get("constants", {}).items() if v}
+        split = split_constants(program, file, given)
+        of_properties = {n: str(v) for n, v in split.of_properties.items()}
+        options = {**_options(job.get("options", {})), **more}
+        key = (job["model"], sorted(split.of_model.items()), sorted(options.items(), key=str))
+        if key != self._key or self._model is None:
+            given_options = make_options(options)
+            model = Model(program, split.of_model, given_options, observer=self.reporter)
+            self._model = model.checked()
+            self._key = key
+        return self._model, file, of_properties
+
+
+_SESSION = _Session()
+
+
+def _options(texts: Mapping[str, str]) -> dict[str, object]:
+    known = {o.name: o for o in shown_options()}
+    result: dict[str, object] = {}
+    for name, text in texts.items():
+        option = known.get(name)
+        if option is None:
+            raise UsageError(f"there is no option '{name}'")
+        try:
+            is_truth = isinstance(option.default, bool)
+            result[name] = text == "true" if is_truth else option.values.read(text)
+        except ValueError as error:
+            raise UsageError(f"{name}: {error}") from None
+    return result
+
+
+def _checked(job: Job, **more: object) -> tuple[Model, Result]:
+    """The model and the result of one property."""
+    model, file, constants = _SESSION.model(job, **more)
+    values = {n: (v,) for n, v in constants.items()}
+    instances = model.instances(file, values, [_number(file, job["property"])])
+    prepared = model.prepared_for(instances)
+    return model, prepared.check(instances[0], _SESSION.reporter.iteration)
+
+
+def _number(file: PropertiesFile, wanted: str) -> int:
+    """The number of the property with a text: that in the browser may be older than the file."""
+    for i in range(len(file.properties)):
+        if PropertyInstance(file, i, {}).text == wanted:
+            return i
+    raise UsageError(f"the properties have changed: there is no {wanted}")
+
+
+# ------------------------------------------------------------------------------------------- jobs
+
+
+def _build(job: Job) -> Answer:
+    model, _, _ = _SESSION.model(job)
+    started = perf_counter()
+    engine = model.engine
+    facts = [["type", model.type.value], ["states", f"{engine.states:,}"]]
+    facts += [["choices", f"{engine.choices:,}"]] if model.type.has_choices else []
+    facts += [["transitions", f"{engine.transitions:,}"]]
+    facts += [[f'"{name}"', f"{len(states):,}"] for name, states in model.labels.items()]
+    return {"facts": facts, "seconds": perf_counter() - started}
+
+
+def _explore(job: Job) -> Answer:
+    """Find the faults of a model that only its states show, for some seconds."""
+    model, _, _ = _SESSION.model(job, time_limit=5.0)
+    return {"states": model.engine.states}
+
+
+def _check(job: Job) -> Answer:
+    model, result = _checked(job)
+    lines = [*map(str, result.lines[:1000]), *result.warnings, *result.notes]
+    return {
+        "value": show_value(result.value),
+        "holds": result.value if isinstance(result.value, bool) else None,
+        "accuracy": str(result.accuracy),
+        "bounds": _bounds(result),
+        "about": result.explanation,
+        "seconds": result.seconds,
+        "lines": lines,
+        "chooses": model.type.has_choices,
+    }
+
+
+def _bounds(result: Result) -> str:
+    try:
+        low, high = result.bounds
+    except (TypeError, UnsupportedError):
+        return ""
+    return "" if low == high else f"[{format_value(low)}, {format_value(high)}]"
+
+
+def _experiment(job: Job) -> Answer:
+    model, file, _ = _SESSION.model({**job, "constants": {}})
+    ranges = ",".join(f"{n}={v}" for n, v in job["constants"].items() if v)
+    only = None if job["property"] is None else [_number(file, job["property"])]
+
+    def tell(event: Progress) -> None:
+        _SESSION.reporter.say({"progress": str(event), "rows": [_row(r) for r in event.rows]})
+
+    found = experiment(model, file, ranges or None, only=only, progress=tell)
+    return {"varying": list(found.varying), "csv": _saved(found.save, "results.csv")}
+
+
+def _row(row: Row) -> Answer:
+    low, high = row.bounds or (None, None)
+    numbers = [None if x is None or not isfinite(x) else x for x in (row.number, low, high)]
+    return {
+        "property": row.name,
+        "constants": {n: constant_text(v) for n, v in row.constants.items()},
+        "numbers": numbers,
+        "text": row.text,
+        "accuracy": row.error or str(row.accuracy),
+    }
+
+
+def _saved(save: Callable[[Path], object], name: str) -> str:
+    """The text of a file that is saved."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        save(path)
+        return path.read_text(encoding="utf-8")
+
+
+def _page(job: Job) -> Answer:
+    """The state graph, the simulator, the diagrams, and the iterations of each property."""
+    model, file, constants = _SESSION.model(job)
+    page = model.page(file, constants, max_states=job["states"], title=job["model_name"])
+    return {"html": page.html}
+
+
+def _graph(job: Job) -> Answer:
+    """The states near those that satisfy a formula, with the path of the simulator."""
+    model, _, _ = _SESSION.model(job, engine="explicit")
+    states = model.engine.states
+    if states > _MOST_GRAPH_STATES:
+        raise UnsupportedError(f"{states:,} states are too many for a picture of some of them")
+    return {"html": _near(model, job["around"])}
+
+
+def _near(model: Model, around: str, radius: int = 3) -> str:
+    """The picture of the largest neighbourhood that can be read."""
+    try:
+        drawn = state_graph(
+            model, around=around, marked=around, radius=radius, max_states=_DRAWN, title="states"
+        )
+    except UnsupportedError:
+        if radius == 0:
+            raise
+        return _near(model, around, radius - 1)
+    note = f"The states that are at most {radius} steps from these, which are green: {around}"
+    return _picture("Neighbourhood", note, drawn)
+
+
+def _picture(name: str, note: str, drawn: Picture) -> str:
+    show = {"name": name, "note": note, "panes": [0], "frames": [{}]}
+    return document({"title": name, "graphs": [drawn.svg], "shows": [show], "embedded": True})
+
+
+def _explain(job: Job) -> Answer:
+    """The counterexample or witness of a bound, in words and on the graph."""
+    model, result = _checked(job, engine="explicit")
+    found = result.witness_or_none or result.counterexample(100)
+    text = str(found) if isinstance(found, Counterexample) else "\n".join(map(str, found))
+    answer = {"text": text}
+    try:
+        if isinstance(found, Counterexample):
+            around = sorted({s.number for path in found.paths for s in path})
+        else:
+            numbers = ChoiceGraph(model.engine)
+            around = sorted({numbers.number(tuple(s.values())) for s in found})
+        drawn = state_graph(
+            model, path=found, around=around, radius=0, max_states=_DRAWN, title="counterexample"
+        )
+        answer["html"] = _picture("Counterexample", "The paths are red.", drawn)
+    except UnsupportedError as error:
+        answer["text"] += f"\n{error}"
+    return answer
+
+
+def _strategy(job: Job) -> Answer:
+    """The choices of the strategy of a property, as a table and on the graph."""
+    result = _checked(job, engine="explicit", strategy=True)[1]
+    strategy = result.strategy
+    answer = {"text": str(strategy)}
+    try:
+        drawn = state_graph(
+            erased(strategy.engine), strategy=strategy, max_states=_DRAWN, title="strategy"
+        )
+        answer["html"] = _picture("Strategy", str(result), drawn)
+    except UnsupportedError as error:
+        answer["text"] += f"\n{error}"
+    return answer
+
+
+def _export(job: Job) -> Answer:
+    """The text of a file of the model."""
+    from symcheck.exchange.api_io import export
+
+    kind = job["kind"]
+    if kind not in EXPORTS:
+        raise UsageError(f"there is no export '{kind}'", hint=", ".join(EXPORTS))
+    model, file, _ = _SESSION.model(job)
+    properties = file if kind == "jani" and file.properties else None
+    with TemporaryDirectory() as folder:
+        export(model, str(Path(folder) / f"model.{kind}"), properties)
+        found = {p.name: p.read_text(encoding="utf-8") for p in sorted(Path(folder).iterdir())}
+    return {"files": found}
+
+
+# -------------------------------------------------------------------------------------- simulator
+
+
+def _start(job: Job) -> Answer:
+    model = _SESSION.model(job)[0]
+    seed = job.get("seed")
+    _SESSION.simulator = model.simulator(int(seed) if seed else None)
+    return {**_now(0), "seed": _SESSION.simulator.seed}
+
+
+def _move(job: Job) -> Answer:
+    """A step, some steps, or steps back."""
+    simulator = _simulator()
+    known = len(simulator.path)
+    match job["move"]:
+        case "step":
+            simulator.step(job.get("choice"), job.get("branch"))
+        case "run":
+            simulator.run(min(int(job["steps"]), _MOST_STEPS))
+        case "follow":
+            strategy = _checked(job, engine="explicit", strategy=True)[1].strategy
+            simulator.run(min(int(job["steps"]), _MOST_STEPS), strategy)
+        case "back":
+            for _ in range(min(int(job.get("steps", 1)), known)):
+                simulator.back()
+        case "restart":
+            simulator.restart()
+        case other:
+            raise UsageError(f"there is no move '{other}'")
+    return _now(known + 1)
+
+
+def _simulator() -> Simulator:
+    if _SESSION.simulator is None:
+        raise UsageError("there is no path any more", hint="start a new one")
+    return _SESSION.simulator
+
+
+def _now(known: int) -> Answer:
+    """The rows of the path from `known`, its length, and what is enabled in the last state."""
+    simulator = _simulator()
+    path = simulator.path
+    names = [r.name or str(i) for i, r in enumerate(path.model.rewards, 1)]
+    return {
+        "length": len(path.steps),
+        "rows": [_step(s) for s in path.steps[known:]],
+        "variables": path.variables,
+        "rewards": names,
+        "labels": simulator.labels,
+        "totals": simulator.total_rewards,
+        "state": " & ".join(f"{n}={format_value(v)}" for n, v in simulator.state.items()),
+        "choices": [
+            {
+                "action": c.action or "",
+                "module": c.module or "",
+                "text": c.text,
+                "branches": [
+                    [format_value(b.probability), _changes(simulator.state, b.state)]
+                    for b in c.branches
+                ],
+            }
+            for c in simulator.choices
+        ],
+    }
+
+
+def _changes(before: Mapping[str, bool | int], after: State) -> str:
+    changed = [
+        f"{name}={format_value(new)}"
+        for (name, old), new in zip(before.items(), after, strict=True)
+        if new != old
+    ]
+    return ", ".join(changed) or "no change"
+
+
+def _step(step: PathStep) -> list[Any]:
+    return [step.transition, step.time, list(step.state), list(step.rewards), list(step.earned)]
+
+
+JOBS: Mapping[str, Callable[[Job], Answer]] = {
+    "build": _build,
+    "explore": _explore,
+    "check": _check,
+    "experiment": _experiment,
+    "page": _page,
+    "graph": _graph,
+    "explain": _explain,
+    "strategy": _strategy,
+    "export": _export,
+    "start": _start,
+    "move": _move,
+}
+
+
+def done(job: Job, say: Say) -> Answer:
+    """Do a job: its `result`, or an `error` with the faults of the texts."""
+    _SESSION.reporter.say = say
+    try:
+        return {"result": JOBS[job["do"]](job)}
+    except SymcheckError as error:
+        answer: Answer = {"message": str(error)}
+        if isinstance(error, InputError):
+            answer["message"] = "\n".join(map(str, error.diagnostics))
+            answer["faults"] = {
+                part: faults(
+                    job.get(part, ""),
+                    [d for d in error.diagnostics if d.span.source.name == job.get(f"{part}_name")],
+                )
+                for part in ("model", "properties")
+            }
+        return {"error": answer}
+    except (Exception, MemoryError) as error:  # a defect, or a wrong question: the worker goes on
+        return {"error": {"message": error_text(error)}}

@@ -1,0 +1,168 @@
+"""A workbench in a folder of its own, and a browser for it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from page.conftest import browser as browser
+
+pytest.importorskip("starlette", reason="the extra workbench is not installed")
+
+MODEL = """mdp
+const int N;
+module m
+  x : [0..N] init 0;
+  lost : bool init false;
+  [safe] x<N & !lost -> 0.5 : (x'=x+1) + 0.5 : true;
+  [risk] x<N & !lost -> 0.75 : (x'=min(N,x+2)) + 0.25 : (lost'=true);
+endmodule
+rewards "tries"
+  true : 1;
+endrewards
+label "done" = x=N;
+"""
+PROPERTIES = """"least": Pmin=? [ F "done" ];
+P>=0.9 [ F "done" ];
+"""
+GRID = """dtmc
+module grid
+  x : [0..99] init 50;
+  y : [0..99] init 50;
+  [] true -> 0.25 : (x'=min(99,x+1)) + 0.25 : (x'=max(0,x-1))
+           + 0.25 : (y'=min(99,y+1)) + 0.25 : (y'=max(0,y-1));
+endmodule
+"""
+FOREVER = "P=? [ F<=2000000000 x=0 & y=0 ];\n"
+
+
+def write_files(folder: Path) -> Path:
+    """Two models with properties, in a folder."""
+    (folder / "walk.nm").write_text(MODEL)
+    (folder / "walk.props").write_text(PROPERTIES)
+    (folder / "grid.pm").write_text(GRID)
+    (folder / "grid.props").write_text(FOREVER)
+    return folder
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_files(tmp_path)
+
+
+@pytest.fixture
+def address(folder: Path) -> Iterator[str]:
+    """The address that a workbench prints."""
+    words = ["workbench", "walk.nm", "walk.props", "--no-browser"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "symcheck", *words], cwd=folder, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    yield process.stdout.readline().split()[-1]
+    process.terminate()
+    process.wait(10)
+    process.stdout.close()
+
+
+class Workbench:
+    """What a user does with the page."""
+
+    def __init__(self, browser: Any, address: str, downloads: Path) -> None:
+        self.browser, self.downloads = browser, downloads
+        self.size(1280, 720)
+        where = {"behavior": "allow", "downloadPath": str(downloads)}
+        browser.execute_cdp_cmd("Browser.setDownloadBehavior", where)
+        browser.get(address)
+        self.until(lambda: "reachable" in self.at("state").text or self.all("#list li"))
+
+    def size(self, width: int, height: int) -> None:
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+
+    def at(self, id: str) -> Any:
+        return self.browser.find_element("id", id)
+
+    def all(self, css: str) -> list[Any]:
+        found: list[Any] = self.browser.find_elements("css selector", css)
+        return found
+
+    def run(self, script: str, *arguments: object) -> Any:
+        return self.browser.execute_script(script, *arguments)
+
+    def until(self, holds: Callable[[], object], seconds: float = 30) -> Any:
+        from selenium.common.exceptions import StaleElementReferenceException
+        from selenium.webdriver.support.wait import WebDriverWait
+
+        passing = [StaleElementReferenceException, IndexError]
+        wait = WebDriverWait(self.browser, seconds, 0.05, ignored_exceptions=passing)
+        return wait.until(lambda _: holds())
+
+    def click(self, *names: str) -> None:
+        """Click buttons one after the other, when what they start has ended."""
+        for name in names:
+            self.at(name).click()
+            self.until(lambda: not self.all("#progress .bar"))
+
+    def button(self, text: str) -> Any:
+        """The button with a text, within the tool that is shown."""
+        return self.until(lambda: self.named("#tools button:not([role])", text)[0])
+
+    def named(self, css: str, text: str) -> list[Any]:
+        return [e for e in self.all(css) if e.text == text]
+
+    def fill(self, css: str, text: str) -> None:
+        field = self.all(css)[0]
+        field.clear()
+        field.send_keys(text)
+
+    def choose(self, id: str, value: str) -> None:
+        script = (
+            "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('change'))"
+        )
+        self.run(script, self.at(id), value)
+
+    def type_at_end(self, text: str) -> None:
+        from selenium.webdriver.common.action_chains import ActionChains
+        from selenium.webdriver.common.keys import Keys
+
+        self.all("#model .cm-content")[0].click()
+        end = ActionChains(self.browser).key_down(Keys.CONTROL).send_keys(Keys.END)
+        end.key_up(Keys.CONTROL).send_keys(text).perform()
+
+    def with_control(self, key: str) -> None:
+        from selenium.webdriver.common.action_chains import ActionChains
+        from selenium.webdriver.common.keys import Keys
+
+        chain = ActionChains(self.browser).key_down(Keys.CONTROL).send_keys(key)
+        chain.key_up(Keys.CONTROL).perform()
+
+    def downloaded(self, name: str) -> bytes:
+        path = self.downloads / name
+        return bytes(self.until(lambda: path.exists() and path.read_bytes()))
+
+    @property
+    def log(self) -> str:
+        return str(self.at("log-lines").get_property("textContent"))
+
+    @property
+    def values(self) -> list[str]:
+        return [e.text for e in self.all("#list .value")]
+
+
+@pytest.fixture
+def bench(
+    browser: Any,
+    address: str,
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Iterator[Workbench]:
+    """A page of the workbench; nothing is in its console afterwards."""
+    browser.get_log("browser")
+    bench = Workbench(browser, address, tmp_path_factory.mktemp("downloads"))
+    yield bench
+    assert [e["message"] for e in browser.get_log("browser")] == []
+    browser.get("about:blank")

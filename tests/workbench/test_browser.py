@@ -1,0 +1,210 @@
+"""The workbench in a browser, from opening to reloading."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("selenium", reason="selenium is not installed")
+
+from selenium.webdriver.common.action_chains import ActionChains
+from selenium.webdriver.common.keys import Keys
+
+from workbench.conftest import MODEL, Workbench
+
+
+def given(bench: Workbench, n: str) -> None:
+    bench.fill("#constants input[name=N]", n)
+
+
+def test_a_check_has_its_value_accuracy_and_verdict(bench: Workbench) -> None:
+    given(bench, "4")
+    bench.click("check-all")
+    value, verdict = bench.until(lambda: len(bench.values) == 2 and bench.values)
+    assert float(value) == pytest.approx(0.75**2)
+    assert verdict == "✗ false"
+    assert "exact" in bench.all("#list .of")[0].text
+    given(bench, "5")
+    bench.until(lambda: "before the last changes" in bench.all("#list .of")[0].text)
+
+
+def test_an_error_is_seen_while_typing_and_mended(bench: Workbench, folder: Path) -> None:
+    bench.type_at_end('label "far" = y>3;')
+    bench.until(lambda: "unknown name y" in bench.at("state").text)
+    assert [e.text for e in bench.all("#model .cm-lintRange-error")] == ["y"]
+    bench.type_at_end(Keys.BACKSPACE * 4 + "x>3;")
+    bench.until(lambda: not bench.all("#model .cm-lintRange-error"))
+    assert bench.at("model-tab").text == "● walk.nm"
+    assert (folder / "walk.nm").read_text() == MODEL
+    bench.with_control("s")
+    bench.until(lambda: bench.at("model-tab").text == "walk.nm")
+    assert (folder / "walk.nm").read_text() == MODEL + 'label "far" = x>3;'
+
+
+def test_a_fault_that_only_states_show_is_underlined(bench: Workbench) -> None:
+    given(bench, "4")
+    bench.type_at_end("module n z : [0..1]; [] true -> 0.5 : (z'=1); endmodule")
+    bench.until(lambda: "sum" in bench.at("state").text)
+    assert bench.all("#model .cm-lintRange-error")
+
+
+def test_words_are_completed_and_explained(bench: Workbench) -> None:
+    bench.type_at_end('label "z" = lo')
+    bench.until(lambda: bench.all(".cm-completionLabel")[0].text == "lost")
+    ActionChains(bench.browser).send_keys(Keys.ESCAPE).perform()
+    name = bench.until(lambda: bench.named("#model .k-variable", "lost")[0])
+    ActionChains(bench.browser).move_to_element(name).perform()
+    bench.until(lambda: "variable of module m" in bench.all(".help")[0].text)
+
+
+def test_a_check_is_cancelled_while_text_is_typed(bench: Workbench) -> None:
+    bench.choose("model-file", "grid.pm")
+    bench.choose("properties-file", "grid.props")
+    bench.until(lambda: "10,000 reachable" in bench.at("state").text)
+    bench.button("Check").click()
+    bench.until(lambda: "iteration" in bench.all("#progress output")[0].text)
+    bench.type_at_end("formula f = q;")
+    bench.until(lambda: "unknown name q" in bench.at("state").text, 5)
+    assert bench.all("#progress .bar")
+    bench.button("Cancel").click()
+    bench.until(lambda: "cancelled" in bench.all("#list .of")[0].text)
+    bench.type_at_end(Keys.BACKSPACE * 14)
+    bench.until(lambda: "10,000 reachable" in bench.at("state").text)
+    bench.click("build")  # by a new process
+    assert "39,996" in bench.at("facts").text
+
+
+def test_a_neighbourhood_of_10_000_states_is_drawn(bench: Workbench) -> None:
+    bench.choose("properties-file", "")
+    bench.choose("model-file", "grid.pm")
+    bench.until(lambda: "10,000 reachable" in bench.at("state").text)
+    bench.at("simulator-tab").click()
+    bench.click("sim-start", "sim-step", "sim-graph")
+    bench.browser.switch_to.frame(bench.at("drawn"))
+    assert 20 < len(bench.until(lambda: bench.all("g.node"))) < 150
+    bench.browser.switch_to.default_content()
+    bench.click("draw")
+    bench.browser.switch_to.frame(bench.at("drawn"))
+    bench.until(
+        lambda: "200 states of 10,000" in bench.at("note").text or "200" in bench.at("caption").text
+    )
+    bench.browser.switch_to.default_content()
+
+
+def test_an_experiment_is_plotted_zoomed_and_saved(bench: Workbench) -> None:
+    bench.at("experiment-tab").click()
+    bench.fill("#ranges input[name=N]", "1:6")
+    bench.choose("experiment-property", "0")
+    bench.click("experiment-run")
+    points = bench.until(lambda: bench.all("#experiment-chart [aria-label=dot] circle"))
+    assert len(points) == 6
+
+    def ticks() -> list[str]:
+        return [e.text for e in bench.all("#experiment-chart [aria-label^='x-axis tick l'] text")]
+
+    assert ticks() == ["1", "2", "3", "4", "5", "6"]
+    bench.button("Zoom in").click()
+    assert "1" not in ticks()
+    bench.button("Whole").click()
+    assert ticks() == ["1", "2", "3", "4", "5", "6"]
+    for kind in ("CSV", "SVG", "PNG"):
+        bench.button(kind).click()
+    head, *rows = csv.reader(bench.downloaded("experiment.csv").decode().splitlines())
+    assert head[:3] == ["property", "N", "value"]
+    assert [float(row[2]) for row in rows] == pytest.approx(
+        [0.75 ** ((n + 1) // 2) for n in range(1, 7)]
+    )
+    assert bench.downloaded("experiment.svg").startswith(b"<svg")
+    assert bench.downloaded("experiment.png").startswith(b"\x89PNG")
+
+
+def test_a_path_is_stepped_followed_and_taken_back(bench: Workbench) -> None:
+    given(bench, "4")
+    bench.at("simulator-tab").click()
+    bench.fill("#sim-seed", "1")
+    bench.click("sim-start")
+    assert "x=0, lost=false" in bench.at("sim-state").text
+    bench.button("0.75: x=2").click()
+    bench.until(lambda: "Step 1: x=2" in bench.at("sim-state").text)
+    bench.click("sim-follow")  # Pmin takes risks
+    rows = [row.text.split() for row in bench.all("#sim-path tr")[1:]]
+    assert {row[1] for row in rows[1:]} == {"[risk]"}
+    bench.run("arguments[0].open = true", bench.at("sim-plot"))
+    bench.until(lambda: bench.all("#sim-chart [aria-label=line] path"))
+    bench.click("sim-back")
+    assert len(bench.all("#sim-path tr")) == len(rows)
+    bench.click("sim-reset")
+    assert "Step 0" in bench.at("sim-state").text
+
+
+def test_counterexamples_and_strategies_are_drawn(bench: Workbench) -> None:
+    given(bench, "4")
+    bench.click("check-all")
+    for name, count in (("Why?", 2), ("Strategy", 8)):
+        bench.at("check-tab").click()
+        bench.button(name).click()
+        bench.until(lambda: bench.at("drawn").is_displayed() and not bench.all("#progress .bar"))
+        bench.browser.switch_to.frame(bench.at("drawn"))
+        states = bench.until(lambda: [n for n in bench.all("g.node text") if "lost" in n.text])
+        assert len(states) >= count
+        bench.browser.switch_to.default_content()
+    assert "[risk]" in bench.log
+
+
+def test_the_model_is_exported(bench: Workbench) -> None:
+    given(bench, "1")
+    bench.at("export-tab").click()
+    bench.button(".tra").click()
+    assert bench.downloaded("walk.tra").splitlines()[0].split() == [
+        b"3",
+        b"4",
+        b"6",
+    ]  # states, choices, transitions
+
+
+def test_a_change_outside_is_read_and_never_overwritten(bench: Workbench, folder: Path) -> None:
+    file = folder / "walk.nm"
+    file.write_text("// theirs\n" + MODEL)
+    bench.until(lambda: "// theirs" in bench.at("model").text)
+    bench.type_at_end("// mine")
+    file.write_text("// again\n" + MODEL)
+    bench.with_control("s")
+    bench.until(lambda: "has changed on disk" in bench.at("conflict").text)
+    assert file.read_text() == "// again\n" + MODEL
+    bench.until(lambda: bench.all("#conflict button"))[1].click()
+    bench.with_control("s")
+    bench.until(lambda: bench.at("model-tab").text == "walk.nm")
+    assert file.read_text() == "// theirs\n" + MODEL + "// mine"
+
+
+def test_unsaved_text_is_there_after_reloading(bench: Workbench, folder: Path) -> None:
+    given(bench, "3")
+    bench.type_at_end("// not saved")
+    bench.browser.refresh()
+    bench.until(lambda: "// not saved" in bench.at("model").text)
+    assert bench.at("model-tab").text == "● walk.nm"
+    assert (folder / "walk.nm").read_text() == MODEL
+    bench.until(lambda: len(bench.all("#list li")) == 2)
+    bench.click("check-all")  # with the constant
+    bench.until(lambda: len(bench.values) == 2)
+
+
+@pytest.mark.parametrize("width", [1280, 420])
+def test_nothing_is_wider_than_the_window(bench: Workbench, width: int) -> None:
+    bench.size(width, 720)
+    given(bench, "4")
+    bench.click("check-all")
+    for tab in bench.all('#tools [role="tab"]'):
+        tab.click()
+        assert bench.run("return document.documentElement.scrollWidth") <= width
+
+
+def test_everything_is_reached_by_keyboard(bench: Workbench) -> None:
+    bench.at("check-tab").send_keys(Keys.ARROW_RIGHT + "")
+    assert bench.at("experiment").is_displayed()
+    ActionChains(bench.browser).send_keys(Keys.ARROW_LEFT).perform()
+    ActionChains(bench.browser).send_keys(Keys.TAB).send_keys("2").perform()
+    ActionChains(bench.browser).send_keys(Keys.TAB).send_keys(Keys.ENTER).perform()
+    bench.until(lambda: len(bench.values) == 2)
