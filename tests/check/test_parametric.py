@@ -372,3 +372,13 @@ def test_a_formula_that_divides_by_0_at_a_point_has_no_case_there() -> None:
     assert regions.at(p=0.6).value is True
     with pytest.raises(NumericalError, match="bounds are not within"):
         symcheck.loads(PARABOLA).parametric("p").extremum("P=? [ F x=1 ] / (p-1/2)", "max")
+
+
+def test_how_values_compare_within_a_solution_is_no_case_of_its_own() -> None:
+    """The rewards 2/x and 5/7 of two steps are the same where x is 14/5."""
+    text = """ctmc const double x;
+    module m s : [0..2]; [] s=0 -> x:(s'=1); [] s=1 -> 7:(s'=2); [] s=2 -> true; endmodule
+    rewards s=0 : 2; s=1 : 5; endrewards"""
+    result = symcheck.loads(text).parametric("x=1:10").check("R=? [ F s=2 ]")
+    assert str(result.value) == "(5*x+14)/(7*x)"
+    assert not result.regions.undecided

@@ -50,7 +50,8 @@ def solve_linear(
             found = topological.solve_masked(problem, settings, observer)
             return found.widened(1.01 * problem.constant_error)
         problem = problem.extract()
-    if problem.signed and problem.constant_error and not problem.is_rational:
+    # Signs are asked for last: in a comparison of functions, they would be a condition.
+    if problem.constant_error and not problem.is_rational and problem.signed:
         error = problem.constant_error * np.abs(problem.constant)
         bounds = problem.constant - error, problem.high + error
         problem = replace(problem.with_constant(*bounds), constant_error=0.0)
