@@ -12,6 +12,7 @@ import json
 import operator
 import re
 import sys
+from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -403,14 +404,12 @@ class Steps(NamedTuple):
     factor: Fraction = Fraction(1)
 
     def values(self, start: Iterable[Any], *, up: bool) -> Iterator[list[int]]:
-        """The values after 0, 1, … steps, times 2**96, rounded; the last change is repeated."""
+        """The values after 0, 1, … steps, times 2**96, rounded, until they do not change."""
         values = [scaled(Fraction(v), up=up) for v in start]
         gains = {row: scaled(gain, up=up) for row, gain in self.gains.items()}
         model, (num, den), settled, work = self.model, self.factor.as_integer_ratio(), False, 0
-        while True:
+        while not settled:
             yield values
-            if settled:
-                continue
             if work > BUDGET:
                 raise Rejected(f"the steps take more than the budget of {BUDGET} transitions")
             new = values.copy()
@@ -427,7 +426,8 @@ class Steps(NamedTuple):
 
     def after(self, count: int, start: Sequence[Any]) -> Proofs:
         """Bounds of the values after a number of steps."""
-        low, high = (next(islice(self.values(start, up=up), count, None)) for up in (False, True))
+        walks = (islice(self.values(start, up=up), count + 1) for up in (False, True))
+        low, high = (deque(walk, 1)[0] for walk in walks)
         return Vector(low, ONE).at, Vector(high, ONE).at
 
 
@@ -502,9 +502,9 @@ def _proved(model: Model, statement: Any, evidence: Any, notes: list[str]) -> Pr
     if not known or type(statement.get("negated", False)) is not bool:
         raise Rejected(f"no measure that is known: {statement['measure']} of {', '.join(about)}")
     whole = "steps" not in statement or (type(steps) is int and steps >= 0)
-    if not whole or ({"steps", "factor"} & statement.keys() and model.exit_rates is not None):
-        raise Rejected("a whole number of steps in discrete time is needed")
     factor, reward = number_of(statement.get("factor", "1")), Reward({}, {}, {})
+    if not whole or factor < 0 or ({"steps", "factor"} & statement.keys() and model.exit_rates):
+        raise Rejected("a whole number of steps in discrete time is needed; factors at least 0")
     if "states" in statement:
         reward.of_state.update(dict.fromkeys(states_of(model, statement["states"]), Fraction(1)))
     elif statement.get("reward") is not None:

@@ -104,9 +104,9 @@ def in_time(
     sides: list[list[int]] = []
     for up in (False, True):
         sums: list[int] = [scaled(later * max(start), up=True) * ONE if up else 0] * model.states
-        walk, before, taken = steps.values(start, up=up), None, 0
+        walk, before, taken = steps.values(start, up=up), list[int](), 0
         while taken < first + len(weights):
-            values = next(walk)
+            values = next(walk, before)
             weight = early[up] if taken < first else weights[taken - first][up]
             if settled := values is before:  # and so are they for all weights that are left
                 rest = weights[max(taken - first, 0) :]

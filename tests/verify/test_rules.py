@@ -194,8 +194,16 @@ def test_steps_are_repeated(choice: Path) -> None:
     statement = {"measure": "cumulative", "reward": "r", "steps": 5, "optimum": "max"}
     given = certificate(choice, "mdp", {**statement, "bounds": {"0": ["5", "5"]}}, {})
     assert proved(choice, "mdp", given)
+    given["statement"]["factor"] = "-1"  # the best of two steps would not be that of each
+    with pytest.raises(Rejected, match="at least 0"):
+        proved(choice, "mdp", given)
     statement = {"measure": "instantaneous", "reward": "r", "steps": 5, "optimum": "min"}
     given = certificate(choice, "mdp", {**statement, "bounds": {"0": ["0", "0"]}}, {})
+    assert proved(choice, "mdp", given)
+
+
+def test_steps_that_change_nothing_are_not_repeated(choice: Path) -> None:
+    given = certificate(choice, "mdp", until("max", "1/2", "1/2", steps=10**15), {})
     assert proved(choice, "mdp", given)
 
 
