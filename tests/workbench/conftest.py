@@ -102,6 +102,23 @@ class Workbench:
         wait = WebDriverWait(self.browser, seconds, 0.05, ignored_exceptions=passing)
         return wait.until(lambda _: holds())
 
+    def until_drawn(self, holds: Callable[[], object]) -> Any:
+        """Wait until something holds within the page of the graph, which new pages replace."""
+        from selenium.common.exceptions import WebDriverException
+
+        def holds_within() -> object:
+            self.browser.switch_to.default_content()
+            try:
+                self.browser.switch_to.frame(self.at("drawn"))
+                return holds()
+            except WebDriverException:  # the page was replaced meanwhile
+                return False
+
+        try:
+            return self.until(holds_within)
+        finally:
+            self.browser.switch_to.default_content()
+
     def click(self, *names: str) -> None:
         """Click buttons one after the other, when what they start has ended."""
         for name in names:

@@ -82,15 +82,11 @@ def test_a_neighbourhood_of_10_000_states_is_drawn(bench: Workbench) -> None:
     bench.until(lambda: "10,000 reachable" in bench.at("state").text)
     bench.at("simulator-tab").click()
     bench.click("sim-start", "sim-step", "sim-graph")
-    bench.browser.switch_to.frame(bench.at("drawn"))
-    assert 20 < len(bench.until(lambda: bench.all("g.node"))) < 150
-    bench.browser.switch_to.default_content()
+    assert 20 < len(bench.until_drawn(lambda: bench.all("g.node"))) < 150
     bench.click("draw")
-    bench.browser.switch_to.frame(bench.at("drawn"))
-    bench.until(
+    bench.until_drawn(
         lambda: "200 states of 10,000" in bench.at("note").text or "200" in bench.at("caption").text
     )
-    bench.browser.switch_to.default_content()
 
 
 def test_an_experiment_is_plotted_zoomed_and_saved(bench: Workbench) -> None:
@@ -145,11 +141,9 @@ def test_counterexamples_and_strategies_are_drawn(bench: Workbench) -> None:
     for name, count in (("Why?", 2), ("Strategy", 8)):
         bench.at("check-tab").click()
         bench.button(name).click()
-        bench.until(lambda: bench.at("drawn").is_displayed() and not bench.all("#progress .bar"))
-        bench.browser.switch_to.frame(bench.at("drawn"))
-        states = bench.until(lambda: [n for n in bench.all("g.node text") if "lost" in n.text])
-        assert len(states) >= count
-        bench.browser.switch_to.default_content()
+        bench.until_drawn(
+            lambda n=count: sum("lost" in e.text for e in bench.all("g.node text")) >= n
+        )
     assert "[risk]" in bench.log
 
 
