@@ -121,3 +121,77 @@ def test_a_reward_of_a_step_that_underflows_is_refused(engine: str, rate: str, r
     exact = symcheck.loads(text, exact=True).check("R=? [ F s=2 ]").value
     assert isinstance(exact, Fraction)
     assert 0 < exact < Fraction("1e-199")
+
+
+RARELY_LEFT = """
+    s : [0..2] init 0;
+    [] s=0 -> 1-1e-200 : true + 1e-200 : (s'=2);
+    [] s=1 -> (s'=2);
+    [] s=2 -> 1-1e-200 : true + 1e-200 : (s'=1);
+endmodule
+rewards s=1 : -2; endrewards
+"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("kind", ["dtmc", "ctmc", "mdp"])
+def test_a_tiny_average_of_a_state_that_is_left_at_last(engine: str, kind: str) -> None:
+    """From 0, the average of states 1 and 2, although 1e-200 * 1e-200 is no double."""
+    model = symcheck.loads(f"{kind} module m {RARELY_LEFT}", engine=engine)
+    best = "max" if kind == "mdp" else ""
+    for query, value in ((f"S{best}=? [ s=1 ]", "1e-200"), (f"R{best}=? [ S ]", "-2e-200")):
+        lower, upper = model.check(query).bounds
+        assert lower <= Fraction(value) <= upper
+        assert upper - lower <= 1e-210
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_average_that_underflows_beside_another_is_bounded(engine: str) -> None:
+    """State 3, of average 1, keeps the values from being scaled; 4 has 1e-400."""
+    states = RARELY_LEFT.replace("2] init 0", "5] init 4").replace(
+        "endmodule", "[] s=3 -> true; [] s=5 -> true; [] s=4 -> 1e-200:(s'=2) + 1:(s'=5); endmodule"
+    )
+    lower, upper = (
+        symcheck.loads(f"dtmc module m {states}", engine=engine)
+        .check("filter(max, S=? [ s=1 | s=3 ], s=4)")
+        .bounds
+    )
+    assert lower == 0
+    assert 0 < upper <= 1e-300
+
+
+WALK = """
+module walk
+  n : [0..1003] init 3;
+  [] 0<n & n<1003 -> 0.7 : (n'=n+1) + 0.3 : (n'=n-1);
+  [] n=0 | n=1003 -> true;
+endmodule
+"""
+OTHER_STEP = "[] 0<n & n<1003 -> 0.6 : (n'=n+1) + 0.4 : (n'=n-1);\nendmodule"
+
+
+@pytest.mark.parametrize("engine", ["explicit", "mtbdd"])
+def test_values_far_away_that_underflow_do_not_spoil_the_one_asked_for(engine: str) -> None:
+    """At 1002, ruin has about the probability (3/7)^1002, which is no double."""
+
+    def ruin(down: Fraction, n: int) -> Fraction:
+        odds = down / (1 - down)
+        return (odds**n - odds**1003) / (1 - odds**1003)
+
+    low, high = ruin(Fraction(3, 10), 3), ruin(Fraction(4, 10), 3)
+    asked = [
+        (f"dtmc {WALK}", "P=? [ F n=0 ]", low),
+        (f"mdp {WALK.replace('endmodule', OTHER_STEP)}", "Pmax=? [ F n=0 ]", high),
+        (f"mdp {WALK.replace('endmodule', OTHER_STEP)}", "Pmin=? [ F n=0 ]", low),
+    ]
+    for text, query, value in asked:
+        result = symcheck.loads(text, engine=engine).check(query)
+        lower, upper = result.bounds
+        assert lower <= value <= upper <= value * (1 + Fraction(1, 10**6))
+        assert result.warnings == ()
+    far = symcheck.loads(f"dtmc {WALK}", engine=engine).check(
+        "filter(state, P=? [ F n=0 ], n=1002)"
+    )
+    assert far.bounds[0] == 0
+    assert 0 < far.bounds[1] < 1e-270
+    assert "further than asked for" in far.warnings[0]

@@ -122,16 +122,19 @@ def conditional(
     A quotient of two linear functions of the visits of states: memoryless strategies are optimal
     until the goal or the condition is met, and the best chance of the other one from there on
     (C. Baier, J. Klein, S. Klüppelholz, S. Märcker, Computing conditional probabilities, 2014).
+    Where the least chance of the condition is 0 and every run that meets it has met the goal, any
+    other chance gives 1.
     """
     everywhere = range(len(processes))
     other = {
         goal: until(processes, best, everywhere, goal) for goal in map(frozenset, (goal, given))
     }
+    possible = until(processes, max, everywhere, given)
     reached = {
         s: (
-            (chance := other[frozenset(given)][s], chance)
+            (chance := other[frozenset(given)][s], chance, possible[s])
             if s in goal
-            else (other[frozenset(goal)][s], Fraction(1))
+            else (other[frozenset(goal)][s], Fraction(1), Fraction(1))
         )
         for s in {*goal, *given}
     }
@@ -139,8 +142,8 @@ def conditional(
     for strategy in strategies(processes):
         chain = induced(processes, strategy)
         unknown = sorted(chains.can_reach(chain, everywhere, reached) - set(reached))
-        both, condition = (
-            {s: pair[part] for s, pair in reached.items()}
+        both, condition, greatest = (
+            {s: parts[part] for s, parts in reached.items()}
             | chains.restricted(
                 chain,
                 unknown,
@@ -152,11 +155,11 @@ def conditional(
                     for s in unknown
                 ],
             )
-            for part in (0, 1)
+            for part in (0, 1, 2)
         )
         for s in both:
-            if condition[s]:
-                found[s].append(both[s] / condition[s])
+            if greatest[s]:
+                found[s].append(both[s] / condition[s] if condition[s] else Fraction(1))
     return [best(values) if values else None for values in found]
 
 

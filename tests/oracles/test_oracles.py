@@ -133,6 +133,8 @@ def test_conditional_probabilities_of_processes():
     assert decisions.conditional(mdp, max, {1}, {2})[0] == HALF
     assert decisions.conditional(mdp, min, {1}, {2})[0] == 0
     assert decisions.conditional(mdp, max, {1}, {2})[3] is None
+    # 1 can avoid 2, and a strategy that does not has 1 behind it.
+    assert decisions.conditional(mdp, min, {1}, {2})[1] == 1
 
 
 def test_a_process_that_alternates_needs_memory():

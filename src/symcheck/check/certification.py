@@ -553,7 +553,7 @@ class _Writer:
         self, engine: Engine, left: Bools, right: Bools, direction: Direction | None
     ) -> Numbers:
         """The probabilities of `left U right` in a product."""
-        context = replace(self._context, engine=engine)
+        context = self._context.on(engine)
         sets = context.engine.from_bools(left), context.engine.from_bools(right)
         return self._middle(until(context, *sets, direction), context)
 

@@ -190,7 +190,7 @@ def _check_on_quotient(
 
     try:
         smaller = on_quotient.quotient(context, formula, shared)
-        inner = replace(context, engine=smaller.engine)
+        inner = context.on(smaller.engine)
         if isinstance(formula, Filter | StateFilter):
             applied = on_quotient.applied_filter(context, smaller, formula)
             result = _filter_result(context, formula, applied, kind)

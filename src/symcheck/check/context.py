@@ -16,7 +16,7 @@ from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import Diagnostic, NameFault, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Int64s
-from symcheck.numerics.linear.problem import Observer
+from symcheck.numerics.linear.problem import Observer, largest_width
 from symcheck.options import Options
 from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.query import Query
@@ -119,6 +119,10 @@ class Context:
         """A context in which these states are relevant (all states, if the options say so)."""
         return replace(self, relevant_states=None if self.options.everywhere else states)
 
+    def on(self, engine: Engine) -> Context:
+        """A context with the states of another engine, all of which are relevant."""
+        return replace(self, engine=engine, relevant_states=None)
+
     def with_epsilon(self, epsilon: float) -> Context:
         """A context with another requested accuracy and the same log."""
         return replace(self, options=replace(self.options, epsilon=epsilon))
@@ -182,7 +186,12 @@ class Context:
         if solved.choices is not None:
             self.log.chosen.append((self.engine, equations.states, solved.choices))
         if solved.unknowns:
-            self.warn_if_wide(solved.width, solved.explanation)
+            width = solved.width
+            if width > self.options.epsilon and self.relevant_states is not None:
+                width = largest_width(
+                    *solved.values.at(self.relevant_states), self.options.relative
+                )
+            self.warn_if_wide(width, solved.explanation)
             self.log.runs.append(
                 SolverRun(
                     "linear",

@@ -20,7 +20,7 @@ def exact_twin(context: Context) -> Context:
     Raises:
         UnsupportedError: the model cannot be explored in rational arithmetic.
     """
-    return replace(context, engine=_exact_engine(context), relevant_states=None)
+    return context.on(_exact_engine(context))
 
 
 def _exact_engine(context: Context) -> Engine:

@@ -13,6 +13,9 @@ UNIT_ROUNDOFF = 2.0**-53
 """Relative error of one rounded operation on doubles."""
 SMALLEST_DIVISOR = 1e-300
 """Widths are relative to at least this, so that a value of 0 has a finite relative width."""
+ADDED_CONSTANT, LEAST_ACCURATE = 1e-290, 1e-270
+"""Where values are below the range of doubles: what is added to the constants, and the values below
+which no accuracy is required then, both relative to the largest constant."""
 UNDERFLOW_RISK = 1e-290
 """Values below it may differ from their bounds by underflow, not only by rounding."""
 CANCELLATION = 8.0

@@ -168,7 +168,7 @@ def applied_filter(
 ) -> AppliedFilter:
     """A filter on all states, with the values of its formula computed on a quotient."""
     node = formula if isinstance(formula, Filter) else modern_filter(formula)
-    inner = replace(context, engine=smaller.engine)
+    inner = context.on(smaller.engine)
     states = (
         context.engine.all if node.states is None else _condition(context, smaller, node.states)
     )
@@ -184,7 +184,7 @@ def applied_filter(
 def _condition(context: Context, smaller: Quotient, condition: Expression) -> StateSet:
     if is_plain(condition) or isinstance(condition, LabelReference):
         return states_of(context)(condition)
-    return smaller.lift_set(states_of(replace(context, engine=smaller.engine))(condition))
+    return smaller.lift_set(states_of(context.on(smaller.engine))(condition))
 
 
 def _on_rows(

@@ -304,12 +304,12 @@ def _on_product(
         strategy, accepted = temporal_strategy(context, replace(path, negative=False), direction)
         product, matrix, entry = strategy.engine, strategy.induced, strategy.entry
         rows: Int64s | None = strategy.rows
-        inner = replace(context, engine=erased(product))
+        inner = context.on(erased(product))
         good = inner.engine.to_bools(accepted)
     else:
         of_path, pairs = linear_product(context, path)
         assert isinstance(of_path, ExplicitProduct)
-        inner = replace(context, engine=of_path.engine)
+        inner = context.on(of_path.engine)
         product, entry, rows = rows_engine(inner), of_path.entry, None
         matrix = product.matrix
         good = inner.engine.to_bools(accepted_states(inner, context, of_path, pairs))

@@ -19,14 +19,13 @@ import numpy as np
 
 from symcheck.check import tuning
 from symcheck.check.context import Context
-from symcheck.check.measures.reachability import until
+from symcheck.check.measures.reachability import one_step_bounds, until
 from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, full
 from symcheck.matrices.rows import Bools, SparseMatrix, starts_of
-from symcheck.matrices.tuning import UNDERFLOW_MARGIN
 from symcheck.numerics.linear.until import until_bounds
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.syntax.operators import Operator
@@ -136,7 +135,7 @@ class _Reset:
             ),
             "reset": one.choose(undefined, misses_later),
         }
-        bounds = {name: _one_step(system, values) for name, values in known.items()}
+        bounds = {name: one_step_bounds(system, values) for name, values in known.items()}
         avoiding = system.restrict(engine.graph.prob0(engine.all, condition, Direction.MIN)) > 0
 
         def matrix(success: int) -> SparseMatrix:
@@ -175,18 +174,6 @@ class _Reset:
                 )
             )
         return bounds[0][0][index], bounds[-1][1][index]
-
-
-def _one_step(system: System, values: Values) -> tuple[Numbers, Numbers]:
-    """Bounds on the value after a step, per row; only what graph analysis says is 0 counts as 0."""
-    low, high = system.one_step_values(values)
-    if system.matrix.is_rational:
-        return low, high
-    zero, _ = values.compare("=", 0)
-    lost = (high < UNDERFLOW_MARGIN) & (system.one_step_probability(~zero) > 0)
-    if not lost.any():
-        return low, high
-    return np.where(lost, 0.0, low), np.where(lost, UNDERFLOW_MARGIN, high)
 
 
 def _with_ends(

@@ -6,6 +6,7 @@ Source: Baier & Katoen (2008), 10.1.2; Baier, Haverkort, Hermanns & Katoen (2003
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from math import frexp
 
 import numpy as np
 
@@ -20,8 +21,14 @@ from symcheck.matrices.rows import Bools
 from symcheck.numerics import graph
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.semantics.rewards import Reward
+from symcheck.syntax.operators import Operator
 
 __all__ = ["steady_probability", "steady_reward"]
+
+_TINY = 1e-100
+"""Averages below are scaled."""
+_LARGEST_POWER = 1022
+"""2 to the power of its opposite has all its digits."""
 
 RewardOf = Callable[[System], tuple[Numbers, float]]
 """Rewards of a system's states, and their relative error."""
@@ -54,12 +61,25 @@ def _average(context: Context, reward_of: RewardOf) -> Values:
         recurrent = recurrent | states
         exact = exact and rounded
         low[members], high[members] = lower, upper
-    system = engine.system(recurrent)
     inside = engine.to_bools(recurrent)
+    low, high, power = _scaled(low[inside], high[inside])
     point = np.array_equal(low, high)
     exact = exact and not point
-    averages = system.lift(low[inside], None if point else high[inside], up_to_rounding=exact)
-    return boundary_values(context, ~recurrent, averages)
+    system = engine.system(recurrent)
+    averages = system.lift(low, None if point else high, up_to_rounding=exact)
+    values = boundary_values(context, ~recurrent, averages)
+    return values.map(Operator.TIMES, 2.0**-power) if power else values
+
+
+def _scaled(low: Numbers, high: Numbers) -> tuple[Numbers, Numbers, int]:
+    """Bounds of tiny averages times a power of two, so that products with probabilities do not
+    underflow; and its exponent.
+    """
+    largest = 1.0 if is_rational(low) else float(max(-low.min(), high.max()))
+    if not 0.0 < largest < _TINY:
+        return low, high, 0
+    power = min(-frexp(largest)[1], _LARGEST_POWER)
+    return np.ldexp(low, power), np.ldexp(high, power), power
 
 
 def _components(

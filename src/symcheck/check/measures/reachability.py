@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from symcheck.check.context import Context
 from symcheck.direction import Direction
-from symcheck.engines.base import StateSet, Values
+from symcheck.engines.base import StateSet, System, Values
+from symcheck.matrices.numbers import Numbers
+from symcheck.numerics.underflow import enclosed
 from symcheck.semantics.rewards import Reward
 
-__all__ = ["boundary_values", "reach_reward", "until"]
+__all__ = ["boundary_values", "one_step_bounds", "reach_reward", "until"]
 
 
 def until(context: Context, left: StateSet, right: StateSet, direction: Direction | None) -> Values:
@@ -68,6 +70,19 @@ def boundary_values(context: Context, states: StateSet, outside: Values) -> Valu
     For chains that leave `states` almost surely.
     """
     system = context.engine.system(states)
-    low, high = system.one_step_values(outside)
+    low, high = one_step_bounds(system, outside)
     equations = system.equations(low, None if outside.is_point else high, probability=False)
     return context.solve(equations, known=[]).choose(states, outside)
+
+
+def one_step_bounds(system: System, values: Values) -> tuple[Numbers, Numbers]:
+    """Per row: bounds on the sum over the successors outside of the states of probability × value,
+    which are 0 only where graph analysis says so, and not where products underflow.
+    """
+    low, high = system.one_step_values(values)
+    bounds = enclosed(
+        [low] if low is high else [low, high],
+        lambda: system.one_step_probability(~(values.compare("=", 0)[0] | system.states)),
+        signed=values.minimum(system.states | ~system.states)[0] < 0,
+    )
+    return bounds[0], bounds[-1]

@@ -157,7 +157,7 @@ def _terms(products: _Products, objective: Objective) -> tuple[Product | None, _
             ltl = as_ltl(path)
             atoms = tuple(map(products.lift, ltl.atoms))
             ltl = replace(ltl, atoms=atoms, negative=objective.sign < 0)
-            inner = replace(products.context, engine=engine).without_strategy()
+            inner = products.context.on(engine).without_strategy()
             product, pairs = linear_product(inner, ltl)
             return product, _Terms(accepted=[[avoid, *visits] for avoid, visits in pairs])
         case LongRunProbability(states):

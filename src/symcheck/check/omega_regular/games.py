@@ -51,7 +51,7 @@ def path_probability_in_game(
     """
     if is_co_safe(context, path):
         co_safe, target = co_safe_product(context, path)
-        inner = replace(context, engine=co_safe.engine, relevant_states=None)
+        inner = context.on(co_safe.engine)
         return co_safe.project(until(inner, inner.engine.all, target, direction))
     if is_co_safe(context, replace(path, negative=not path.negative)):
         return None

@@ -56,7 +56,7 @@ def path_probability_ltl(
         UnsupportedError: the automaton would be too large, or a formula on a CTMC has time bounds.
     """
     product, pairs = linear_product(context, path)
-    inner = replace(context, engine=product.engine)
+    inner = context.on(product.engine)
     accepting = accepted_states(inner, context, product, pairs)
     return product.project(until(inner, inner.engine.all, accepting, direction))
 
@@ -165,7 +165,7 @@ def co_safe_reward(
         UnsupportedError: the automaton would be too large.
     """
     product, target = co_safe_product(context, path)
-    inner = replace(context, engine=product.engine)
+    inner = context.on(product.engine)
     return product.project(reach_reward(inner, reward, target, direction))
 
 

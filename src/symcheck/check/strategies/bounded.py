@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -39,7 +38,7 @@ def within_rewards(
         explicit,
         [scale_bound(context, system, row_rewards(context, system, c), c) for c in counts],
     )
-    builder = StrategyBuilder(replace(context, engine=erased(product.engine)), towards)
+    builder = StrategyBuilder(context.on(erased(product.engine)), towards)
     to, of = context.engine.to_bools, builder.engine.from_bools
     builder.until(
         of(to(left)[product.state] & product.within), of(to(right)[product.state] & product.met)

@@ -7,8 +7,6 @@ lifted to the diagrams that they are those of.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.engines.base import Engine, erased
@@ -65,7 +63,7 @@ def to_explicit(context: Context) -> Context:
     engine = erased(rows_engine(context))
     if engine is context.engine:
         return context
-    return replace(context, engine=engine, relevant_states=None)
+    return context.on(engine)
 
 
 def rows_engine(context: Context) -> ExplicitEngine:

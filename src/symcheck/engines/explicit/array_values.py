@@ -209,7 +209,7 @@ def total_of(parts: Sequence[tuple[ArrayValues, int]]) -> tuple[float, float]:
     whole = True
     for values, times in parts:
         low, high = times * _sum(values.lower), times * _sum(values.upper)
-        whole = whole and values.is_point and not np.any(values.lower % 1)
+        whole = whole and values.is_point and np.array_equal(np.floor(values.lower), values.lower)
         lower, upper, size = lower + low, upper + high, size + max(abs(low), abs(high))
     finite = all(np.isfinite(v.lower).all() and np.isfinite(v.upper).all() for v, _ in parts)
     if finite and not (isfinite(lower) and isfinite(upper)):  # the sum is no double

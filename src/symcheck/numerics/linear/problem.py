@@ -219,8 +219,11 @@ class Solution:
         return largest_width(self.lower, self.upper, relative)
 
 
-def largest_width(lower: Numbers, upper: Numbers, relative: bool) -> float:
-    """The largest width of bounds, relative to the larger absolute bound.
+def largest_width(
+    lower: Numbers, upper: Numbers, relative: bool, least: float = tuning.SMALLEST_DIVISOR
+) -> float:
+    """The largest width of bounds, relative to the larger absolute bound and to no less than
+    `least`.
 
     0 without states, and for rationals, whose bounds are equal.
     """
@@ -232,7 +235,7 @@ def largest_width(lower: Numbers, upper: Numbers, relative: bool) -> float:
         with np.errstate(invalid="ignore"):
             width = np.where(low == high, 0.0, high - low)
             if relative:
-                width /= np.maximum(np.maximum(np.abs(low), np.abs(high)), tuning.SMALLEST_DIVISOR)
+                width /= np.maximum(np.maximum(np.abs(low), np.abs(high)), least)
         # An infinite upper bound has no relative width.
         width[np.isnan(width)] = np.inf
         largest = max(largest, float(width.max()))

@@ -53,12 +53,14 @@ class Bounds:
     """Certified bounds, float64[n] each.
 
     policy: int32[n], the row of each state, counted from its first, that attains one of them.
+    least: values below need not have the requested accuracy.
     """
 
     lower: Floats
     upper: Floats
     policy: Int32s | None = None
     iterations: int = 0
+    least: float = tuning.SMALLEST_DIVISOR
 
 
 def component_solver(problem: LinearProblem) -> ComponentSolver:
@@ -111,6 +113,17 @@ class LocalSystem:
     def high(self) -> Floats:
         """Upper bounds of the constants, per row."""
         return np.asarray(self.block.constant_high)[: self.block.rows]
+
+    @property
+    def direction(self) -> Direction | None:
+        """Minimise or maximise; None without choices."""
+        return (None, Direction.MIN, Direction.MAX)[self.mode]
+
+    def policy(self, strategy: Int64s | None) -> Int32s | None:
+        """The rows of a strategy, counted from the first one of each state."""
+        if strategy is None:
+            return None
+        return (strategy - self.block.groups[:-1]).astype(np.int32)
 
     @cached_property
     def exit(self) -> Floats:

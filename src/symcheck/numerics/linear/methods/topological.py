@@ -58,7 +58,7 @@ class TopologicalRun:
     known_exactly: whether the constants are. values: lower and upper values, float64[states, 2].
     counters: those of the kernel (see `_COUNTERS`).
     methods: the largest component that each method solved. unfinished: components without the
-    requested accuracy.
+    requested accuracy. may_add: whether constants may be made larger.
     """
 
     system: ComponentSolver
@@ -72,6 +72,7 @@ class TopologicalRun:
     methods: dict[str, int] = field(default_factory=dict)
     unfinished: int = 0
     iterations: int = 0
+    may_add: bool = True
 
     def note(self, method: str, states: int) -> None:
         """Record that a method solved a component."""
@@ -114,7 +115,9 @@ def solve_masked(
     return _solve_components(run, graph.Incidence(m), problem.unknown, problem.n)
 
 
-def _solve_rows(problem: LinearProblem, settings: Settings, observer: Observer | None) -> Solution:
+def _solve_rows(
+    problem: LinearProblem, settings: Settings, observer: Observer | None, *, may_add: bool = True
+) -> Solution:
     """Solve a problem with non-negative constants, whose end components are collapsed."""
     system = component_solver(problem)
     width = largest_width(problem.constant, problem.high, relative=True)
@@ -122,7 +125,14 @@ def _solve_rows(problem: LinearProblem, settings: Settings, observer: Observer |
     strategy = np.full(problem.n if problem.mode else 0, -1, dtype=np.int64)
     values = np.zeros((problem.n, 2))
     run = TopologicalRun(
-        system, problem.probability, known_exactly, values, strategy, settings, observer
+        system,
+        problem.probability,
+        known_exactly,
+        values,
+        strategy,
+        settings,
+        observer,
+        may_add=may_add,
     )
     return _solve_components(run, graph.Incidence(problem.rows), None, problem.n)
 
@@ -206,6 +216,7 @@ def _solve_large_scc(run: TopologicalRun, states: Int32s, goal: float) -> None:
         _try_cheap_methods(run, block, goal)
         or _try_iterative_methods(run, block, goal)
         or _try_rationals(run, block, goal)
+        or _try_from_above(run, block, goal)
     ):
         relaxed = block.mode != 0 and _relax_tolerance(run, block, goal)
         done = not relaxed and _sweep(run, block, goal, give_up=False)
@@ -246,6 +257,53 @@ def _try_rationals(run: TopologicalRun, block: Block, goal: float) -> bool:
     return bounds is not None and _accept(run, block, goal, bounds, "rational arithmetic")
 
 
+def _try_from_above(run: TopologicalRun, block: Block, goal: float) -> bool:
+    """Bounds where values of some states are below the range of doubles, and others are not.
+
+    A small number is added to each constant, which keeps all values within the range. It adds no
+    more to them than its product with the greatest expected number of steps.
+    """
+    local = LocalSystem.of(block)
+    largest = float(local.high.max(initial=0.0))
+    if not (run.may_add and 0.0 < largest < np.inf):
+        return False
+    settings = Accuracy(
+        epsilon=goal / 2,
+        max_iterations=run.settings.max_iterations,
+        strategy=run.settings.strategy,
+    )
+
+    def solved(constants: tuple[Floats, Floats], direction: Direction | None) -> Solution:
+        low, high = (
+            (side / largest + tuning.ADDED_CONSTANT) * (1.0 + sign * 4.0 * tuning.UNIT_ROUNDOFF)
+            for side, sign in zip(constants, (-1, 1), strict=True)
+        )
+        problem = LinearProblem(
+            low,
+            local.matrix,
+            high,
+            local.exit,
+            direction,
+            probability=False,
+            error=block.error,
+        )
+        found = _solve_rows(problem, settings, run.observer, may_add=False)
+        run.iterations += found.iterations
+        return found
+
+    values = solved((local.low, local.high), local.direction)
+    nothing = np.zeros(len(local.low))
+    more = solved((nothing, nothing), None if local.mode == 0 else Direction.MAX).upper
+    lower = largest * (values.lower - more)
+    bounds = Bounds(
+        np.where(lower < UNDERFLOW_MARGIN, 0.0, np.nextafter(lower, 0.0)),
+        np.nextafter(largest * values.upper, np.inf),
+        local.policy(values.strategy),
+        least=largest * tuning.LEAST_ACCURATE,
+    )
+    return _accept(run, block, goal, bounds, "values from above")
+
+
 def solve_rationally(local: LocalSystem, probability: bool) -> Bounds | None:
     """Bounds from the exact solution of the equations that the doubles denote.
 
@@ -260,13 +318,16 @@ def solve_rationally(local: LocalSystem, probability: bool) -> Bounds | None:
     entries, leave = rationals(m.data.tolist()), rationals(local.exit.tolist())
     total = sum_segments(entries, m.indptr) + leave
     matrix = replace(m, data=np.asarray(entries / np.repeat(total, m.lengths)))
-    direction = (None, Direction.MIN, Direction.MAX)[local.mode]
     sides = []
     try:
         for constant in constants[: 1 if np.array_equal(*constants) else 2]:
             exact = rationals(constant.tolist()) / total
             problem = LinearProblem(
-                exact, matrix, exit=leave / total, direction=direction, probability=probability
+                exact,
+                matrix,
+                exit=leave / total,
+                direction=local.direction,
+                probability=probability,
             )
             sides.append(rational.solve(problem, Accuracy(), None, chooser=_no_chooser))
         lower, upper = doubles(sides[0].lower), doubles(sides[-1].upper)
@@ -274,11 +335,10 @@ def solve_rationally(local: LocalSystem, probability: bool) -> Bounds | None:
         return None
     error = local.n * (4.0 * (m.longest + 8) * tuning.UNIT_ROUNDOFF + 2.0 * local.block.error)
     attained = sides[0 if local.mode == 2 else -1].strategy
-    policy = None if attained is None else (attained - local.block.groups[:-1]).astype(np.int32)
     return Bounds(
         lower * (1.0 - error),
         np.where(upper > 0.0, upper * (1.0 + error) + UNDERFLOW_MARGIN, 0.0),
-        policy,
+        local.policy(attained),
     )
 
 
@@ -357,7 +417,7 @@ def _accept(run: TopologicalRun, block: Block, goal: float, bounds: Bounds, name
         block.policy[:] = bounds.policy
     # Where a successor has no upper bound, no method finds one.
     bounded = np.isfinite(np.asarray(block.constant_high)[: block.rows]).all()
-    if bounded and largest_width(x[:, 0], x[:, 1], run.settings.relative) > goal:
+    if bounded and largest_width(x[:, 0], x[:, 1], run.settings.relative, bounds.least) > goal:
         return False
     run.note(name, block.n)
     return True
