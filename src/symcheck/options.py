@@ -421,6 +421,17 @@ class Options:
         _switch("symmetry", "explore one of the states that equal modules may exchange", True),
         _switch("nosymmetry", "explore every state", False),
     )
+    truncate: bool | None = _option(
+        None,
+        _FLAG_OR_NONE,
+        "model",
+        "Whether probabilities with a bound on time or steps are computed on a part of the states, "
+        "which grows until what leaves it is small enough: of models with very many states, or "
+        "infinitely many. None: where a variable without bounds still grows after a million "
+        "states.",
+        _switch("truncate", "explore the states that matter within the bounds on time", True),
+        _switch("notruncate", "explore every state", False),
+    )
     order: tuple[str, ...] | None = _option(
         None,
         _ORDER,
@@ -495,6 +506,7 @@ class OptionValues(TypedDict, total=False):
     reduce: bool
     stop_at_targets: bool
     symmetry: bool | None
+    truncate: bool | None
     order: tuple[str, ...] | None
     max_memory: int | None
     workdir: str | None

@@ -111,6 +111,8 @@ SWITCHES = [
     ("-nostates", "stop_at_targets", True),
     ("-symmetry", "symmetry", True),
     ("-nosymmetry", "symmetry", False),
+    ("-truncate", "truncate", True),
+    ("-notruncate", "truncate", False),
     ("-order x,y", "order", ("x", "y")),
     ("-cuddmaxmem 1.5m", "max_memory", 3 << 19),
     ("-workdir d", "workdir", "d"),

@@ -206,7 +206,7 @@ class CheckedModel(Stages):
         instances = self.instances(file, {n: (v,) for n, v in given.items()})
         try:
             prepared = self.prepared_for(instances)
-            if not self.is_timed:
+            if not self.builds_per_property:
                 _ = prepared.model.engine, prepared.shared
         except ResourceError:
             raise
@@ -300,6 +300,13 @@ class CheckedModel(Stages):
 
             return check_timed(timed.engine, instance, options or self.options, observer)
         bound, labels = instance.bind(self.bound)
+        if self.is_truncated:
+            from symcheck.check.truncation import check_by_truncation, truncates
+
+            if truncates(bound.formula, self.bound):
+                return check_by_truncation(
+                    self.bound, bound.formula, options or self.options, labels, observer
+                )
         if self.parameters:
             from symcheck.check.parametric import check_parametric
 
@@ -332,7 +339,7 @@ class PreparedModel(Generic[ModelT]):
     def shared(self) -> SharedQuotient | None:
         """One quotient for the properties, with the option `bisim` and if it pays."""
         model = self.model
-        if not model.options.bisim or len(self.instances) < 2 or model.is_timed:
+        if not model.options.bisim or len(self.instances) < 2 or model.builds_per_property:
             return None
         return model.within_limits(
             lambda: shared_quotient(model.engine, self.instances, model.options)

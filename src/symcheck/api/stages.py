@@ -15,12 +15,14 @@ from symcheck.lazy_dataclass import dataclass
 from symcheck.options import Options, OptionValues, make_options
 from symcheck.semantics.binding.bind import bind, check_constant_names, undefined_constants
 from symcheck.semantics.expressions.literals import as_expression
+from symcheck.semantics.features import Feature, offers
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import WITHOUT_KEYWORD, ModelType
 from symcheck.syntax.declarations import Program
 from symcheck.time_limit import seconds_left, within
 
 if TYPE_CHECKING:
+    from symcheck.explicit.unbounded import Growth
     from symcheck.semantics.binding.parameters import Ranges
     from symcheck.semantics.reduction.reset_dead_variables import Reduction
 
@@ -87,6 +89,36 @@ class Stages:
     def is_timed(self) -> bool:
         """Whether clocks measure time: then each property is checked on a model made for it."""
         return self.type.has_clocks
+
+    @cached_property
+    def is_truncated(self) -> bool:
+        """Whether properties are checked on a part of the states where they can be: because the
+        option `truncate` says so, or because variables grow.
+        """
+        truncate = self.options.truncate
+        return self.growth is not None if truncate is None else truncate
+
+    @cached_property
+    def growth(self) -> Growth | None:
+        """Which variables without bounds still grow after very many states; None if none does, or
+        if it does not matter, because the model has to be built as a whole.
+        """
+        options, bound = self.options, self.bound
+        needs_all = options.exact or options.strategy or options.everywhere or options.bisim
+        if needs_all or options.fairness or options.engine not in ("auto", "explicit"):
+            return None
+        if "engine" in vars(self):  # it is built, and so it has an end
+            return None
+        if not offers(bound, Feature.TRUNCATION) or bound.initial is not None or bound.builder:
+            return None
+        from symcheck.explicit.region import early_growth
+
+        return self.within_limits(lambda: early_growth(bound, options))
+
+    @property
+    def builds_per_property(self) -> bool:
+        """Whether there is no model that is built for all properties."""
+        return self.is_timed or self.is_truncated
 
     def _repr_html_(self) -> str:
         from symcheck.tables import Table

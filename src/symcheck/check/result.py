@@ -40,6 +40,7 @@ __all__ = [
 ]
 
 T = TypeVar("T")
+_WITHOUT_PROOF = "estimates have none, nor what is computed on a part of the states (truncate)"
 Number = int | float | Fraction
 Answer = bool | Number | RationalFunction | tuple[Number, Number] | list[tuple[Number, ...]] | None
 
@@ -259,7 +260,7 @@ class Result:
         if paths is not None and paths < 0:
             raise UsageError(f"paths={paths}: expected a number of paths from 0")
         if self.explain is None:
-            raise UnsupportedError("an estimate has no counterexample")
+            raise UnsupportedError("the result has no counterexample", hint=_WITHOUT_PROOF)
         return self.explain(paths)
 
     def certificate(self) -> Certificate:
@@ -283,7 +284,7 @@ class Result:
             True
         """
         if self.certify is None:
-            raise UnsupportedError("an estimate has no certificate")
+            raise UnsupportedError("the result has no certificate", hint=_WITHOUT_PROOF)
         return self.certify()
 
     @property

@@ -108,3 +108,15 @@ POLICY_ROUNDS = 12
 """The most improvements of a strategy with little memory."""
 POLICY_STEPS, POLICY_DISCOUNT = 64, 0.95
 """How far expectations over the runs of a strategy look ahead."""
+
+# Models that are explored in part (truncation.py).
+TRUNCATION_SHARE = 0.25
+"""The share of epsilon for what leaves the explored states, and for the accuracy on them."""
+TRUNCATION_SHIFTS = (6.0,)
+"""Laplace shifts of the estimates of what leaves them; the least one counts."""
+TRUNCATION_STATES = 8_000_000
+"""States from which on the region does not grow any more: about a GB."""
+TRUNCATION_USELESS = 0.5
+"""What leaves a large region makes bounds useless from here on."""
+TRUNCATION_LEAST = 1e-250
+"""What leaves a region is not reduced further than this."""

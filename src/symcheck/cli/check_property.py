@@ -96,12 +96,18 @@ def check_property(
         row = replace(row, error=error_text(outcome))
     else:
         row = replace(row, value=outcome.value, accuracy=outcome.accuracy, seconds=outcome.seconds)
-    if model.is_timed and isinstance(outcome, Result):
+    if state.options.truncate and plan is None:
+        from symcheck.check.truncation import truncates
+
+        if not truncates(bound.formula, model.bound):
+            state.output.line("Note: -truncate has no effect: this property needs every state")
+    if model.builds_per_property and isinstance(outcome, Result):
         engine = outcome.engine
         assert engine is not None
         sizes = engine.states, engine.transitions
-        state.output.line(f"States:      {engine.states} ({engine.model.clocks})")
-    if plan is None and (sizes or not model.is_timed):
+        clocks = f" ({engine.model.clocks})" if model.is_timed else ""
+        state.output.line(f"States:      {engine.states}{clocks}")
+    if plan is None and (sizes or not model.builds_per_property):
         states, transitions = sizes or (model.engine.states, model.engine.transitions)
         row = replace(
             row,

@@ -87,8 +87,15 @@ def _check_instance(
         plan = sampling_plan(a) if a.sim else None
         if (a.simpath or a.step) and plan is None and not instances and not a.needs_model:
             return
-        if plan is None and (a.needs_model or not model.is_timed):
-            _build(state, model, watch)
+        if plan is None:
+            if state.options.truncate is None and model.growth is not None:
+                state.output.line(
+                    f"Note: {model.growth.note}, and still grows: probabilities with a bound on "
+                    "time or steps are computed on a part of the states; for all else, the search "
+                    "may not end"
+                )
+            if a.needs_model or not (model.builds_per_property and (instances or model.is_timed)):
+                _build(state, model, watch)
     except (ResourceError, OutputError):
         raise
     except SymcheckError as error:

@@ -33,7 +33,13 @@ from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateLayout, StateTable
 from symcheck.explicit.tables import compile_model, total_reward
 from symcheck.explicit.unbounded import ReachedValues, growth
-from symcheck.kernels.explore.breadth_first import CsrBuilder, Explorer, Outcome, malloc_trim
+from symcheck.kernels.explore.breadth_first import (
+    CsrBuilder,
+    Explorer,
+    Outcome,
+    StateSet,
+    malloc_trim,
+)
 from symcheck.lazy_dataclass import dataclass
 from symcheck.machine import available_memory
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix
@@ -137,12 +143,14 @@ class Exploration:
         seed: packed states (`layout`) known to be reachable, from which the search starts besides
             the initial ones.
         symmetries: of the model. If there are some, one state of each orbit is explored.
+        region: the states that are expanded; None: all.
     """
 
     model: BoundModel
     options: Options
     seed: Rows | None = None
     symmetries: tuple[Symmetry, ...] = ()
+    region: StateSet | None = None
     layout: StateLayout = field(init=False)
     orbits: StateOrbits | None = field(init=False, repr=False)
     _explorer: Explorer = field(init=False, repr=False)
@@ -170,6 +178,7 @@ class Exploration:
         self._explorer = Explorer(
             compile_model(self.model, self.layout, check_sums=self.options.check_sums),
             None if self.orbits is None else self.orbits.compiled,
+            region=None if self.region is None else (self.region, True),
         )
         self._reached = ReachedValues(self.layout)
         self._explorer.add(self._initial)
@@ -335,6 +344,7 @@ class Exploration:
             represented,
             e.rows.longest,
             e.rows.shares,
+            None if self.region is None else np.flatnonzero(~self.region.contains(states.rows)),
         )
 
     def _transition_counts(self, order: Int32s, choices: Int64s) -> Int64s:

@@ -39,6 +39,8 @@ class ExplicitModel:
         terms: the most transitions of a row before those to the same state were added; None: that
             is not known.
         shares: whether choices of a DTMC may share its probability, other than by powers of 2.
+        boundary: states that were not expanded and have a loop, int64, ascending; None: there are
+            none, because the whole model was explored.
     """
 
     model: BoundModel
@@ -54,6 +56,7 @@ class ExplicitModel:
     represented: Represented | None = None
     terms: int | None = None
     shares: bool = True
+    boundary: Int64s | None = None
 
     def __repr__(self) -> str:
         m = self.matrix

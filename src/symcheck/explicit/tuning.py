@@ -51,3 +51,11 @@ MIN_STATES_TO_TRIM = 500_000
 THREADED_STATES, THREADED_ENTRIES = 100_000, 2_000_000
 """States or entries of rows from which on threads help to explore: a search for fewer takes less
 than 0.1 seconds."""
+
+FIRST_REGION_STATES, REGION_GROWTH = 1_000, 0.6
+"""States of the first region of a model without end; and by how much of its states it grows at a
+time."""
+
+GROWING_STATES, GROWING_SHARE = 1_000_000, 0.1
+"""States from which on a model is explored in regions, if a variable without bounds takes new
+values in the last share of them."""

@@ -53,6 +53,7 @@ class Feature(Enum):
     STEPPING = "random paths"
     PAGES = "pages"
     COMPARISON = "comparisons with other model checkers"
+    TRUNCATION = "explorations of a part of the states"
 
     # Transformations and files.
     BISIMULATION = "quotients by bisimulation"

@@ -145,6 +145,7 @@ NEEDS_OF_OPTIONS: Mapping[str, Needs] = {
     "-bisim": _PROPERTY,
     "-threads": Needs(not_with=("-sim", "-exact", "-nobuild", "-distributed"), note=True),
     "-nostates": _PROPERTY,
+    "-truncate": _PROPERTY,
     "-ltl2datool": _PROPERTY,
     "-ltl2dasyntax": Needs(("-ltl2datool",), note=True),
 }

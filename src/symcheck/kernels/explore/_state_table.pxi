@@ -86,6 +86,29 @@ cdef class StateSet:
         if status:
             raise OverflowError("more than 2**31 - 1 states")
 
+    def contains(self, const uint64_t[:, ::1] rows) -> Bools:
+        """Whether each of some packed states (uint64[n, words]) is in the set: bool[n]."""
+        cdef Py_ssize_t i
+        cdef uint8_t[::1] found = np.zeros(rows.shape[0], np.uint8)
+        with nogil:
+            for i in range(rows.shape[0]):
+                found[i] = self.has(&rows[i, 0])
+        return np.asarray(found).view(np.bool_)
+
+    cdef bint has(self, const uint64_t* row) noexcept nogil:
+        """Whether a state is in the set."""
+        cdef const uint64_t* stored = <const uint64_t*> self.rows.data
+        cdef uint64_t h = hash_row(row, self.words), slot = h & self.mask, entry
+        while True:
+            entry = self.table[slot]
+            if entry == 0:
+                return False
+            if (entry >> 32 == h >> 32
+                    and rows_equal(stored + ((entry & 0xFFFFFFFFULL) - 1) * self.words, row,
+                                   self.words)):
+                return True
+            slot = (slot + 1) & self.mask
+
     def drop_table(self):
         """Free the hash table; no state can be inserted afterwards."""
         release(&self.table_memory)

@@ -280,15 +280,24 @@ cdef class Expander:
         self._end_row(-1)
         return 0
 
-    cdef int _add_deadlock_loop(self, long long state, const uint64_t* source) noexcept nogil:
-        """A self-loop of probability (rate) 1 without an action."""
-        cdef int v
-        if reserve(&self.deadlocks, (self.deadlock_count + 1) * 8) or self._reserve_branches(1):
+    cdef int stay(self, const uint64_t* source) noexcept nogil:
+        """Give a state nothing but a loop."""
+        if not self.grouped and self._open_row():
             return Status.MEMORY
-        if self.grouped and self._open_row():
+        return self._add_loop(source)
+
+    cdef int _add_deadlock_loop(self, long long state, const uint64_t* source) noexcept nogil:
+        """A loop in a deadlock."""
+        if reserve(&self.deadlocks, (self.deadlock_count + 1) * 8):
             return Status.MEMORY
         (<int64_t*> self.deadlocks.data)[self.deadlock_count] = state
         self.deadlock_count += 1
+        return self._add_loop(source)
+
+    cdef int _add_loop(self, const uint64_t* source) noexcept nogil:
+        """A loop of probability (rate) 1 without an action."""
+        if self._reserve_branches(1) or self.grouped and self._open_row():
+            return Status.MEMORY
         memcpy(<uint64_t*> self.targets.data + self.successor_count * self.words, source,
                self.words * 8)
         (<double*> self.weights.data)[self.successor_count] = 1.0

@@ -106,6 +106,8 @@ cdef class Explorer:
         orbits: if given, states are replaced by the representatives of their orbits.
         share: (mask, seed, parts, number): only states that `owners` gives to this part are
             expanded; others have no choices, or an empty row. None: all states.
+        region: (states, within): only the states in this set, or outside of it, are expanded;
+            others have a loop. None: all states.
     Raises:
         MemoryError: memory ended.
     """
@@ -120,11 +122,16 @@ cdef class Explorer:
     cdef const uint64_t[::1] mask
     cdef uint64_t seed
     cdef int parts, number
+    cdef StateSet region
+    cdef bint within
     cdef object blocks          # those that threads expand, in the order of their states
     cdef list free_blocks
 
-    def __cinit__(self, tables, Orbits orbits: Orbits | None = None, share=None):
+    def __cinit__(self, tables, Orbits orbits: Orbits | None = None, share=None,
+                  region=None):
         self.parts = 1
+        if region is not None:
+            self.region, self.within = region
         if share is not None:
             self.mask, self.seed, self.parts, self.number = share
         self.expander = Expander(tables, orbits)
@@ -178,14 +185,14 @@ cdef class Explorer:
         Args:
             pool: `threads` - 1 threads, which expand states beside this one; the states, their
                 numbers and the rows do not depend on them. They are used while many states are
-                left, and not with a share. Their entries are not limited.
+                left, and with neither a share nor a region. Their entries are not limited.
         Returns:
             The outcome: COMPLETE, PAUSED (time), BUDGET (also of entries), FAULT, NO_MEMORY or
                 TOO_MANY (2**31 states).
         """
         cdef int outcome
         cdef double deadline = monotonic_seconds() + seconds
-        if pool is None or self.parts > 1:
+        if pool is None or self.parts > 1 or self.region is not None:
             with nogil:
                 outcome = self._run(budget, deadline, MAX_STATES, self.rows.entries + entries)
         else:
@@ -243,6 +250,8 @@ cdef class Explorer:
             if self.parts > 1 and owner_of(row, &self.mask[0], self.states.words, self.seed,
                                            self.parts) != self.number:
                 status = self.expander.skip()
+            elif self.region is not None and self.region.has(row) != self.within:
+                status = self.expander.stay(row)
             else:
                 status = self.expander.expand(self.explored, row)
             if status:

@@ -30,7 +30,7 @@ from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.preconditioned_bicgstab import relative_solution
 from symcheck.parallel.threads import helpers, thread_count
 
-__all__ = ["Truncation", "truncate"]
+__all__ = ["Truncation", "expected_times", "truncate"]
 
 Found = TypeVar("Found")
 
@@ -112,6 +112,22 @@ def truncate(
     keep &= graph.backward_reachable(rates, keep & (reward_rate > 0.0), keep)
     keep[interest] = True
     return Truncation(np.flatnonzero(keep).astype(np.int64), loss, value[keep])
+
+
+def expected_times(
+    rates: SparseMatrix, exit_rates: Floats, time: float, start: Floats, laplace_shift: float
+) -> Floats:
+    """About an upper bound on the expected time in each state up to the horizon: float64[n].
+
+    Args:
+        rates: the rates among the n states.
+        exit_rates: the exit rate of each state, float64[n].
+        time: the horizon T.
+        start: the initial distribution, float64[n].
+        laplace_shift: a.
+    """
+    found = _Resolvent.of(rates, exit_rates, time, laplace_shift, start, transposed=True)
+    return found.estimate
 
 
 def _lower_bounds(

@@ -1,0 +1,289 @@
+"""Probabilities of models with too many states, or infinitely many, on a region of their states.
+
+Where a path leaves the region, nothing more is known of it. Until formulas grow with their
+operands: if the states on the boundary satisfy neither operand, the probability is a lower bound,
+and if they satisfy both, it is an upper one. The region grows where paths leave it most probably,
+until the bounds are as close as requested. What chooses it is an estimate, and what is printed is
+proved.
+
+Sources: E. Hahn, H. Hermanns, B. Wachter, L. Zhang: INFAMY: an infinite-state Markov model checker
+(CAV 2009), for bounds from what leaves the explored states; T. Neupane, C. Myers, C. Madsen,
+H. Zheng, Z. Zhang: STAMINA: stochastic approximate model-checker for infinite-state analysis (CAV
+2019), for growth by reachability probabilities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from time import perf_counter
+from typing import TypeGuard
+
+import numpy as np
+
+from symcheck.check import tuning
+from symcheck.check.context import CheckLog, Context
+from symcheck.check.queries.path_probabilities import probability
+from symcheck.check.result import Answer, Certified, Exact, Result, SolverRun
+from symcheck.check.state_formulas import states_of
+from symcheck.engines.base import StateSet, erased
+from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.errors import MemoryLimitError, NumericalError, UnsupportedError
+from symcheck.explicit.region import Region
+from symcheck.matrices.rows import Bools, Floats, SparseMatrix
+from symcheck.numerics.linear.problem import Observer, largest_width
+from symcheck.numerics.transient.state_space_truncation import expected_times
+from symcheck.options import Options
+from symcheck.semantics.features import Feature, offers
+from symcheck.semantics.model import BoundModel
+from symcheck.semantics.path_formulas import NextPath, UntilPath, over_leaves
+from symcheck.semantics.query import PathProbability, Query, query_of
+from symcheck.semantics.reduction.stop_at_targets import deciding_states, stop_at
+from symcheck.syntax.ast import AnyMeasure, Expression, StateOperator
+from symcheck.syntax.traversal import nodes
+from symcheck.tables import counted
+
+__all__ = ["check_by_truncation", "truncates"]
+
+
+def truncates(formula: Expression, model: BoundModel) -> TypeGuard[AnyMeasure]:
+    """Whether a bound formula can be checked on a part of the states: P of X, or of F, G, U, W or R
+    with an upper bound on steps or time, over conditions without operators, from one initial state.
+    """
+    if not offers(model, Feature.TRUNCATION) or model.initial is not None:
+        return False
+    if not isinstance(formula, AnyMeasure) or any(
+        isinstance(node, StateOperator) for node in nodes(formula) if node is not formula
+    ):
+        return False
+    quantity = query_of(formula, model).quantity
+    if not isinstance(quantity, PathProbability):
+        return False
+    match quantity.path:
+        case UntilPath(window=window):
+            return window.upper is not None
+        case NextPath():
+            return True
+        case _:
+            return False
+
+
+def check_by_truncation(
+    model: BoundModel,
+    formula: AnyMeasure,
+    options: Options,
+    labels: Mapping[str, Expression],
+    observer: Observer | None = None,
+) -> Result:
+    """Check a formula on a region of the states that grows until its value is known well enough.
+
+    Args:
+        model: the model.
+        formula: one for which `truncates` holds.
+        options: the accuracy, and limits.
+        labels: those of the properties file.
+        observer: is told of each iteration of a numerical method, and may raise to end it.
+
+    Raises:
+        ModelFault: the model breaks a rule in a state of the region.
+        NumericalError: a threshold is not decided.
+        UnsupportedError: exact values are asked for.
+        ResourceError: a limit was reached before there were bounds.
+    """
+    if options.exact:
+        raise UnsupportedError(
+            "a part of the states gives bounds, and no exact value",
+            hint="leave out -exact (exact=True) or -truncate (truncate=True)",
+        )
+    started = perf_counter()
+    stop = deciding_states(model, [(formula, labels)])
+    part = _Truncated(
+        model if stop is None else stop_at(model, stop), formula, options, labels, observer
+    )
+    lower, upper = part.bounds()
+    explored = part.explored
+    left = 0 if explored.boundary is None else len(explored.boundary)
+    text = f"{counted(len(explored.states), 'state')} explored, of which {left:,} are not expanded"
+    if not left:
+        text = f"{counted(len(explored.states), 'state')}, which are all that matter"
+    run = SolverRun("graph", "truncation", len(explored.states), part.rounds, text)
+    answer, accuracy = part.answer(lower, upper)
+    width = largest_width(np.array([lower]), np.array([upper]), options.relative)
+    if not isinstance(answer, bool):
+        part.context.warn_if_wide(width, text)
+    log = part.context.log
+    return Result(
+        answer,
+        accuracy,
+        f"value in the initial state; {text}",
+        lines=tuple(log.lines),
+        runs=(run, *log.runs),
+        warnings=tuple(dict.fromkeys(log.warnings)),
+        seconds=perf_counter() - started,
+        engine=part.context.engine,
+    )
+
+
+class _Truncated:
+    """A formula on a region of the states of a model."""
+
+    def __init__(
+        self,
+        model: BoundModel,
+        formula: AnyMeasure,
+        options: Options,
+        labels: Mapping[str, Expression],
+        observer: Observer | None,
+    ) -> None:
+        self._options = replace(options, strategy=False, everywhere=False, bisim=False)
+        self._formula, self._labels, self._observer = formula, labels, observer
+        self._query: Query[Expression] = query_of(formula, model)
+        self._region = Region(model, options)
+        self.rounds = 0
+        self._explore()
+
+    def _explore(self) -> None:
+        self.rounds += 1
+        self.explored = self._region.explored()
+        self.context = Context(
+            erased(ExplicitEngine(self.explored)),
+            self._options,
+            self._labels,
+            log=CheckLog(warnings=list(self.explored.model.warnings)),
+            formula=self._formula,
+            observer=self._observer,
+        )
+
+    def bounds(self) -> tuple[float, float]:
+        """Bounds on the value in the initial state, as close as requested or as can be."""
+        epsilon = self._options.epsilon
+        goal, known = tuning.TRUNCATION_SHARE * epsilon, (0.0, 1.0)
+        while True:
+            flows, is_large = self._flows(), len(self._region) > tuning.TRUNCATION_STATES
+            if flows.sum() <= goal or (is_large and flows.sum() < tuning.TRUNCATION_USELESS):
+                lower, upper = known = self._solved(known)
+                size = upper if self._options.relative else 1.0
+                if upper - lower <= epsilon * size or self._is_decided(lower, upper):
+                    return known
+                if is_large or not len(flows) or goal < tuning.TRUNCATION_LEAST:
+                    return known
+                least = lower if self._options.relative and lower > 0.0 else 1.0
+                goal = min(goal / 10, tuning.TRUNCATION_SHARE * epsilon * least)
+            elif is_large:
+                raise NumericalError(
+                    f"within the bound of the formula, paths leave any "
+                    f"{counted(len(self._region), 'state')} that are explored",
+                    hint="ask for less time, or bound the variables",
+                )
+            try:
+                self._grow(flows, goal)
+            except (MemoryLimitError, MemoryError):
+                if known == (0.0, 1.0):
+                    raise
+                return known
+
+    def _solved(self, known: tuple[float, float]) -> tuple[float, float]:
+        """Bounds by the region, within those that are known."""
+        engine, query = self.context.engine, self._query
+        boundary = engine.from_bools(self._boundary)
+        context = self.context.relevant_at(engine.initial)
+        context = context.with_epsilon(tuning.TRUNCATION_SHARE * self._options.epsilon)
+        quantity = query.over(states_of(context)).quantity
+        assert isinstance(quantity, PathProbability)
+        path = quantity.path
+
+        def without(states: StateSet) -> StateSet:
+            return states - boundary
+
+        def within(states: StateSet) -> StateSet:
+            return states | boundary
+
+        low, high = (within, without) if path.negative else (without, within)
+        found = [
+            probability(context, over_leaves(path, leaf), query.direction) for leaf in (low, high)
+        ]
+        lower = max(known[0], float(found[0].minimum(engine.initial)[0]), 0.0)
+        return lower, min(known[1], float(found[1].maximum(engine.initial)[1]), 1.0)
+
+    @property
+    def _boundary(self) -> Bools:
+        """The states that are not expanded: bool[states]."""
+        members = np.zeros(len(self.explored.states), np.bool_)
+        if self.explored.boundary is not None:
+            members[self.explored.boundary] = True
+        return members
+
+    def _flows(self) -> Floats:
+        """About the probability of entering each state of the boundary within the time that counts:
+        float64[boundary].
+
+        Choices are taken with equal probabilities.
+        """
+        explored, boundary = self.explored, self.explored.boundary
+        if boundary is None or not len(boundary):
+            return np.empty(0)
+        chain = _as_chain(explored.matrix)
+        exits = chain.row_sums()
+        start = np.zeros(chain.states)
+        start[explored.initial] = 1.0 / len(explored.initial)
+        horizon = self._horizon(float(exits.max()))
+        if horizon == 0.0:
+            return np.zeros(len(boundary))
+        flows = [
+            expected_times(chain, exits, horizon, start, shift)[boundary] * shift / horizon
+            for shift in tuning.TRUNCATION_SHIFTS
+        ]
+        return np.asarray(np.minimum.reduce(flows))
+
+    def _horizon(self, rate: float) -> float:
+        quantity = self._query.quantity
+        assert isinstance(quantity, PathProbability)
+        assert isinstance(quantity.path, UntilPath | NextPath)
+        if isinstance(quantity.path, NextPath):
+            return 1.0 / rate
+        assert quantity.path.window.upper is not None
+        return float(quantity.path.window.upper)
+
+    def _grow(self, flows: Floats, goal: float) -> None:
+        """Expand the states of the boundary into which most paths go."""
+        boundary = self.explored.boundary
+        assert boundary is not None
+        order = np.argsort(flows)
+        left = int(np.searchsorted(np.cumsum(flows[order]), max(0.1 * goal, 0.1 * flows.sum())))
+        chosen = boundary[np.sort(order[min(left, len(order) - 1) :])]
+        rows = np.ascontiguousarray(self.explored.states.rows[chosen])
+        self._region.grow(rows)
+        self._explore()
+
+    def _is_decided(self, lower: float, upper: float) -> bool:
+        threshold = self._query.threshold
+        return threshold is not None and threshold.admits(lower) == threshold.admits(upper)
+
+    def answer(self, lower: float, upper: float) -> tuple[Answer, Certified | Exact]:
+        """The value, or the verdict of a threshold. Raises NumericalError: it is not decided."""
+        threshold = self._query.threshold
+        if threshold is None:
+            if lower == upper:
+                return lower, Exact()
+            return lower + (upper - lower) / 2, Certified(lower, upper)
+        if not self._is_decided(lower, upper):
+            raise NumericalError(
+                f"cannot decide whether the value is {threshold.operator.value} "
+                f"{float(threshold.value)!r}: by {counted(len(self.explored.states), 'state')} it "
+                f"lies between {lower!r} and {upper!r}"
+            )
+        return threshold.admits(lower), Exact()
+
+
+def _as_chain(matrix: SparseMatrix) -> SparseMatrix:
+    """The matrix of a chain, or that of an MDP whose choices have equal probabilities."""
+    if matrix.groups is None:
+        return matrix
+    choices = np.diff(matrix.groups)
+    lengths = np.diff(matrix.indptr[matrix.groups])
+    return SparseMatrix(
+        matrix.indptr[matrix.groups],
+        matrix.indices,
+        matrix.data / np.repeat(choices, lengths),
+        matrix.columns,
+    )

@@ -1,0 +1,182 @@
+"""Probabilities with a bound on time or steps, of models with infinitely many states."""
+
+from collections.abc import Callable
+from fractions import Fraction
+from functools import cache
+from math import comb, exp, factorial
+
+import pytest
+
+import symcheck
+from symcheck.check.result import Certified, Exact
+from symcheck.errors import MemoryLimitError, ModelFault, NumericalError
+from symcheck.explicit import tuning
+
+QUEUE = """
+    ctmc
+    module queue
+        jobs : int init 0;
+        [] true -> 3 : (jobs'=jobs+1);
+        [] jobs>0 -> 4 : (jobs'=jobs-1);
+    endmodule
+"""
+ARRIVALS = "ctmc module m n : int init 0; [] true -> 2 : (n'=n+1); endmodule"
+SERVERS = """
+    ctmc
+    module m
+        n : int init 0;
+        [] true -> 3 : (n'=n+1);
+        [] n>0 -> n : (n'=n-1);
+    endmodule
+"""
+WALK = """
+    dtmc
+    module m
+        x : int init 0;
+        [] true -> 0.25 : (x'=x+1) + 0.75 : (x'=x-1);
+    endmodule
+"""
+GAMBLER = """
+    mdp
+    module m
+        money : int init 3;
+        [safe] money>0 -> 0.5 : (money'=money+1) + 0.5 : (money'=money-1);
+        [bold] money>1 -> 0.375 : (money'=money+2) + 0.625 : (money'=money-2);
+    endmodule
+"""
+
+
+def truncated(model: str, formula: str, **options: object) -> symcheck.Result:
+    return symcheck.loads(model, truncate=True, **options).check(formula)
+
+
+def encloses(result: symcheck.Result, value: float, epsilon: float = 1e-6) -> bool:
+    bounds = result.accuracy
+    assert isinstance(bounds, Certified)
+    slack = 1e-12 * value  # of the oracle
+    is_narrow = bounds.upper - bounds.lower <= epsilon * bounds.upper
+    return bounds.lower - slack <= value <= bounds.upper + slack and is_narrow
+
+
+def poisson(mean: float, count: int) -> float:
+    return exp(-mean) * mean**count / factorial(count)
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 40])
+def test_arrivals_are_poisson_distributed(count: int) -> None:
+    result = truncated(ARRIVALS, f"P=? [ F[5,5] n={count} ]")
+    assert encloses(result, poisson(10.0, count))
+
+
+@pytest.mark.parametrize("time", [0.01, 1.0, 30.0])
+def test_customers_of_infinitely_many_servers_are_poisson_distributed(time: float) -> None:
+    result = truncated(SERVERS, f"P=? [ F[{time},{time}] n=2 ]")
+    assert encloses(result, poisson(3 * (1 - exp(-time)), 2))
+
+
+def test_a_queue_has_the_values_of_one_with_much_room() -> None:
+    room = QUEUE.replace("jobs : int", "jobs : [0..400]").replace("true -> 3", "jobs<400 -> 3")
+    for formula in (
+        "P=? [ F<=50 jobs>=25 ]",
+        "P=? [ G[2,3] jobs!=1 ]",
+        "P=? [ jobs<6 U<=9 jobs=6 ]",
+    ):
+        expected = symcheck.loads(room, epsilon=1e-10).check(formula).value
+        assert encloses(truncated(QUEUE, formula), expected), formula
+
+
+@pytest.mark.parametrize("steps", [0, 1, 10, 60])
+def test_a_walk_on_the_integers_is_binomially_distributed(steps: int) -> None:
+    result = truncated(WALK, f"P=? [ F[{steps},{steps}] x=0 ]")
+    up = steps // 2
+    expected = comb(steps, up) * 0.25**up * 0.75 ** (steps - up) if steps % 2 == 0 else 0.0
+    assert result.value == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(("direction", "best"), [("max", max), ("min", min)])
+def test_strategies_know_the_steps_that_are_left(
+    direction: str, best: Callable[[list[Fraction]], Fraction]
+) -> None:
+    steps = 12
+
+    @cache
+    def value(money: int, left: int) -> Fraction:
+        if money >= 8:
+            return Fraction(1)
+        if left == 0 or money == 0:
+            return Fraction(0)
+        half = Fraction(1, 2)
+        choices = [half * value(money + 1, left - 1) + half * value(money - 1, left - 1)]
+        if money > 1:
+            bold = Fraction(3, 8) * value(money + 2, left - 1)
+            choices.append(bold + Fraction(5, 8) * value(money - 2, left - 1))
+        return best(choices)
+
+    result = truncated(GAMBLER, f"P{direction}=? [ F<={steps} money>=8 ]")
+    assert result.value == pytest.approx(float(value(3, steps)), rel=1e-6)
+
+
+def test_small_probabilities_have_relative_accuracy() -> None:
+    result = truncated(ARRIVALS, "P=? [ F[5,5] n=90 ]")
+    assert encloses(result, poisson(10.0, 90))
+    assert result.value < 1e-50
+
+
+def test_only_states_that_paths_reach_in_time_are_explored() -> None:
+    result = truncated(QUEUE, "P=? [ F<=1 jobs>=5 ]")
+    assert result.engine is not None
+    assert result.engine.states == 6  # nothing matters beyond the target
+
+
+def test_thresholds_are_decided_by_bounds() -> None:
+    value = truncated(QUEUE, "P=? [ F<=50 jobs>=25 ]").value
+    assert truncated(QUEUE, f"P>{0.999 * value} [ F<=50 jobs>=25 ]").value is True
+    assert truncated(QUEUE, f"P>={1.001 * value} [ F<=50 jobs>=25 ]").value is False
+
+
+def test_a_threshold_too_close_to_the_value_is_not_decided() -> None:
+    with pytest.raises(NumericalError, match="cannot decide whether"):
+        truncated(ARRIVALS, f"P>{poisson(10.0, 7)!r} [ F[5,5] n=7 ]")
+
+
+def test_the_next_step_needs_a_few_states_only() -> None:
+    result = truncated(QUEUE, "P=? [ X jobs=1 ]")
+    assert (result.value, result.accuracy) == (1.0, Exact())
+
+
+def test_a_fault_counts_where_paths_get_in_time() -> None:
+    faulty = QUEUE.replace("3 :", "(jobs=LIMIT ? -1 : 3) :")
+    near = faulty.replace("LIMIT", "3")
+    with pytest.raises(ModelFault, match="rate"):
+        truncated(near, "P=? [ F<=1 jobs>=5 ]")
+    far = faulty.replace("LIMIT", "1000000")
+    assert encloses(
+        truncated(far, "P=? [ F[1,1] jobs=0 ]"), truncated(QUEUE, "P=? [ F[1,1] jobs=0 ]").value
+    )
+
+
+def test_growing_variables_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tuning, "GROWING_STATES", 2_000)
+    endless = symcheck.loads(QUEUE)
+    assert endless.is_truncated
+    assert endless.growth is not None
+    assert "jobs" in endless.growth.note
+    formula = "P=? [ F<=50 jobs>=25 ]"
+    assert encloses(endless.check(formula), truncated(QUEUE, formula, epsilon=1e-10).value)
+    small = QUEUE.replace("true -> 3", "jobs<900 -> 3")
+    assert not symcheck.loads(small).is_truncated
+    assert not symcheck.loads(QUEUE, exact=True).is_truncated
+
+
+def test_every_state_is_explored_on_demand(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tuning, "GROWING_STATES", 2_000)
+    model = symcheck.loads(QUEUE, truncate=False, max_memory=10_000_000)
+    with pytest.raises(MemoryLimitError, match="memory limit"):
+        model.check("P=? [ F[50,50] jobs=25 ]")
+
+
+def test_other_properties_need_every_state() -> None:
+    model = symcheck.loads(QUEUE, truncate=True, max_memory=10_000_000)
+    with pytest.raises(MemoryLimitError, match="memory limit") as raised:
+        model.check("S=? [ jobs=0 ]")
+    assert "has no bounds" in str(raised.value.note)
