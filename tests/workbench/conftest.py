@@ -79,6 +79,11 @@ class Workbench:
         browser.execute_cdp_cmd("Browser.setDownloadBehavior", where)
         browser.get(address)
         self.until(lambda: "reachable" in self.at("state").text or self.all("#list li"))
+        self.pages_drawn = 0
+        self.run(
+            "window.pagesDrawn = 0; document.addEventListener("
+            "'load', (e) => { window.pagesDrawn += e.target.id === 'drawn' }, true)"
+        )
 
     def size(self, width: int, height: int) -> None:
         size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
@@ -103,19 +108,16 @@ class Workbench:
         return wait.until(lambda _: holds())
 
     def until_drawn(self, holds: Callable[[], object]) -> Any:
-        """Wait until something holds within the page of the graph, which new pages replace."""
-        from selenium.common.exceptions import WebDriverException
+        """Wait until a new page of the graph is there, and something holds within it.
 
-        def holds_within() -> object:
-            self.browser.switch_to.default_content()
-            try:
-                self.browser.switch_to.frame(self.at("drawn"))
-                return holds()
-            except WebDriverException:  # the page was replaced meanwhile
-                return False
-
+        The frame is entered when the page has been loaded: one that the driver enters before stays
+        blank now and then.
+        """
+        self.until(lambda: self.run("return window.pagesDrawn") > self.pages_drawn)
+        self.pages_drawn = self.run("return window.pagesDrawn")
+        self.browser.switch_to.frame(self.at("drawn"))
         try:
-            return self.until(holds_within)
+            return self.until(holds)
         finally:
             self.browser.switch_to.default_content()
 

@@ -411,9 +411,11 @@ function showPath() {
 function draw({ text, page }) {
   at("graph-text").textContent = text ?? "";
   at("graph-text").hidden = !text;
-  at("drawn").hidden = !page;
-  if (page) at("drawn").src = page;
   showTool("graph");
+  const frame = at("drawn").cloneNode(); // a new one: Chromium leaves one blank that was out of sight
+  frame.hidden = !page;
+  if (page) frame.src = page;
+  at("drawn").replaceWith(frame);
 }
 
 async function drawModel() {
