@@ -1,7 +1,7 @@
-"""How often intervals miss the true value: over 500 seeds of each kind, not more often than they say.
+"""How often intervals miss the true value: over 200 seeds of each kind, not more often than they say.
 
-The values are sums and powers written out here. A miss counts one seed, so that a kind with error 0.01 may have 5
-of 500; 16 or more have a probability below 1e-4.
+The values are sums and powers written out here. A miss counts one seed, so that a kind with error 0.01 may have 2
+of 200; 10 or more have a probability below 1e-4.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from symcheck.api.model import Model
 from symcheck.check.result import Exact, Statistical
 from symcheck.errors import NumericalError, SymcheckError, UsageError
 
-SEEDS = 500
-MOST_MISSES = 15
+SEEDS = 200
+MOST_MISSES = 9
 
 
 def branch(p: float | str, reward: str, kind: str = "dtmc") -> Model:
@@ -78,7 +78,7 @@ BINOMIAL = """dtmc module m n:[0..10]; s:[0..10]; [] s<10 -> 0.01:(n'=min(10,n+1
 def test_intervals_miss_as_rarely_as_they_say(
     model: Model, formula: str, value: float, plan: dict[str, object]
 ) -> None:
-    limit = 45 if plan.get("error") == 0.05 else MOST_MISSES  # 25 expected at most
+    limit = 23 if plan.get("error") == 0.05 else MOST_MISSES  # 10 expected at most
     assert misses(model, formula, value, **plan) <= limit
 
 
