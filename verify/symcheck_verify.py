@@ -14,6 +14,7 @@ import re
 import sys
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache, partial
@@ -27,6 +28,15 @@ __all__ = ["Model", "Rejected", "check", "main", "read_model"]
 
 class Rejected(Exception):
     """Something is not proved: the message names the state and the inequality that fails."""
+
+
+@contextmanager
+def _readable(what: str) -> Iterator[None]:
+    try:
+        yield
+    except Exception as error:  # whatever it is, nothing is proved
+        text = f"{what} cannot be read: {error!a:.200}"
+        raise error if isinstance(error, Rejected) else Rejected(text) from error
 
 
 class Row(NamedTuple):
@@ -86,6 +96,7 @@ def number_of(text: Any, *, double: bool = False) -> Fraction:
     return Fraction(float(text)) if double else Fraction(text)
 
 
+@_readable("the model")
 def read_model(path: Path, kind: str, numbers: str, wanted: Collection[str] | None = None) -> Model:
     """The model of FILE.tra; FILE.lab, FILE.srew, FILE1.srew, … beside it are read, too.
 
@@ -455,11 +466,11 @@ _ABOUT = {  # what else a statement has, in alphabetic order, after its measure
 _OPERATORS = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 
 
+@_readable("the certificate")
 def check(model: Model, certificate: Any) -> list[str]:
     """What a certificate proves of a model, as sentences.
 
-    Raises:
-        Rejected: something that it states is not proved.
+    Raises Rejected: something that it states is not proved.
     """
     if differing := sorted(dict(certificate["model"]["sha256"].items() ^ model.digests.items())):
         raise Rejected(f"the certificate is about another model: {', '.join(differing)} differ")
@@ -580,20 +591,19 @@ def main(arguments: list[str] | None = None) -> int:
         print("usage: symcheck-verify MODEL.tra CERTIFICATE", file=sys.stderr)
         return 2
     try:
-        certificate = json.loads(Path(words[1]).read_text(encoding="utf-8"))
-        kind, numbers, digests = (certificate["model"][k] for k in ("type", "numbers", "sha256"))
-        proved = check(read_model(Path(words[0]), kind, numbers, digests.values()), certificate)
-        left_out = ("bounds", "comparison")
-        about = {k: v for k, v in certificate["statement"].items() if k not in left_out}
-        proved += [f"of a {kind} with {numbers} numbers"]
-        proved += [f"(its writer reads this as {certificate['property']!a})"]
-        print("\n  ".join([f"accepted: {json.dumps(about)}", *proved]))
-        return 0
+        with _readable("the model or the certificate"):
+            certificate = json.loads(Path(words[1]).read_text("utf-8"))
+            kind, numbers, digests = map(certificate["model"].get, ("type", "numbers", "sha256"))
+            proved = check(read_model(Path(words[0]), kind, numbers, digests.values()), certificate)
+            left_out = ("bounds", "comparison")
+            about = {k: v for k, v in certificate["statement"].items() if k not in left_out}
+            proved += [f"of a {kind} with {numbers} numbers"]
+            proved += [f"(its writer reads this as {certificate['property']!a})"]
+            print("\n  ".join([f"accepted: {json.dumps(about)}", *proved]))
+            return 0
     except Rejected as error:
         print(f"rejected: {ascii(str(error))[1:-1]}")
-    except Exception as error:  # whatever it is, nothing is proved
-        print(f"rejected: the model or the certificate cannot be read: {error!a:.200}")
-    return 1
+        return 1
 
 
 if __name__ == "__main__":

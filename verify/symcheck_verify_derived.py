@@ -151,8 +151,14 @@ def _poisson(mean: Fraction) -> tuple[int, Bounds, list[Bounds], Fraction]:
 
 # ------------------------------------------------------------------------------------- LTL formulas
 
-_MOST_EDGES = 200_000
-"""Edges of an automaton and a formula up to which their languages are compared."""
+_MOST_EDGES, _MOST_WAYS = 200_000, 2_000
+"""Edges of an automaton and a formula, and combinations of ways to satisfy two formulas, up to
+which languages are compared."""
+
+
+class _TooLarge(Exception):
+    pass
+
 
 Formula = tuple[Any, ...]
 Way = tuple[frozenset[Formula], frozenset[Formula]]  # what has to hold next; what is put off
@@ -184,6 +190,9 @@ def _positive(data: Any, atoms: int, *, negated: bool = False) -> Formula:
 
 def _both(some: Iterable[Way], others: Iterable[Way]) -> frozenset[Way]:
     """The ways to satisfy two formulas; those that demand more than another one are left out."""
+    some, others = {*some}, {*others}
+    if len(some) * len(others) > _MOST_WAYS:
+        raise _TooLarge
     ways = {(a | c, b | d) for a, b in some for c, d in others}
     return frozenset(w for w in ways if not any(o[0] <= w[0] and o[1] <= w[1] for o in ways - {w}))
 
@@ -267,8 +276,9 @@ def same_language(automaton: Automaton, formula: Any, atoms: int) -> bool:
         Rejected: their languages differ.
     """
     for accepted in (True, False):
-        edges = _steps_of_both(automaton, _positive(formula, atoms, negated=accepted))
-        if edges is None:
+        try:
+            edges = _steps_of_both(automaton, _positive(formula, atoms, negated=accepted))
+        except _TooLarge:
             return False
         if _has_word(edges, automaton.pairs, accepted=accepted):
             words = "accepts words that its formula does" if accepted else "rejects words of"
@@ -276,7 +286,7 @@ def same_language(automaton: Automaton, formula: Any, atoms: int) -> bool:
     return True
 
 
-def _steps_of_both(automaton: Automaton, formula: Formula) -> list[Edge] | None:
+def _steps_of_both(automaton: Automaton, formula: Formula) -> list[Edge]:
     start = (0, frozenset({formula}))
     number, todo, edges = {start: 0}, [start], list[Edge]()
     while todo:
@@ -291,8 +301,8 @@ def _steps_of_both(automaton: Automaton, formula: Formula) -> list[Edge] | None:
                     number[target] = len(number)
                     todo.append(target)
                 edges.append(Edge(number[source], number[target], (state, index), put_off))
-        if len(edges) > _MOST_EDGES:
-            return None
+            if len(edges) > _MOST_EDGES:
+                raise _TooLarge
     return edges
 
 
@@ -367,11 +377,19 @@ Pair = tuple[int, Any]
 After = Callable[[int, int, int, Any], Any]  # the memory after a state, a row, and a target
 
 
-def product(model: Model, first: Sequence[Any], after: After) -> tuple[Model, list[Pair]]:
-    """The pairs (state, memory) that are reached from each state with its first memory."""
-    todo: list[Pair] = list(enumerate(first))
+def product(model: Model, evidence: Any, after: After) -> tuple[Model, list[Pair]]:
+    """The pairs (state, memory) that are reached from each state with memory 0.
+
+    They have to be as many as the numbers of the evidence.
+    """
+    most = len(evidence["lower"]["vector"]["numerators"])
+    todo: list[Pair] = [(state, 0) for state in range(model.states)]
     successors: dict[Pair, list[list[Pair]]] = {pair: [] for pair in todo}
     while todo:
+        if len(successors) > most:
+            raise Rejected(
+                f"the vectors have {most} numbers, and there are more states and memories"
+            )
         state, memory = pair = todo.pop()
         rows = successors[pair] = []
         for index in model.rows_of(state):
@@ -450,7 +468,7 @@ def linear_time(model: Model, about: Any, evidence: Any, notes: list[str]) -> Pr
     def after(state: int, _row: int, _target: int, memory: int) -> int:
         return automaton.table[memory][letters[state]]
 
-    inner, pairs = product(model, [0] * model.states, after)
+    inner, pairs = product(model, evidence, after)
     right = _accepted(inner, [(q, letters[s]) for s, q in pairs], automaton.pairs)
     entry = {s: i for i, (s, q) in enumerate(pairs) if q == 0}
     return _until(inner, evidence, about["optimum"], range(inner.states), right, entry)
@@ -514,7 +532,7 @@ def within_rewards(model: Model, about: Any, evidence: Any, reward: Reward) -> P
         earned = memory + of_state.get(state, 0) + of_step.get((row, target), 0)
         return min(earned, least) if most is None else earned if earned <= most else -1
 
-    inner, pairs = product(model, [0] * model.states, after)
+    inner, pairs = product(model, evidence, after)
     through = {i for i, (s, earned) in enumerate(pairs) if s in left and earned >= 0}
     ends = {i for i, (s, earned) in enumerate(pairs) if s in right and earned >= least}
     entry = {s: i for i, (s, earned) in enumerate(pairs) if earned == 0}

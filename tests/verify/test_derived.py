@@ -203,6 +203,17 @@ def test_a_large_automaton_is_trusted_and_said_to_be(
     assert any("is trusted" in line for line in proved(recurrent[0], "dtmc", recurrent[1]))
 
 
+def test_formulas_with_too_many_ways_are_not_compared() -> None:
+    """Each of forty alternatives doubles the ways to satisfy all of them."""
+    formula: object = True
+    for distance in range(1, 41):
+        near: object = 0
+        for _ in range(distance):
+            near = ["X", near]
+        formula = ["and", formula, ["or", near, ["X", ["not", near]]]]
+    assert same(INFINITELY_OFTEN, ["not", formula]) is False
+
+
 def test_the_least_probability_is_not_that_of_reaching_accepted_components(tmp_path: Path) -> None:
     """A strategy may leave an accepting component again: the negation has to be maximised."""
     path = written(tmp_path, {"tra": "2 3 3\n0 0 0 1\n0 1 1 1\n1 0 1 1\n", "srew": "2 0\n"})
@@ -290,7 +301,7 @@ def test_a_reward_bound_counts_what_is_earned_before(tmp_path: Path) -> None:
     low, high = (str(end) for end in proof.bounds[0])
     given["statement"]["bounds"]["0"] = [low, high]
     assert proved(path, "dtmc", given)
-    for most in ("5", "9", "-1"):
+    for most in ("5", "9", "-1", "1e12"):  # the last one has a memory of 1e12 numbers
         given["statement"]["most"] = most
         with pytest.raises(Rejected):
             proved(path, "dtmc", given)

