@@ -24,7 +24,7 @@ module queue
 endmodule
 """
 ENDLESS = "ctmc module m x : [0..100000000]; [] x<100000000 -> 1:(x'=x+1); endmodule"
-PROPERTY = "P=? [ F<=1 count=3 ]"
+PROPERTY = "P=? [ F count=3 ]"
 
 
 @pytest.mark.parametrize("options", [{"engine": "auto"}, {"engine": "explicit"}, {"exact": True}])
