@@ -391,6 +391,27 @@ class Options:
         "Whether probabilities have to sum to 1.",
         _switch("noprobchecks", "accept probabilities that do not sum to 1", False),
     )
+    warn_unsatisfiable: bool = _option(
+        True,
+        _FLAG,
+        "model",
+        "Warn of guards and labels that hold for no values of their variables.",
+        _switch("nowarnunsatisfiable", "no warnings of guards and labels that never hold", False),
+    )
+    warn_blocked: bool = _option(
+        True,
+        _FLAG,
+        "model",
+        "Warn of actions on which modules never agree.",
+        _switch("nowarnblocked", "no warnings of actions that never happen", False),
+    )
+    warn_overlaps: bool = _option(
+        True,
+        _FLAG,
+        "model",
+        "Warn of commands of a DTMC that are enabled in the same state.",
+        _switch("nowarnoverlaps", "no warnings of commands of a DTMC that overlap", False),
+    )
     reduce: bool = _option(
         False,
         _FLAG,
@@ -503,6 +524,9 @@ class OptionValues(TypedDict, total=False):
     ltl2da_syntax: AutomatonSyntax
     fix_deadlocks: bool
     check_sums: bool
+    warn_unsatisfiable: bool
+    warn_blocked: bool
+    warn_overlaps: bool
     reduce: bool
     stop_at_targets: bool
     symmetry: bool | None

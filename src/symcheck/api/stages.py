@@ -11,6 +11,7 @@ from symcheck.api.arguments import takes_options
 from symcheck.constant_values import GivenConstants, constant_values
 from symcheck.engines import registry
 from symcheck.engines.base import Engine
+from symcheck.errors import Diagnostic
 from symcheck.lazy_dataclass import dataclass
 from symcheck.options import Options, OptionValues, make_options
 from symcheck.semantics.binding.bind import bind, check_constant_names, undefined_constants
@@ -151,6 +152,25 @@ class Stages:
         from symcheck.api.timed import displayed_model
 
         return displayed_model(bound)
+
+    @cached_property
+    def warnings(self) -> tuple[Diagnostic, ...]:
+        """What was perhaps not meant: guards and labels that never hold, and actions that never
+        happen. Raises InputError.
+        """
+        from symcheck.semantics.model_warnings import model_warnings
+
+        return tuple(model_warnings(self.bound, self.options))
+
+    @cached_property
+    def overlaps(self) -> tuple[Diagnostic, ...]:
+        """Commands of a DTMC that are enabled in the same state, each with an example.
+
+        Raises ModelFault, UnsupportedError, ResourceError.
+        """
+        from symcheck.engines.overlapping_commands import overlapping_commands
+
+        return tuple(overlapping_commands(self.engine)) if self.options.warn_overlaps else ()
 
     def within_limits(self, compute: Callable[[], T]) -> T:
         """What a function returns within `time_limit`, with `threads`, and with its large arrays

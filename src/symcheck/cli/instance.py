@@ -163,6 +163,7 @@ def _bound_model(state: RunState, model: Model) -> Model:
     elif options.symmetry is None and options.engine == "auto" and not options.bisim:
         model = model.with_options(symmetry=True)
     state.output.model(model.bound, {n: str(v) for n, v in model.given_constants.items()})
+    state.output.warn_of_model(model.warnings)
     return model
 
 
@@ -195,6 +196,7 @@ def _build(state: RunState, model: Model, watch: Progress) -> None:
     state.build_seconds = perf_counter() - started
     partial = model.smaller is not None and model.smaller.partial
     state.output.built(engine, watch.choice, state.build_seconds, partial=partial)
+    state.output.warn_of_model(model.overlaps)
     if state.options.symmetry and not state.arguments.needs_model:
         reason = _why_no_symmetry(model)
         if reason is not None:

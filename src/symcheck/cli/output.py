@@ -13,7 +13,7 @@ from symcheck.check.testing.property_tests import PropertyTests
 from symcheck.engines.base import Engine
 from symcheck.engines.capabilities import RepresentsOrbits
 from symcheck.engines.selection import EngineChoice
-from symcheck.errors import InputError, OutputError, SymcheckError
+from symcheck.errors import Diagnostic, InputError, OutputError, SymcheckError
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel, Value
 from symcheck.semantics.state_faults import describe_state
@@ -100,6 +100,16 @@ class Output:
             if warning not in self.of_models:
                 self.of_models.add(warning)
                 self.warn(warning)
+        self.out.flush()
+
+    def warn_of_model(self, found: Iterable[Diagnostic]) -> None:
+        """Warnings about places of a model, each once."""
+        for diagnostic in found:
+            place = str(diagnostic.span)
+            if place not in self.of_models:
+                self.of_models.add(place)
+                hint = f" ({diagnostic.hint})" if diagnostic.hint else ""
+                self.warn(f"{place}: {diagnostic.message}{hint}")
         self.out.flush()
 
     def built(

@@ -14,11 +14,13 @@ from typing import NamedTuple
 from symcheck.errors import Diagnostic, InputError, SymcheckError
 from symcheck.lsp.symbols import QUOTED, Kind, Names, Occurrence, Symbol, names_of
 from symcheck.lsp.words import Word, comments, keywords, words
+from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.binding.bind_model import undefined_constants
 from symcheck.semantics.binding.bind_properties import bind_properties
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.model_warnings import model_warnings
 from symcheck.syntax.ast import MEASURE_WORDS, TYPE_WORDS
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.grammars import load
@@ -114,7 +116,12 @@ class Document:
             return None, list(error.diagnostics)
         except SymcheckError as error:
             return None, [Diagnostic(str(error))]
-        return bound, [Diagnostic(text, severity="warning") for text in bound.warnings if not given]
+        if given:
+            return bound, []
+        return bound, [
+            *(Diagnostic(text, severity="warning") for text in bound.warnings),
+            *model_warnings(bound, Options()),
+        ]
 
     def _faults_of_properties(self, file: PropertiesFile) -> list[Diagnostic]:
         if self.model is None or self.model.bound is None:

@@ -1,0 +1,136 @@
+"""What a beginner may not have meant: conditions that never hold, and actions that never happen.
+
+Only what the ranges of the variables show is reported: no value within them makes the condition
+true. Conditions that constants switch off are meant, and conditions over very many valuations are
+not looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from math import inf, prod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symcheck.errors import Diagnostic, Span
+from symcheck.options import Options
+from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
+from symcheck.semantics.model import BoundModel, Event, Variable
+from symcheck.syntax.ast import Binary, Expression
+from symcheck.syntax.operators import Operator
+from symcheck.syntax.traversal import names
+
+__all__ = ["model_warnings"]
+
+_VALUATIONS = 1 << 14
+"""The most valuations that are looked at for a condition."""
+_ALL_VALUATIONS = 1 << 20
+"""Likewise for all conditions of a model."""
+
+
+def model_warnings(model: BoundModel, options: Options) -> list[Diagnostic]:
+    """Guards and labels that no values of the variables satisfy, and actions on which modules never
+    agree.
+
+    Args:
+        model: the model; nothing is reported of timed automata, whose clocks have no range.
+        options: which warnings are wanted.
+
+    Examples:
+        >>> import symcheck
+        >>> model = symcheck.loads("dtmc module m x : [0..3]; [] x=5 -> (x'=0); endmodule")
+        >>> print(model_warnings(model.bound, symcheck.Options())[0].message)
+        the guard holds for no values of its variables: x is in [0..3]
+    """
+    if model.type.has_clocks or model.clocks is not None:
+        return []
+    search = _Search({v.name: v for v in model.variables})
+    found: dict[Span, Diagnostic] = {}
+    if options.warn_unsatisfiable:
+        guards = [("guard", c.guard) for m in model.modules for c in m.commands]
+        labels = [(f'label "{name}"', e) for name, e in model.labels.items()]
+        for what, condition in (*guards, *labels):
+            if names(condition) and not search.may_hold([[condition]]):
+                ranges = search.ranges(condition)
+                text = f"the {what} holds for no values of its variables: {ranges}"
+                found[condition.span] = _warning(text, condition.span, "unsatisfiable")
+    if options.warn_blocked:
+        actions: dict[str, list[Event]] = {}
+        for event in model.events:
+            if event.action is not None:
+                actions.setdefault(event.action, []).append(event)
+        for action, events in actions.items():
+            if all(_is_blocked(event, search) for event in events):
+                guards_of = [p[0].guard for p in events[0].participants]
+                parts = " and ".join(
+                    dict.fromkeys(model.modules[p[0].module].name for p in events[0].participants)
+                )
+                text = f"[{action}] never happens: {parts} never enable it at once"
+                found[guards_of[-1].span] = _warning(text, guards_of[-1].span, "blocked-action")
+    return list(found.values())
+
+
+def _warning(message: str, span: Span, code: str) -> Diagnostic:
+    return Diagnostic(message, span, code, severity="warning")
+
+
+def _is_blocked(event: Event, search: _Search) -> bool:
+    """Whether modules never agree on an event that each of them may take."""
+    guards = [[c.guard for c in commands] for commands in event.participants]
+    return (
+        len(guards) > 1
+        and all(search.may_hold([of_one]) for of_one in guards)
+        and not search.may_hold(guards)
+    )
+
+
+class _Search:
+    def __init__(self, variables: Mapping[str, Variable]) -> None:
+        self._variables = variables
+        self._budget = _ALL_VALUATIONS
+
+    def may_hold(self, conditions: Sequence[Sequence[Expression]]) -> bool:
+        """Whether some values satisfy one of each alternatives, or that is not known."""
+        everything = [c for alternatives in conditions for c in alternatives]
+        if any(not names(part) for c in everything for part in _conjuncts(c)):
+            return True  # a constant may switch it off
+        read = set().union(*map(names, everything))
+        ordered = [name for name in self._variables if name in read]
+        domains = [self._variables[name].domain for name in ordered]
+        size = prod(inf if d is None else len(d) for d in domains)
+        if size > min(_VALUATIONS, self._budget):
+            return True
+        self._budget -= int(size)
+        mesh = np.meshgrid(*(np.asarray(d) for d in domains), indexing="ij")
+        columns = dict(zip(ordered, (axis.reshape(-1) for axis in mesh), strict=True))
+        holds = np.ones(int(size), np.bool_)
+        for alternatives in conditions:
+            holds &= np.logical_or.reduce([_holds(c, columns, int(size)) for c in alternatives])
+        return bool(holds.any())
+
+    def ranges(self, condition: Expression) -> str:
+        """The ranges of the variables of a condition."""
+        read = names(condition)
+        parts = []
+        for name, variable in self._variables.items():
+            if name in read and variable.low is not None:
+                parts.append(f"{name} is in [{variable.low}..{variable.high}]")
+            elif name in read:
+                parts.append(f"{name} is false or true")
+        return ", ".join(parts)
+
+
+def _holds(condition: Expression, columns: Mapping[str, Column], size: int) -> NDArray[np.bool_]:
+    """Where a condition holds, or has no value, which is another fault."""
+    lanes = evaluate_columns(condition, columns).spread((size,))
+    holds = lanes.values.astype(np.bool_)
+    return holds if lanes.faults is None else holds | lanes.faults
+
+
+def _conjuncts(condition: Expression) -> Iterator[Expression]:
+    if isinstance(condition, Binary) and condition.operator is Operator.AND:
+        yield from _conjuncts(condition.left)
+        yield from _conjuncts(condition.right)
+    else:
+        yield condition
