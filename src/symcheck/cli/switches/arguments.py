@@ -35,6 +35,7 @@ Examples:
   symcheck die.pm die.pctl                         check every property of the file
   symcheck die.pm -pf 'P=? [ F d=6 ]'              check one property
   symcheck compare die.pm die.pctl -with storm     compare the answers with those of Storm
+  symcheck workbench die.pm die.pctl               edit, check and draw the model in the browser
   symcheck -batch suite.txt -timeout 60            run each line of a file, 60 s at most for each
   symcheck crowds.pm crowds.pctl -const TotalRuns=3:6,CrowdSize=10 -exportresults table.csv
 
@@ -175,8 +176,9 @@ def make_parser() -> SwitchParser:
     parser = SwitchParser(
         prog="symcheck",
         usage="symcheck MODEL [PROPERTIES] [switches]",
-        description="Checks probabilistic models (DTMC, CTMC, MDP in the PRISM language or JANI) "
-        "against PCTL, CSL and LTL properties.",
+        description="Checks probabilistic models (Markov chains, decision processes, Markov and "
+        "timed automata, games and hidden states, in the PRISM language or JANI) against PCTL, CSL "
+        "and LTL properties.",
         epilog=HELP_EPILOGUE,
         formatter_class=HelpFormatter,
         add_help=False,
