@@ -115,3 +115,11 @@ def test_the_command_line_shows_each_once(
     assert out.count(f"Warning: {file}:5:4: in state (x=1), this command and an earlier one") == 1
     main([str(file), "-nowarnunsatisfiable", "-nowarnoverlaps", "-nowarnblocked"])
     assert "Warning" not in capsys.readouterr().out
+
+
+def test_labels_that_are_lists_of_states_are_not_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    main([str(MODELS / "queue/queue.sm"), "-exportmodel", "out.all", "-pf", "true"])
+    assert symcheck.load_explicit("out.all").warnings == ()

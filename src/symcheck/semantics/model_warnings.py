@@ -96,6 +96,8 @@ class _Search:
         if any(not names(part) for c in everything for part in _conjuncts(c)):
             return True  # a constant may switch it off
         read = set().union(*map(names, everything))
+        if not read <= self._variables.keys():
+            return True  # a label of a model in files, which is a list of states
         ordered = [name for name in self._variables if name in read]
         domains = [self._variables[name].domain for name in ordered]
         size = prod(inf if d is None else len(d) for d in domains)
