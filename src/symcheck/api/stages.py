@@ -108,8 +108,8 @@ class Stages:
         needs_all = options.exact or options.strategy or options.everywhere or options.bisim
         if needs_all or options.fairness or options.engine not in ("auto", "explicit"):
             return None
-        if "engine" in vars(self):  # it is built, and so it has an end
-            return None
+        if "engine" in vars(self) or all(v.domain is not None for v in bound.variables):
+            return None  # it has an end
         if not offers(bound, Feature.TRUNCATION) or bound.initial is not None or bound.builder:
             return None
         from symcheck.explicit.region import early_growth

@@ -56,6 +56,6 @@ FIRST_REGION_STATES, REGION_GROWTH = 1_000, 0.6
 """States of the first region of a model without end; and by how much of its states it grows at a
 time."""
 
-GROWING_STATES, GROWING_SHARE = 1_000_000, 0.1
+GROWING_STATES, GROWING_SHARE = 250_000, 0.1
 """States from which on a model is explored in regions, if a variable without bounds takes new
 values in the last share of them."""
