@@ -8,6 +8,8 @@ from math import comb, exp, factorial
 import pytest
 
 import symcheck
+from symcheck.check import truncation
+from symcheck.check.context import Context
 from symcheck.check.result import Certified, Exact
 from symcheck.errors import MemoryLimitError, ModelFault, NumericalError
 from symcheck.explicit import tuning
@@ -137,6 +139,21 @@ def test_thresholds_are_decided_by_bounds() -> None:
 def test_a_threshold_too_close_to_the_value_is_not_decided() -> None:
     with pytest.raises(NumericalError, match="cannot decide whether"):
         truncated(ARRIVALS, f"P>{poisson(10.0, 7)!r} [ F[5,5] n=7 ]")
+
+
+def test_what_is_not_solved_ends_with_wide_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A larger region would not make them closer."""
+    solved = []
+
+    def roughly(context: Context, *_: object) -> object:
+        solved.append(context.engine.states)
+        return context.engine.constant(0.25, 0.75)
+
+    monkeypatch.setattr(truncation, "probability", roughly)
+    result = truncated(QUEUE, "P=? [ F[2,2] jobs=1 ]")
+    assert result.bounds == (0.25, 0.75)
+    assert len(solved) == 2
+    assert result.warnings
 
 
 def test_the_next_step_needs_a_few_states_only() -> None:

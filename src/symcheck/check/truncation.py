@@ -140,6 +140,7 @@ class _Truncated:
         self._query: Query[Expression] = query_of(formula, model)
         self._region = Region(model, options)
         self.rounds = 0
+        self._unsure = 0.0  # the greater width of the bounds of the two finite models
         self._explore()
 
     def _explore(self) -> None:
@@ -164,6 +165,8 @@ class _Truncated:
                 lower, upper = known = self._solved(known)
                 size = upper if self._options.relative else 1.0
                 if upper - lower <= epsilon * size or self._is_decided(lower, upper):
+                    return known
+                if self._unsure > epsilon * size:  # more states do not help
                     return known
                 if is_large or not len(flows) or goal < tuning.TRUNCATION_LEAST:
                     return known
@@ -202,8 +205,12 @@ class _Truncated:
         found = [
             probability(context, over_leaves(path, leaf), query.direction) for leaf in (low, high)
         ]
-        lower = max(known[0], float(found[0].minimum(engine.initial)[0]), 0.0)
-        return lower, min(known[1], float(found[1].maximum(engine.initial)[1]), 1.0)
+        (least, below), (above, most) = (
+            (float(values.minimum(engine.initial)[0]), float(values.maximum(engine.initial)[1]))
+            for values in found
+        )
+        self._unsure = max(below - least, most - above)
+        return max(known[0], least, 0.0), min(known[1], most, 1.0)
 
     @property
     def _boundary(self) -> Bools:
