@@ -13,7 +13,7 @@ from fractions import Fraction
 from symcheck.check import tuning
 from symcheck.check.context import Context
 from symcheck.engines.base import Engine, StateSet, Values
-from symcheck.errors import NumericalError, SymcheckError
+from symcheck.errors import NumericalError, SymcheckError, UnsupportedError
 from symcheck.numerics import rational_limits
 
 __all__ = ["by_rationals", "decide"]
@@ -50,8 +50,9 @@ def decide(
     for epsilon in (options.epsilon, *tighter):
         try:
             values = compute(context.with_epsilon(epsilon))
-        except NumericalError as error:
-            # The method does not reach this accuracy: rational arithmetic may still decide.
+        except (NumericalError, UnsupportedError) as error:
+            # The method does not reach this accuracy, or what it adds up for it is beyond doubles:
+            # rational arithmetic may still decide.
             failure = error
             break
         if context.engine.model.parameters:  # each comparison of functions is a condition

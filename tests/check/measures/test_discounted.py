@@ -178,3 +178,29 @@ def test_a_ctmc_has_none():
 def test_simulation_refuses_them():
     with pytest.raises(UnsupportedError, match="without sampling"):
         symcheck.loads(FLIP).estimate("R=? [ C discount=0.5 ]")
+
+
+@pytest.mark.parametrize("engine", ["explicit", "sparse", "hybrid", "mtbdd"])
+def test_a_threshold_beyond_the_accuracy_of_large_rewards_is_decided_by_rationals(
+    engine: str,
+) -> None:
+    """Closer bounds of 4.6e19, a sum of rewards of both signs, need numbers beyond doubles."""
+    model = symcheck.loads(
+        """dtmc module m
+          s : [0..5];
+          [] s=0 -> 1e-300 : (s'=5) + 1/7 : (s'=2) + 1-1/7-1e-300 : (s'=3);
+          [] s=1 -> (s'=5);
+          [] s=2 -> 0.3 : (s'=4) + 1e-17 : (s'=5) + 1-0.3-1e-17 : (s'=3);
+          [] s=3 -> 1-1e-9-0.5 : (s'=0) + 1e-9 : (s'=2) + 0.5 : (s'=3);
+          [] s=4 -> 1e-200 : (s'=0) + 1-1e-200 : (s'=1);
+          [] s=5 -> 0.25 : (s'=1) + 1e-12 : (s'=0) + 1-0.25-1e-12 : (s'=1);
+        endmodule
+        rewards "r"
+          s=0 : -1e10; s=1 : 1e17; s=2 : -1e17; s=4 : 1e-200; s=5 : -1e16;
+          [] s=1 : 1; [] s=5 : 1e16;
+        endrewards""",
+        engine=engine,
+    )
+    formula = 'R{"r"}>4.633405197417123e+19 [ C discount=0.999 ]'
+    expected = model.with_options(engine="explicit", exact=True).check(formula).value
+    assert model.check(formula).value is expected
