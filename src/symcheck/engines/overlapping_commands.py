@@ -9,8 +9,9 @@ from symcheck.semantics.state_faults import describe_state
 
 __all__ = ["overlapping_commands"]
 
-_STATES = 100_000
-"""States up to which commands are looked at."""
+_STATES, _RATIONAL_STATES = 100_000, 1_000
+"""States up to which commands are looked at: some hundredths of a second, or tenths by rationals,
+which decide a guard state by state."""
 
 
 def overlapping_commands(engine: Engine) -> list[Diagnostic]:
@@ -26,7 +27,8 @@ def overlapping_commands(engine: Engine) -> list[Diagnostic]:
         in state (x=2), this command and an earlier one are enabled: a fair coin decides
     """
     model = engine.model
-    if model.type.has_choices or model.type.continuous_time or engine.states > _STATES:
+    most = _RATIONAL_STATES if engine.is_rational else _STATES
+    if model.type.has_choices or model.type.continuous_time or engine.states > most:
         return []
     found = []
     for module in model.modules:

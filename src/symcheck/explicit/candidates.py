@@ -19,19 +19,12 @@ from symcheck.explicit import tuning
 from symcheck.matrices.rows import Bools
 from symcheck.semantics.expressions.vectorised import evaluate_columns
 from symcheck.semantics.model import Variable
-from symcheck.syntax.ast import Binary, Expression
-from symcheck.syntax.traversal import names
+from symcheck.syntax.ast import Expression
+from symcheck.syntax.traversal import conjuncts, names
 
-__all__ = ["Forest", "Masks", "all_of", "any_of", "conjuncts", "guard_masks"]
+__all__ = ["Forest", "Masks", "all_of", "any_of", "guard_masks"]
 
 Masks = Mapping[int, Bools]
-
-
-def conjuncts(guard: Expression) -> list[Expression]:
-    """The operands of a conjunction, in order."""
-    if isinstance(guard, Binary) and guard.operator == "&":
-        return [*conjuncts(guard.left), *conjuncts(guard.right)]
-    return [guard]
 
 
 def guard_masks(

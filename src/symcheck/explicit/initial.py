@@ -14,7 +14,7 @@ import numpy as np
 
 from symcheck.errors import InputError, ModelFault
 from symcheck.explicit import tuning
-from symcheck.explicit.candidates import conjuncts, guard_masks
+from symcheck.explicit.candidates import guard_masks
 from symcheck.explicit.states import Rows, StateLayout
 from symcheck.matrices.rows import Bools
 from symcheck.semantics.expressions.evaluate import evaluate
@@ -23,7 +23,7 @@ from symcheck.semantics.model import BoundModel, Variable
 from symcheck.semantics.state_faults import at_state, describe_state, no_initial_state
 from symcheck.syntax.ast import Binary, Expression, Literal, Name, Type
 from symcheck.syntax.operators import Operator
-from symcheck.syntax.traversal import names
+from symcheck.syntax.traversal import conjuncts, names
 
 __all__ = ["initial_rows", "initial_states"]
 
@@ -79,7 +79,7 @@ class _Enumeration:
 
     def __init__(self, model: BoundModel, condition: Expression) -> None:
         self._model, self._condition = model, condition
-        parts = conjuncts(condition)
+        parts = list(conjuncts(condition))
         index = {v.name: i for i, v in enumerate(model.variables)}
         allowed = guard_masks(condition, model.variables, index)
         self.domains = {

@@ -30,8 +30,6 @@ def early_growth(model: BoundModel, options: Options) -> Growth | None:
     """
     layout = StateLayout.of(model.variables)
     reached = ReachedValues(layout)
-    if not reached.notes_any:
-        return None
     explorer = Explorer(compile_model(model, layout, check_sums=options.check_sums))
     explorer.add(initial_rows(model, layout))
     earlier: dict[int, tuple[int, int]] = {}

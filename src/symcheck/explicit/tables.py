@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from symcheck.explicit import tuning
 from symcheck.explicit.assembler import Assembler, Register, is_constant
-from symcheck.explicit.candidates import Forest, Masks, all_of, any_of, conjuncts, guard_masks
+from symcheck.explicit.candidates import Forest, Masks, all_of, any_of, guard_masks
 from symcheck.explicit.code_generation import CodeGenerator
 from symcheck.explicit.decider import Decider
 from symcheck.explicit.states import StateLayout
@@ -22,6 +22,7 @@ from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, Boun
 from symcheck.semantics.state_faults import sum_tolerance
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Name, Type
 from symcheck.syntax.operators import Operator
+from symcheck.syntax.traversal import conjuncts
 
 __all__ = ["CompiledModel", "compile_model"]
 

@@ -65,11 +65,6 @@ class ReachedValues:
         self._unbounded = [i for i, v in enumerate(layout.variables) if v.low is None]
         self._noted = 0
 
-    @property
-    def notes_any(self) -> bool:
-        """Whether there are variables without bounds."""
-        return bool(self._unbounded)
-
     def note(self, rows: Rows) -> None:
         """Take note of the packed states that were not there before."""
         if not self._unbounded:

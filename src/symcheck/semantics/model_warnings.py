@@ -7,19 +7,18 @@ not looked at.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from math import inf, prod
+from collections.abc import Mapping, Sequence
+from math import prod
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.errors import Diagnostic, Span
 from symcheck.options import Options
-from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
+from symcheck.semantics.expressions.vectorised import Column, evaluate_columns, open_mesh
 from symcheck.semantics.model import BoundModel, Event, Variable
-from symcheck.syntax.ast import Binary, Expression
-from symcheck.syntax.operators import Operator
-from symcheck.syntax.traversal import names
+from symcheck.syntax.ast import Expression
+from symcheck.syntax.traversal import conjuncts, names
 
 __all__ = ["model_warnings"]
 
@@ -93,22 +92,20 @@ class _Search:
     def may_hold(self, conditions: Sequence[Sequence[Expression]]) -> bool:
         """Whether some values satisfy one of each alternatives, or that is not known."""
         everything = [c for alternatives in conditions for c in alternatives]
-        if any(not names(part) for c in everything for part in _conjuncts(c)):
+        if any(not names(part) for c in everything for part in conjuncts(c)):
             return True  # a constant may switch it off
         read = set().union(*map(names, everything))
         if not read <= self._variables.keys():
             return True  # a label of a model in files, which is a list of states
-        ordered = [name for name in self._variables if name in read]
-        domains = [self._variables[name].domain for name in ordered]
-        size = prod(inf if d is None else len(d) for d in domains)
-        if size > min(_VALUATIONS, self._budget):
+        domains = {n: v.domain for n, v in self._variables.items() if n in read}
+        mesh = open_mesh(domains, min(_VALUATIONS, self._budget))
+        if mesh is None:
             return True
-        self._budget -= int(size)
-        mesh = np.meshgrid(*(np.asarray(d) for d in domains), indexing="ij")
-        columns = dict(zip(ordered, (axis.reshape(-1) for axis in mesh), strict=True))
-        holds = np.ones(int(size), np.bool_)
+        columns, shape = mesh
+        self._budget -= prod(shape)
+        holds = np.ones(prod(shape), np.bool_)
         for alternatives in conditions:
-            holds &= np.logical_or.reduce([_holds(c, columns, int(size)) for c in alternatives])
+            holds &= np.logical_or.reduce([_holds(c, columns, shape) for c in alternatives])
         return bool(holds.any())
 
     def ranges(self, condition: Expression) -> str:
@@ -123,16 +120,10 @@ class _Search:
         return ", ".join(parts)
 
 
-def _holds(condition: Expression, columns: Mapping[str, Column], size: int) -> NDArray[np.bool_]:
+def _holds(
+    condition: Expression, columns: Mapping[str, Column], shape: tuple[int, ...]
+) -> NDArray[np.bool_]:
     """Where a condition holds, or has no value, which is another fault."""
-    lanes = evaluate_columns(condition, columns).spread((size,))
+    lanes = evaluate_columns(condition, columns).spread(shape)
     holds = lanes.values.astype(np.bool_)
     return holds if lanes.faults is None else holds | lanes.faults
-
-
-def _conjuncts(condition: Expression) -> Iterator[Expression]:
-    if isinstance(condition, Binary) and condition.operator is Operator.AND:
-        yield from _conjuncts(condition.left)
-        yield from _conjuncts(condition.right)
-    else:
-        yield condition

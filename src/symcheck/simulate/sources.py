@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, prod
 from typing import Protocol, assert_never
 
 import numpy as np
@@ -20,7 +19,7 @@ from symcheck.explicit.states import Rows, StateLayout
 from symcheck.explicit.successors import SuccessorGenerator, Successors
 from symcheck.matrices.rows import Bools, Floats, Int64s, spans, starts_of
 from symcheck.options import Options
-from symcheck.semantics.expressions.vectorised import evaluate_columns
+from symcheck.semantics.expressions.vectorised import evaluate_columns, open_mesh
 from symcheck.semantics.model import BoundModel, BoundReward
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time, reward_items
 from symcheck.semantics.state_faults import describe_state
@@ -232,12 +231,11 @@ def _item_range(item: BoundReward, model: BoundModel) -> Range:
     """Bounds on what one item gives, which is 0 where its guard is false."""
     read = names(item.guard) | names(item.value)
     domains = {v.name: v.domain for v in model.variables if v.name in read}
-    sizes = [inf if domain is None else len(domain) for domain in domains.values()]
-    if prod(sizes) > tuning.MAX_REWARD_VALUATIONS:
+    mesh = open_mesh(domains, tuning.MAX_REWARD_VALUATIONS)
+    if mesh is None:
         return UNKNOWN
-    mesh = np.meshgrid(*map(np.asarray, domains.values()), indexing="ij")
-    columns = {name: column.reshape(-1) for name, column in zip(domains, mesh, strict=True)}
-    guard, value = evaluate_columns(item.guard, columns), evaluate_columns(item.value, columns)
+    columns, shape = mesh
+    guard, value = (evaluate_columns(e, columns).spread(shape) for e in (item.guard, item.value))
     earned = np.where(guard.values, value.numbers(), 0.0)
     if guard.faults is not None or not np.isfinite(earned).all():
         return UNKNOWN

@@ -21,10 +21,12 @@ from symcheck.syntax.ast import (
     StateOperator,
 )
 from symcheck.syntax.declarations import Composition
+from symcheck.syntax.operators import Operator
 
 __all__ = [
     "Tree",
     "children",
+    "conjuncts",
     "names",
     "nodes",
     "operands",
@@ -64,6 +66,17 @@ def children(node: Tree) -> tuple[Tree, ...]:
 def operands(expression: Expression) -> tuple[Expression, ...]:
     """The expressions directly below, in the order of their fields."""
     return tuple(part for part in children(expression) if isinstance(part, Expression))
+
+
+def conjuncts(condition: Expression) -> Iterator[Expression]:
+    """The conditions that a conjunction requires, in order."""
+    stack = [condition]
+    while stack:
+        part = stack.pop()
+        if isinstance(part, Binary) and part.operator is Operator.AND:
+            stack += (part.right, part.left)
+        else:
+            yield part
 
 
 def with_children(node: Tree, parts: tuple[Tree, ...]) -> Tree:

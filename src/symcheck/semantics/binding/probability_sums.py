@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from symcheck.errors import InputError
 from symcheck.semantics.expressions.evaluate import evaluate, evaluate_closely
 from symcheck.semantics.expressions.literals import to_float
-from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
+from symcheck.semantics.expressions.vectorised import Column, evaluate_columns, open_mesh
 from symcheck.semantics.model import (
     BoundCommand,
     BoundModel,
@@ -39,7 +39,7 @@ from symcheck.semantics.state_faults import (
 )
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Type
 from symcheck.syntax.operators import Operator
-from symcheck.syntax.traversal import names
+from symcheck.syntax.traversal import conjuncts, names
 
 __all__ = ["normalised_at", "normalised_modules"]
 
@@ -169,29 +169,30 @@ class _Search:
         Where the guard reads too many variables, its conditions on those of the probabilities
         remain.
         """
-        conditions = list(_conjuncts(guard))
+        conditions = list(conjuncts(guard))
         chosen = read | names(guard)
         if self._size(chosen) > _VALUATIONS:
             chosen = read
             conditions = [c for c in conditions if names(c) <= read]
-        size = self._size(chosen)
-        ordered = [name for name in self.variables if name in chosen]
-        if size > min(_VALUATIONS, self.budget):
+        mesh = open_mesh(
+            {n: v.domain for n, v in self.variables.items() if n in chosen},
+            min(_VALUATIONS, self.budget),
+        )
+        if mesh is None:
             return None
-        self.budget -= int(size)
-        domains = [np.asarray(self.variables[name].domain) for name in ordered]
-        mesh = list(np.meshgrid(*domains, indexing="ij"))
-        columns = dict(zip(ordered, (axis.reshape(-1) for axis in mesh), strict=True))
-        shape = (int(size),)
-        holds = np.ones(int(size), np.bool_)
+        axes, shape = mesh
+        size = prod(shape)
+        self.budget -= size
+        columns = {n: np.broadcast_to(axis, shape).reshape(-1) for n, axis in axes.items()}
+        holds = np.ones(size, np.bool_)
         for condition in conditions:
-            lanes = evaluate_columns(condition, columns).spread(shape)
+            lanes = evaluate_columns(condition, axes).spread(shape)
             holds &= lanes.values.astype(np.bool_)
             if lanes.faults is not None:
                 holds &= ~lanes.faults
-        total = np.zeros(int(size))
+        total = np.zeros(size)
         for p in probabilities:
-            lanes = evaluate_columns(p, columns).spread(shape)
+            lanes = evaluate_columns(p, axes).spread(shape)
             with np.errstate(all="ignore"):
                 total += lanes.numbers()
         return columns, total, holds
@@ -259,11 +260,3 @@ def _rational_sum(
     except InputError:
         return None
     return None if isinstance(value, float) else 1 + Fraction(value)
-
-
-def _conjuncts(condition: Expression) -> Iterator[Expression]:
-    if isinstance(condition, Binary) and condition.operator is Operator.AND:
-        yield from _conjuncts(condition.left)
-        yield from _conjuncts(condition.right)
-    else:
-        yield condition

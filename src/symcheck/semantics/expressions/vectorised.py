@@ -16,8 +16,9 @@ decide a comparison or a rounding to an int are left to the scalar evaluator.
 from __future__ import annotations
 
 import operator as op
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
+from math import prod
 from typing import Any, NamedTuple, assert_never
 
 import numpy as np
@@ -66,7 +67,7 @@ from symcheck.syntax.operators import (
 )
 from symcheck.syntax.traversal import names
 
-__all__ = ["Column", "Lanes", "evaluate_columns"]
+__all__ = ["Column", "Lanes", "evaluate_columns", "open_mesh"]
 
 Column = NDArray[Any]
 """Values of one expression in many states: bool, int64 or float64 by its type."""
@@ -101,6 +102,27 @@ class Lanes(NamedTuple):
         )
         assert values is not None
         return Lanes(values, faults, errors)
+
+
+def open_mesh(
+    domains: Mapping[str, Sequence[bool | int] | None], most: float
+) -> tuple[dict[str, Column], tuple[int, ...]] | None:
+    """All valuations of variables, as columns with one axis per variable, and the shape of these
+    together; None if they are more than `most`, which infinitely many are.
+
+    Args:
+        domains: the values of each variable; None: it has no bounds.
+        most: the most valuations.
+    """
+    shape = []
+    for domain in domains.values():
+        if domain is None:
+            return None
+        shape.append(len(domain))
+    if prod(shape) > most:
+        return None
+    mesh = np.meshgrid(*map(np.asarray, domains.values()), indexing="ij", sparse=True)
+    return dict(zip(domains, mesh, strict=True)), tuple(shape)
 
 
 def evaluate_columns(expression: Expression, columns: Mapping[str, Column]) -> Lanes:

@@ -19,11 +19,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
-from math import isfinite, prod
+from math import isfinite
 
 import numpy as np
 
-from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
+from symcheck.semantics.expressions.vectorised import evaluate_columns, open_mesh
 from symcheck.semantics.model import (
     BoundCommand,
     BoundModel,
@@ -151,12 +151,11 @@ def _are_enabled(
     """
     read = set().union(*map(names, guards))
     domains = {v.name: v.domain for v in variables if v.name in read}
-    sizes = [0 if d is None else len(d) for d in domains.values()]
-    if not 0 < prod(sizes) <= tuning.MAX_CONE_VALUATIONS:
+    mesh = open_mesh(domains, tuning.MAX_CONE_VALUATIONS)
+    if mesh is None:
         return False
-    mesh = np.meshgrid(*map(np.asarray, domains.values()), indexing="ij", sparse=True)
-    columns: dict[str, Column] = dict(zip(domains, mesh, strict=True))
-    lanes = [evaluate_columns(guard, columns).spread(tuple(sizes)) for guard in guards]
+    columns, shape = mesh
+    lanes = [evaluate_columns(guard, columns).spread(shape) for guard in guards]
     if any(lane.faults is not None for lane in lanes):
         return False
     enabled = np.sum([lane.values for lane in lanes], axis=0)

@@ -17,12 +17,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from functools import reduce as fold
-from math import factorial, prod
+from math import factorial
 
 import numpy as np
 
 from symcheck.lazy_dataclass import dataclass
-from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
+from symcheck.semantics.expressions.vectorised import evaluate_columns, open_mesh
 from symcheck.semantics.features import Feature, offers
 from symcheck.semantics.model import (
     BoundCommand,
@@ -431,11 +431,10 @@ class _NormalForms:
         read = sorted(names(a) | names(b))
         if any(n not in self.variables for n in read):
             return False
-        domains = [self.variables[n].domain for n in read]
-        sizes = [0 if d is None else len(d) for d in domains]
-        if not 0 < prod(sizes) <= tuning.MAX_SYMMETRY_VALUATIONS:
+        domains = {n: self.variables[n].domain for n in read}
+        mesh = open_mesh(domains, tuning.MAX_SYMMETRY_VALUATIONS)
+        if mesh is None:
             return False
-        mesh = np.meshgrid(*map(np.asarray, domains), indexing="ij", sparse=True)
-        columns: dict[str, Column] = dict(zip(read, mesh, strict=True))
-        one, other = (evaluate_columns(e, columns).spread(tuple(sizes)) for e in (a, b))
+        columns, shape = mesh
+        one, other = (evaluate_columns(e, columns).spread(shape) for e in (a, b))
         return bool(np.array_equal(one.numbers(), other.numbers(), equal_nan=True))
