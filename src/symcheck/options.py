@@ -31,6 +31,7 @@ __all__ = [
     "read_count",
     "read_fraction",
     "read_number",
+    "read_options",
     "read_seconds",
 ]
 
@@ -563,6 +564,28 @@ def make_options(values: Mapping[str, object], base: Options = _DEFAULT) -> Opti
     if "engine" in values and "exact" not in values:
         values = {**values, "exact": values["engine"] == "exact"}
     return replace(base, **cast("OptionValues", values))
+
+
+def read_options(texts: Mapping[str, str]) -> dict[str, object]:
+    """The values of options that are given as texts, such as {"epsilon": "1e-9"}.
+
+    Raises:
+        UsageError: an option is unknown, or a text is no value of it.
+    """
+    known = {option.name: option for option in OPTIONS}
+    result: dict[str, object] = {}
+    for name, text in texts.items():
+        option = known.get(name)
+        if option is None:
+            make_options({name: text})  # raises the error
+            continue
+        truths = {"true": True, "false": False}
+        try:
+            is_truth = text.lower() in truths and option.values in (_FLAG, _FLAG_OR_NONE)
+            result[name] = truths[text.lower()] if is_truth else option.values.read(text)
+        except ValueError as error:
+            raise UsageError(f"{name}: {error}") from None
+    return result
 
 
 def _wrong_value(option: Option, value: object) -> str:

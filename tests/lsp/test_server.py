@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import sys
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from shutil import copytree
@@ -200,5 +201,123 @@ def test_navigation_renaming_outline_formatting_and_colours(folder: Path) -> Non
             lsp.ReferenceParams(lsp.ReferenceContext(True), document, position)
         )
         assert [use.range.start.line for use in uses or []] == [4, 9, 12, 26]
+
+    run(story)
+
+
+def test_jupyterlab_finds_the_server() -> None:
+    from importlib.metadata import entry_points
+
+    (entry,) = [e for e in entry_points(group="jupyter_lsp_spec_v1") if e.name == "symcheck-lsp"]
+    (found,) = entry.load()(None).values()
+    assert found["version"] == 2
+    assert found["argv"][0] == sys.executable
+
+    async def story() -> None:
+        editor = Editor()
+        await editor.start_io(*found["argv"])
+        answer = await editor.initialize_async(lsp.InitializeParams(lsp.ClientCapabilities()))
+        assert answer.capabilities.hover_provider
+        await editor.shutdown_async(None)
+        editor.exit(None)
+        await editor.stop()
+
+    asyncio.run(story())
+
+
+def edited(text: str, edits: Sequence[lsp.TextEdit | lsp.AnnotatedTextEdit]) -> str:
+    """A text of ASCII after edits."""
+    starts = [0]
+    for line in text.splitlines(keepends=True):
+        starts.append(starts[-1] + len(line))
+    for edit in sorted(edits, key=lambda e: (-e.range.start.line, -e.range.start.character)):
+        start, end = edit.range.start, edit.range.end
+        first, last = starts[start.line] + start.character, starts[end.line] + end.character
+        text = text[:first] + edit.new_text + text[last:]
+    return text
+
+
+@pytest.mark.parametrize(
+    ("model", "properties", "variable"),
+    [
+        ("die/die.pm", "die/die.pctl", "d"),
+        ("modelling/printer.pm", "modelling/printer.pctl", "state"),
+        ("modelling/office.sm", "modelling/office.csl", "queue"),
+    ],
+)
+def test_every_capability_on_a_model(
+    model: str, properties: str, variable: str, tmp_path: Path
+) -> None:
+    path, asked = tmp_path / Path(model).name, tmp_path / Path(properties).name
+    good, queries = ((MODELS / n).read_text(encoding="utf-8") for n in (model, properties))
+    path.write_text(good, encoding="utf-8")
+    asked.write_text(queries, encoding="utf-8")
+    declared, used = place(path, f"{variable} : ["), place(path, f"({variable}'=", 1)
+
+    async def story(editor: Editor) -> None:
+        document, questions = editor.open(path, "prism"), editor.open(asked, "prism-properties")
+        both = (document.uri, questions.uri)
+        await editor.until(lambda: all(editor.said.get(uri) == [] for uri in both))
+        shown = await editor.text_document_hover_async(lsp.HoverParams(document, used))
+        assert shown is not None
+        assert variable in shown.contents.value
+        found = await editor.text_document_definition_async(lsp.DefinitionParams(document, used))
+        assert isinstance(found, lsp.Location)
+        assert found.range.start == declared
+        uses = await editor.text_document_references_async(
+            lsp.ReferenceParams(lsp.ReferenceContext(True), document, used)
+        )
+        assert len(uses or []) >= 3
+        outline = await editor.text_document_document_symbol_async(
+            lsp.DocumentSymbolParams(document)
+        )
+        inner = [c.name for s in outline or [] for c in getattr(s, "children", None) or []]
+        assert variable in inner
+        tokens = await editor.text_document_semantic_tokens_full_async(
+            lsp.SemanticTokensParams(document)
+        )
+        assert tokens is not None
+        assert len(tokens.data) >= 5 * len(uses or [])
+        items = await editor.text_document_completion_async(
+            lsp.CompletionParams(questions, lsp.Position(0, 0))
+        )
+        assert items
+        words = items if isinstance(items, list) else items.items
+        assert {"P=? [ ", variable} <= {item.label for item in words}
+        wanted = lsp.CodeLensParams(questions)
+        lenses = await editor.text_document_code_lens_async(wanted) or []
+        command = lenses[0].command
+        assert command is not None
+        answer = await editor.workspace_execute_command_async(
+            lsp.ExecuteCommandParams(command.command, arguments=command.arguments)
+        )
+        lenses = await editor.text_document_code_lens_async(wanted) or []
+        assert lenses[0].command is not None
+        assert lenses[0].command.title == answer != "check"
+        # A missing semicolon, and the fix that puts it in.
+        editor.change(document, re.sub(rf"(\b{variable} : \[[^;]*);", r"\1", good), 2)
+        await editor.until(lambda: bool(editor.said[document.uri]))
+        (fault,) = editor.said[document.uri]
+        fixes = await editor.text_document_code_action_async(
+            lsp.CodeActionParams(document, fault.range, lsp.CodeActionContext([fault]))
+        )
+        assert "Insert ';'" in [fix.title for fix in fixes or []]
+        # Renamed and formatted texts have no faults; formatting again changes nothing.
+        editor.change(document, good, 3)
+        await editor.until(lambda: editor.said[document.uri] == [])
+        renamed = await editor.text_document_rename_async(
+            lsp.RenameParams(document, used, "renamed")
+        )
+        assert renamed is not None
+        assert renamed.changes is not None
+        text = edited(good, renamed.changes[document.uri])
+        assert len(renamed.changes[document.uri]) >= len(uses or []) - queries.count(variable)
+        editor.change(questions, edited(queries, renamed.changes.get(questions.uri, [])), 2)
+        editor.change(document, text, 4)
+        await editor.until(lambda: all(editor.said[uri] == [] for uri in both))
+        asking = lsp.DocumentFormattingParams(document, lsp.FormattingOptions(2, True))
+        text = edited(text, await editor.text_document_formatting_async(asking) or [])
+        editor.change(document, text, 5)
+        assert not await editor.text_document_formatting_async(asking)
 
     run(story)

@@ -11,7 +11,7 @@ import numpy as np
 from symcheck.check.counterexample import Counterexample
 from symcheck.check.result import Result
 from symcheck.engines.base import Engine, erased
-from symcheck.errors import UsageError
+from symcheck.errors import UnsupportedError, UsageError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Bools, Int64s
 from symcheck.view.choice_graph import (
@@ -29,7 +29,7 @@ from symcheck.view.picture import Edge, Emphasis, Kind, Node, Picture
 if TYPE_CHECKING:
     from symcheck.engines.explicit.strategy import Strategy
 
-__all__ = ["draw_states", "state_graph"]
+__all__ = ["draw_states", "neighbourhood", "state_graph"]
 
 _COLOURS = ("#fbe3a2", "#f6c6bd", "#c9e4c5", "#d9cdec", "#bfe3ea", "#e6d3b8")
 _NAMED = 40
@@ -38,6 +38,8 @@ _MOST_TRANSITIONS = 4000
 """Transitions that are drawn: Graphviz takes seconds for more, and lines cover each other."""
 _MANY_VARIABLES = 6
 """With more variables than this, those with one value in all drawn states are in the legend."""
+_MOST_LISTED = 200_000
+"""States of a model of which a neighbourhood is drawn: their valuations are listed."""
 PathTransition = tuple[int, int, str | None]
 _WIDE = 9
 """Layers with more states than this are drawn as columns: labels are wider than high."""
@@ -113,6 +115,42 @@ def state_graph(
         names=names,
         title=title,
     )
+
+
+def neighbourhood(
+    model: Source, around: States, *, max_states: int = 120, radius: int = 3
+) -> tuple[Picture, int]:
+    """The states near some states, as many as can be read.
+
+    Args:
+        model: a model, an explored model or an engine.
+        around: the states in the middle, which are drawn in green.
+        max_states: the most states that are drawn.
+        radius: the largest distance, in steps forward or backward.
+
+    Returns:
+        The picture, and the distance up to which states are drawn.
+
+    Raises:
+        UnsupportedError: the model has more than 200 000 states, or those in the middle are too
+            many.
+    """
+    engine = engine_of(model)
+    if engine.states > _MOST_LISTED:
+        raise UnsupportedError(
+            f"{engine.states:,} states are too many for a picture of some of them"
+        )
+    while True:
+        try:
+            drawn = state_graph(
+                engine, around=around, marked=around, radius=radius, max_states=max_states
+            )
+        except UnsupportedError:
+            if radius == 0:
+                raise
+            radius -= 1
+        else:
+            return drawn, radius
 
 
 def _part(

@@ -10,6 +10,7 @@ from time import perf_counter
 from typing import Any
 
 from symcheck.api.model import Model
+from symcheck.api.progress import Reporter
 from symcheck.check.counterexample import Counterexample
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result, show_value
@@ -17,18 +18,17 @@ from symcheck.engines.base import erased
 from symcheck.errors import InputError, SymcheckError, UnsupportedError, UsageError
 from symcheck.experiments.rows import Row, constant_text, error_text
 from symcheck.experiments.run import Progress, experiment
-from symcheck.options import OPTIONS, Option, make_options
+from symcheck.options import OPTIONS, Option, make_options, read_options
 from symcheck.page.document import document
 from symcheck.semantics.binding.bind import split_constants
 from symcheck.semantics.expressions.literals import format_value
-from symcheck.semantics.interpreter import State
-from symcheck.simulate.path import PathStep
+from symcheck.simulate.snapshot import snapshot
 from symcheck.simulate.stepper import Simulator
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_properties
 from symcheck.view.choice_graph import ChoiceGraph
 from symcheck.view.picture import Picture
-from symcheck.view.states import state_graph
+from symcheck.view.states import neighbourhood, state_graph
 from symcheck.workbench.language import faults
 
 __all__ = ["EXPORTS", "JOBS", "done", "shown_options"]
@@ -42,14 +42,10 @@ EXPORTS = ("tra", "sta", "lab", "srew", "trew", "pexp", "dot", "drn", "jani")
 
 _WITHOUT_FIELD = ("strategy", "everywhere", "regions", "lifting", "ltl2da_syntax")
 """Options that a job sets itself, or that need one without a field."""
-_PAUSE = 0.1
-"""Seconds between two messages on progress."""
 _MOST_STEPS = 10_000
 """Steps of a path that are taken at once."""
 _DRAWN = 120
 """States of a neighbourhood that are drawn; Graphviz takes a second."""
-_MOST_GRAPH_STATES = 200_000
-"""States of a model of which a neighbourhood is drawn: their valuations are listed."""
 
 
 def shown_options() -> list[Option]:
@@ -59,23 +55,6 @@ def shown_options() -> list[Option]:
     return [o for o in shown if o.name not in _WITHOUT_FIELD]
 
 
-class _Reporter:
-    """Tells the progress of building and solving, some times a second."""
-
-    def __init__(self) -> None:
-        self.say: Say = lambda _: None
-        self._told = 0.0
-
-    def __call__(self, event: object) -> None:
-        if perf_counter() - self._told > _PAUSE:
-            self._told = perf_counter()
-            self.say({"progress": str(event).splitlines()[0]})
-
-    def iteration(self, event: Any) -> None:
-        """An iteration of a numerical method."""
-        self(f"{event.method}: iteration {event.iteration:,}, {event.states:,} states")
-
-
 class _Session:
     """What is kept between jobs: the last model, and the path of the simulator."""
 
@@ -83,7 +62,8 @@ class _Session:
         self._key: object = None
         self._model: Model | None = None
         self.simulator: Simulator | None = None
-        self.reporter = _Reporter()
+        self.say: Say = lambda _: None
+        self.reporter = Reporter(lambda _: None)
 
     def model(self, job: Job, **more: object) -> tuple[Model, PropertiesFile, dict[str, str]]:
         """The model of a job with its options, its properties, and the constants of these."""
@@ -108,18 +88,11 @@ _SESSION = _Session()
 
 
 def _options(texts: Mapping[str, str]) -> dict[str, object]:
-    known = {o.name: o for o in shown_options()}
-    result: dict[str, object] = {}
-    for name, text in texts.items():
-        option = known.get(name)
-        if option is None:
+    known = {o.name for o in shown_options()}
+    for name in texts:
+        if name not in known:
             raise UsageError(f"there is no option '{name}'")
-        try:
-            is_truth = isinstance(option.default, bool)
-            result[name] = text == "true" if is_truth else option.values.read(text)
-        except ValueError as error:
-            raise UsageError(f"{name}: {error}") from None
-    return result
+    return read_options(texts)
 
 
 def _checked(job: Job, **more: object) -> tuple[Model, Result]:
@@ -188,7 +161,7 @@ def _experiment(job: Job) -> Answer:
     only = None if job["property"] is None else [_number(file, job["property"])]
 
     def tell(event: Progress) -> None:
-        _SESSION.reporter.say({"progress": str(event), "rows": [_row(r) for r in event.rows]})
+        _SESSION.say({"progress": str(event), "rows": [_row(r) for r in event.rows]})
 
     found = experiment(model, file, ranges or None, only=only, progress=tell)
     return {"varying": list(found.varying), "csv": _saved(found.save, "results.csv")}
@@ -223,25 +196,10 @@ def _page(job: Job) -> Answer:
 
 def _graph(job: Job) -> Answer:
     """The states near those that satisfy a formula, with the path of the simulator."""
-    model, _, _ = _SESSION.model(job, engine="explicit")
-    states = model.engine.states
-    if states > _MOST_GRAPH_STATES:
-        raise UnsupportedError(f"{states:,} states are too many for a picture of some of them")
-    return {"html": _near(model, job["around"])}
-
-
-def _near(model: Model, around: str, radius: int = 3) -> str:
-    """The picture of the largest neighbourhood that can be read."""
-    try:
-        drawn = state_graph(
-            model, around=around, marked=around, radius=radius, max_states=_DRAWN, title="states"
-        )
-    except UnsupportedError:
-        if radius == 0:
-            raise
-        return _near(model, around, radius - 1)
+    model, around = _SESSION.model(job, engine="explicit")[0], job["around"]
+    drawn, radius = neighbourhood(model, around)
     note = f"The states that are at most {radius} steps from these, which are green: {around}"
-    return _picture("Neighbourhood", note, drawn)
+    return {"html": _picture("Neighbourhood", note, drawn)}
 
 
 def _picture(name: str, note: str, drawn: Picture) -> str:
@@ -307,7 +265,7 @@ def _start(job: Job) -> Answer:
     model = _SESSION.model(job)[0]
     seed = job.get("seed")
     _SESSION.simulator = model.simulator(int(seed) if seed else None)
-    return {**_now(0), "seed": _SESSION.simulator.seed}
+    return {**snapshot(_SESSION.simulator), "seed": _SESSION.simulator.seed}
 
 
 def _move(job: Job) -> Answer:
@@ -329,54 +287,13 @@ def _move(job: Job) -> Answer:
             simulator.restart()
         case other:
             raise UsageError(f"there is no move '{other}'")
-    return _now(known + 1)
+    return snapshot(simulator, known + 1)
 
 
 def _simulator() -> Simulator:
     if _SESSION.simulator is None:
         raise UsageError("there is no path any more", hint="start a new one")
     return _SESSION.simulator
-
-
-def _now(known: int) -> Answer:
-    """The rows of the path from `known`, its length, and what is enabled in the last state."""
-    simulator = _simulator()
-    path = simulator.path
-    names = [r.name or str(i) for i, r in enumerate(path.model.rewards, 1)]
-    return {
-        "length": len(path.steps),
-        "rows": [_step(s) for s in path.steps[known:]],
-        "variables": path.variables,
-        "rewards": names,
-        "labels": simulator.labels,
-        "totals": simulator.total_rewards,
-        "state": " & ".join(f"{n}={format_value(v)}" for n, v in simulator.state.items()),
-        "choices": [
-            {
-                "action": c.action or "",
-                "module": c.module or "",
-                "text": c.text,
-                "branches": [
-                    [format_value(b.probability), _changes(simulator.state, b.state)]
-                    for b in c.branches
-                ],
-            }
-            for c in simulator.choices
-        ],
-    }
-
-
-def _changes(before: Mapping[str, bool | int], after: State) -> str:
-    changed = [
-        f"{name}={format_value(new)}"
-        for (name, old), new in zip(before.items(), after, strict=True)
-        if new != old
-    ]
-    return ", ".join(changed) or "no change"
-
-
-def _step(step: PathStep) -> list[Any]:
-    return [step.transition, step.time, list(step.state), list(step.rewards), list(step.earned)]
 
 
 JOBS: Mapping[str, Callable[[Job], Answer]] = {
@@ -396,7 +313,8 @@ JOBS: Mapping[str, Callable[[Job], Answer]] = {
 
 def done(job: Job, say: Say) -> Answer:
     """Do a job: its `result`, or an `error` with the faults of the texts."""
-    _SESSION.reporter.say = say
+    _SESSION.reporter.say = lambda text: say({"progress": text})
+    _SESSION.say = say
     try:
         return {"result": JOBS[job["do"]](job)}
     except SymcheckError as error:

@@ -1,0 +1,220 @@
+"""The cells `%%prism`, which holds a model, and `%%pctl`, which holds properties of one."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from html import escape
+from typing import overload
+
+from IPython.core.interactiveshell import InteractiveShell
+from IPython.core.magic_arguments import MagicArgumentParser
+from IPython.display import HTML, DisplayHandle, display
+
+from symcheck.api.model import Model
+from symcheck.api.progress import Reporter
+from symcheck.check.property_instance import PropertyInstance
+from symcheck.check.result import Result, show_value
+from symcheck.constant_values import constant_values
+from symcheck.errors import SymcheckError, UnsupportedError, UsageError
+from symcheck.experiments.run import experiment
+from symcheck.experiments.table import Experiment
+from symcheck.lsp.answers import Document
+from symcheck.options import make_options, read_options
+from symcheck.semantics.binding.bind import undefined_constants
+from symcheck.semantics.expressions.literals import format_value
+from symcheck.syntax.parse import parse_model, parse_properties
+from symcheck.tables import Table, counted
+
+__all__ = ["Cells", "Results"]
+
+_COLOURS = {
+    "comment": ("comment", "#6a737d"),
+    "keyword": ("keyword", "#007020"),
+    "number": ("number", "#a35200"),
+    "function": ("builtin", "#06287e"),
+    "variable": ("variable", "#00496b"),
+    "string": ("string", "#a31515"),
+}
+"""A colour of JupyterLab's theme for a kind of word, and one for where there is no theme."""
+
+
+class _CellError(Exception):
+    """What is wrong in a cell. It is shown as it is, without the lines of Python behind it."""
+
+    def _render_traceback_(self) -> list[str]:
+        return str(self).splitlines()
+
+
+@contextmanager
+def _shown_errors() -> Iterator[None]:
+    try:
+        yield
+    except SymcheckError as error:
+        raise _CellError(str(error)) from None
+
+
+class Results(Sequence[Result]):
+    """The results of the properties of a cell, in order. It draws itself as a table."""
+
+    def __init__(self, texts: Sequence[str], results: Sequence[Result]) -> None:
+        self._texts, self._results = tuple(texts), tuple(results)
+
+    @overload
+    def __getitem__(self, index: int) -> Result: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Result, ...]: ...
+    def __getitem__(self, index: int | slice) -> Result | tuple[Result, ...]:
+        return self._results[index]
+
+    def __len__(self) -> int:
+        return len(self._results)
+
+    def _table(self) -> Table:
+        rows = [
+            (text, show_value(r.value), str(r.accuracy), _bounds(r), f"{r.seconds:.3g} s")
+            for text, r in zip(self._texts, self._results, strict=True)
+        ]
+        notes = [note for r in self._results for note in (*r.warnings, *r.notes)]
+        head = ("property", "value", "accuracy", "bounds", "time")
+        return Table.of(head, rows, "\n".join(dict.fromkeys(notes)))
+
+    def __repr__(self) -> str:
+        return str(self._table())
+
+    def _repr_html_(self) -> str:
+        return self._table()._repr_html_()
+
+
+def _bounds(result: Result) -> str:
+    try:
+        low, high = result.bounds
+    except (TypeError, UnsupportedError):
+        return ""
+    return "" if low == high else f"[{format_value(low)}, {format_value(high)}]"
+
+
+class Cells:
+    """The two kinds of cells, in a shell whose variables hold the models."""
+
+    def __init__(self, shell: InteractiveShell) -> None:
+        self._shell = shell
+        self._arguments = {name: _arguments(name) for name in ("prism", "pctl")}
+        for name, cell in (("prism", self.prism), ("pctl", self.pctl)):
+            shell.register_magic_function(cell, "cell", name)
+
+    def prism(self, line: str, cell: str) -> None:
+        """Read a model from the cell: `%%prism NAME [CONSTANTS] [-o OPTION=VALUE]…`.
+
+        NAME is the variable that takes the model, CONSTANTS are such as N=3,p=0.5, and options are
+        those of symcheck.Options. The text is shown in colours.
+        """
+        asked = self._arguments["prism"].parse_argstring(line)
+        text = "\n" + cell  # lines are counted as in the cell, whose first one is the magic
+        with _shown_errors():
+            program = parse_model(text, asked.name)
+            options = make_options(_options(asked))
+            model = Model(program, constant_values(asked.constants), options).checked()
+            document = Document(asked.name, text, "prism")
+            given = model.given_constants
+            missing = [c.name for c in undefined_constants(program) if c.name not in given]
+            about = "" if missing else f"{asked.name}: {model.type.value}"
+            warnings = [] if missing else [str(w) for w in model.warnings]
+        self._shell.user_ns[asked.name] = model
+        about = about or f"{asked.name}, with open constants: {', '.join(missing)}"
+        display(HTML(_model_html(about, document, warnings)))
+
+    def pctl(self, line: str, cell: str) -> Results | Experiment | None:
+        """Check the properties of the cell: `%%pctl NAME [CONSTANTS] [-r RESULTS] [-o …]…`.
+
+        NAME is the variable of the model, and RESULTS one that takes the results. Ranges of
+        constants, as in N=1:10, make a table. Options are those of symcheck.Options.
+        """
+        asked = self._arguments["pctl"].parse_argstring(line)
+        with _shown_errors():
+            model = self._shell.user_ns.get(asked.name)
+            if not isinstance(model, Model):
+                raise UsageError(f"{asked.name} is no model", hint="%%prism NAME makes one")
+            found = _checked(model, asked, cell)
+        if asked.results:
+            self._shell.user_ns[asked.results] = found
+        return found
+
+
+def _arguments(name: str) -> MagicArgumentParser:
+    parser = MagicArgumentParser(f"%%{name}")
+    parser.add_argument("name")
+    parser.add_argument("constants", nargs="?", default="")
+    parser.add_argument("-o", "--option", action="append", default=[], metavar="NAME=VALUE")
+    if name == "pctl":
+        parser.add_argument("-r", "--results", metavar="NAME")
+    return parser
+
+
+def _options(asked: Namespace) -> dict[str, object]:
+    given = dict(text.partition("=")[::2] for text in asked.option)
+    return read_options(given)
+
+
+def _checked(model: Model, asked: Namespace, cell: str) -> Results | Experiment:
+    """The results of a cell, with a line of progress above them while they are computed."""
+    file = parse_properties("\n" + cell, f"properties of {asked.name}")
+    line = DisplayHandle()
+    line.display(HTML(""))
+    reporter = Reporter(lambda text: line.update(HTML(f"<em>{escape(text)}</em>")))
+    if options := _options(asked):
+        model = model.with_options(**options)  # type: ignore[arg-type]
+    model = replace(model, observer=reporter)
+    texts: list[str] = []
+    results: list[Result] = []
+    try:
+        if ":" in asked.constants:
+            return experiment(model, file, asked.constants, progress=reporter)
+        values = {n: (v,) for n, v in constant_values(asked.constants).items()}
+        instances = model.instances(file, values, range(len(file.properties)))
+        prepared = model.prepared_for(instances)
+        for number, instance in enumerate(instances, 1):
+            reporter.say(f"{number} of {len(instances)}: {_text(instance)}")
+            results.append(prepared.check(instance, reporter.iteration))
+            texts.append(_text(instance))
+    except (SymcheckError, KeyboardInterrupt) as error:
+        if results:
+            display(Results(texts, results))  # what is finished is kept
+        if isinstance(error, SymcheckError):
+            raise
+        raise UsageError(f"interrupted after {counted(len(results), 'property')}") from None
+    finally:
+        line.update(HTML(""))
+    return Results(texts, results)
+
+
+def _text(instance: PropertyInstance) -> str:
+    name = instance.file.properties[instance.index].name
+    return f'"{name}": {instance.text}' if name else instance.text
+
+
+# ------------------------------------------------------------------------------------------- HTML
+
+
+def _model_html(about: str, document: Document, warnings: Sequence[str]) -> str:
+    """A line about a model, its warnings, and its text to be unfolded."""
+    told = "".join(f"<pre>{escape(warning)}</pre>" for warning in warnings)
+    style = "margin:0.3em 0;line-height:1.3"
+    return (
+        f"<details><summary>{escape(about)}</summary>"
+        f'<pre style="{style}">{_coloured(document)}</pre></details>{told}'
+    )
+
+
+def _coloured(document: Document) -> str:
+    """The text of a document as HTML."""
+    text, pieces, at = document.text, [], 0
+    for start, end, kind in document.colours():
+        name, plain = _COLOURS.get(kind, ("variable", "#00496b"))
+        colour = f"var(--jp-mirror-editor-{name}-color, {plain})"
+        word = escape(text[start:end])
+        pieces += [escape(text[at:start]), f'<span style="color:{colour}">{word}</span>']
+        at = end
+    return "".join([*pieces, escape(text[at:])]).strip("\n")

@@ -1,0 +1,128 @@
+"""Cells with models and properties, as a notebook runs them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "notebooks.md"
+WALK = """dtmc
+const int N;
+module m // <a> walk
+  x : [0..N] init 1;
+  [] x>0 & x<N -> 0.5 : (x'=x-1) + 0.5 : (x'=x+1);
+  [] x=0 | x=N -> true;
+endmodule
+label "won" = x=N;"""
+
+
+def ran(*sources: str) -> list[list[Any]]:
+    """What the cells of a notebook show, after the line that loads the extension."""
+    cells = [nbformat.v4.new_code_cell(s) for s in ("%load_ext symcheck.notebook", *sources)]
+    notebook = nbformat.v4.new_notebook(cells=cells)
+    NotebookClient(notebook, timeout=120, allow_errors=True).execute()
+    return [cell.outputs for cell in notebook.cells[1:]]
+
+
+def error_of(outputs: list[Any]) -> str:
+    (fault,) = [o for o in outputs if o.output_type == "error"]
+    return "\n".join(fault.traceback)
+
+
+def html(outputs: list[Any]) -> str:
+    return "".join(o.data.get("text/html", "") for o in outputs if "data" in o)
+
+
+def test_a_model_and_its_properties() -> None:
+    model, checked, value, table = ran(
+        f"%%prism walk N=3\n{WALK}",
+        '%%pctl walk -r found\n"win": P=? [ F "won" ];\nP>0.5 [ F "won" ]',
+        "print(round(float(found[0]), 9), found[1].value, len(found), found)",
+        "%%pctl walk k=1:3\nconst int k;\nP=? [ F<=k x=3 ]",
+    )
+    assert "walk: dtmc" in html(model)
+    assert "// &lt;a&gt; walk" in html(model)
+    shown = html(checked)
+    assert "&quot;win&quot;: P=? [ F &quot;won&quot; ]" in shown
+    assert "0.33333333333333" in shown
+    assert "<td>false</td>" in shown
+    text = "".join(o.text for o in value if o.output_type == "stream" and o.name == "stdout")
+    assert text.startswith("0.333333333 False 2 property")
+    assert html(table).count("<tr>") == 4
+
+
+def test_faults_are_told_with_the_line_of_the_cell_and_without_a_traceback() -> None:
+    syntax, name, late, option = ran(
+        "%%prism bad\ndtmc\nmodule m\n x:[0..3] init 1\n [] x>0 -> true;\nendmodule",
+        "%%pctl bad\nP=? [ F x=1 ]",
+        f"%%prism walk N=3 -o engin=sparse\n{WALK}",
+        f"%%prism walk N=3 -o max_iters=many\n{WALK}",
+    )
+    assert error_of(syntax).startswith("bad:4:16: error[missing]: ';' is missing")
+    assert error_of(name) == "bad is no model\n  hint: %%prism NAME makes one"
+    assert "there is no option 'engin' (did you mean 'engine'?)" in error_of(late)
+    assert "max_iters" in error_of(option)
+    assert "Traceback" not in "".join(map(error_of, (syntax, name, late, option)))
+
+
+def test_finished_results_are_shown_if_a_property_fails() -> None:
+    _, checked = ran(f"%%prism walk N=3\n{WALK}", '%%pctl walk\nP=? [ F "won" ];\nR=? [ F x=0 ]')
+    assert "0.33333333333333" in html(checked)
+    assert "the model has no reward structure" in error_of(checked)
+
+
+def test_constants_may_stay_open_until_a_property_is_checked() -> None:
+    model, checked = ran(f"%%prism walk\n{WALK}", '%%pctl walk N=2:4\nP=? [ F "won" ]')
+    assert "walk, with open constants: N" in html(model)
+    assert all(value in html(checked) for value in ("0.5", "0.33333333333333", "0.25"))
+
+
+def test_options_reach_the_model_and_the_properties(shell) -> None:
+    shell.run_cell_magic("prism", "walk N=3 -o engine=sparse", WALK)
+    assert shell.user_ns["walk"].options.engine == "sparse"
+    found = shell.run_cell_magic("pctl", "walk -o engine=exact", 'P=? [ F "won" ]')
+    assert str(found[0].value) == "1/3"
+
+
+def test_an_interrupt_keeps_what_is_finished(shell, monkeypatch) -> None:
+    from symcheck.api.progress import Reporter
+
+    shell.run_cell_magic("prism", "walk N=3", WALK)
+    said: list[str] = []
+
+    def say(reporter: Reporter, text: str) -> None:
+        said.append(text)
+        if text.startswith("2 of 2"):
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("symcheck.notebook.cells.Reporter", lambda _: _Telling(say))
+    with pytest.raises(Exception, match="interrupted after 1 property"):
+        shell.run_cell_magic("pctl", "walk", 'P=? [ F "won" ];\nP=? [ F x=0 ]')
+    assert said[0].startswith("1 of 2")
+
+
+class _Telling:
+    def __init__(self, say) -> None:
+        self._say = say
+
+    def say(self, text: str) -> None:
+        self._say(self, text)
+
+    def __call__(self, event: object) -> None: ...
+
+    def iteration(self, event: object) -> None: ...
+
+
+def test_the_page_about_notebooks_runs() -> None:
+    blocks = re.findall(r"^```ipython\n(.*?)^```", DOCS.read_text(), re.MULTILINE | re.DOTALL)
+    outputs = ran(*blocks)
+    assert not [error_of(o) for o in outputs if any(p.output_type == "error" for p in o)]
+    texts = [o.data.get("text/plain", "") for cell in outputs for o in cell if "data" in o]
+    # Gambler's ruin from 1 with odds 3:2 against: (1-r)/(1-r^4) for r=3/2 is 8/65.
+    assert "[0.123077, True]" in texts
+    assert "6" in texts
