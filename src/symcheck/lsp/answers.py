@@ -118,10 +118,7 @@ class Document:
             return None, [Diagnostic(str(error))]
         if given:
             return bound, []
-        return bound, [
-            *(Diagnostic(text, severity="warning") for text in bound.warnings),
-            *model_warnings(bound, Options()),
-        ]
+        return bound, [Diagnostic(text, severity="warning") for text in bound.warnings]
 
     def _faults_of_properties(self, file: PropertiesFile) -> list[Diagnostic]:
         if self.model is None or self.model.bound is None:
@@ -144,6 +141,12 @@ class Document:
     def diagnostics(self) -> list[Diagnostic]:
         """The faults that are found without exploring states."""
         return self._analysis[2]
+
+    @cached_property
+    def warnings(self) -> list[Diagnostic]:
+        """What a beginner may not have meant. Finding it takes as long as reading the text."""
+        complete = self.bound is not None and not self.bound.given
+        return model_warnings(self.bound, Options()) if self.bound and complete else []
 
     @property
     def program(self) -> Program | PropertiesFile | None:

@@ -113,7 +113,7 @@ class SymcheckServer(LanguageServer):
         )
 
     def changed(self, uri: str) -> None:
-        """Tell the faults of a changed document, and of properties of it; explore it later."""
+        """Tell the faults of a changed document and of its properties; later, what takes longer."""
         self.publish(uri)
         document = self.document(uri)
         for other in self.others():
@@ -129,7 +129,7 @@ class SymcheckServer(LanguageServer):
         found = await explore(document.text)
         if self.documents.get(document.uri) is document:
             self.states[document] = found.states
-            self.publish(document.uri, found.faults)
+            self.publish(document.uri, (*document.warnings, *found.faults))
 
 
 def _is_model(uri: str, language: str | None) -> bool:

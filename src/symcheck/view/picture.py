@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from html import escape
 from io import BytesIO
@@ -172,7 +175,8 @@ class Picture:
                 hint="save(path) writes a file, and its extension names the format",
             )
         graph = optional_package("pygraphviz", "view").AGraph(string=self.dot)
-        drawn: bytes = graph.draw(format=format, prog="dot")
+        with _silent_standard_error():
+            drawn: bytes = graph.draw(format=format, prog="dot")
         return drawn
 
     @property
@@ -233,6 +237,23 @@ class Picture:
         """The picture with zoom and pan, for notebooks."""
         show = {"name": self.title, "panes": [0], "frames": [{"title": self.title}]}
         return fragment({"title": self.title, "graphs": [self.svg], "shows": [show]}, height=460)
+
+
+@contextmanager
+def _silent_standard_error() -> Iterator[None]:
+    """Graphviz and its libraries write to it what no user can mend, such as faults of fonts."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # the process has none
+        yield
+        return
+    try:
+        with Path(os.devnull).open("wb") as nothing:
+            os.dup2(nothing.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 def _padded(label: str) -> str:

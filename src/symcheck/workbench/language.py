@@ -65,7 +65,7 @@ def analysis(texts: Texts) -> dict[str, Any]:
     documents = _documents(texts)
     found: dict[str, Any] = {
         part: {
-            "faults": faults(d.text, d.diagnostics),
+            "faults": faults(d.text, [*d.diagnostics, *d.warnings]),
             "colours": [
                 [_units(d.text, start), _units(d.text, end), kind]
                 for start, end, kind in d.colours()
