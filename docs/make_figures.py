@@ -139,7 +139,12 @@ def page(folder: Path) -> None:
             ["P=? [ F d=6 ]", 'R{"tosses"}=? [ F "done" ]']
         )
         made.save(file)
-        number = [show["name"] for show in made.data["shows"]].index("Interval iteration")
+        groups: dict[str, list[str]] = {}
+        for i, show in enumerate(made.data["shows"]):
+            groups.setdefault(show.get("group") or str(i), []).append(show["name"])
+        number = 1 + [name for names in groups.values() for name in names].index(
+            "Interval iteration"
+        )
         switches = (
             "--headless",
             "--no-sandbox",
@@ -149,7 +154,7 @@ def page(folder: Path) -> None:
         )
         profile, target = f"--user-data-dir={place}/profile", f"--screenshot={folder / 'page.png'}"
         subprocess.run(
-            [chromium, *switches, profile, target, f"{file.as_uri()}#{number}.5"],
+            [chromium, *switches, profile, target, f"{file.as_uri()}#{number}.6"],
             check=True,
             capture_output=True,
         )

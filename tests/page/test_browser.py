@@ -129,6 +129,34 @@ def test_the_keyboard(opened: Callable, pages: dict[str, Path]) -> None:
     assert page.at("play").text == "Play"
 
 
+def test_keys_step_the_player_after_a_choice_in_the_list(
+    opened: Callable, pages: dict[str, Path]
+) -> None:
+    page = opened(pages["die"])
+    page.select("Construction")
+    chooser = page.at("show")
+    chooser.send_keys(RIGHT)
+    chooser.send_keys(RIGHT)
+    chooser.send_keys(LEFT)
+    assert page.at("count").text.startswith("2 / ")
+    chooser.send_keys(" ")
+    assert page.at("play").text == "Pause"
+    chooser.send_keys(" ")
+    assert page.run("return document.activeElement.id") == "show"
+
+
+def test_the_address_names_an_entry_of_the_list_and_a_frame(
+    opened: Callable, pages: dict[str, Path]
+) -> None:
+    page = opened(pages["die"])
+    names = page.run("return [...document.getElementById('show').options].map((o) => o.text)")
+    number = next(i for i, name in enumerate(names, 1) if name.startswith("Construction"))
+    page.browser.get(f"{pages['die'].as_uri()}?again#{number}.2")
+    chosen = page.run("return document.getElementById('show').selectedOptions[0].text")
+    assert chosen == names[number - 1]
+    assert page.at("count").text.startswith("2 / ")
+
+
 def test_values_of_properties(opened: Callable, pages: dict[str, Path]) -> None:
     page = opened(pages["die"])
     lines = page.all("#properties li")

@@ -59,6 +59,12 @@ class PropertyInstance:
         return self.file.properties[self.index].name or self.text
 
     @property
+    def full_title(self) -> str:
+        """The text on one line, after the name if there is one."""
+        name = self.file.properties[self.index].name
+        return f'"{name}": {self.text}' if name else self.text
+
+    @property
     def text(self) -> str:
         """The property as the user wrote it, without its name, on one line.
 

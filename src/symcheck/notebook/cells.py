@@ -15,7 +15,6 @@ from IPython.display import HTML, DisplayHandle, display
 
 from symcheck.api.model import Model
 from symcheck.api.progress import Reporter
-from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result, show_value
 from symcheck.constant_values import constant_values
 from symcheck.errors import SymcheckError, UnsupportedError, UsageError
@@ -176,9 +175,9 @@ def _checked(model: Model, asked: Namespace, cell: str) -> Results | Experiment:
         instances = model.instances(file, values, range(len(file.properties)))
         prepared = model.prepared_for(instances)
         for number, instance in enumerate(instances, 1):
-            reporter.say(f"{number} of {len(instances)}: {_text(instance)}")
+            reporter.say(f"{number} of {len(instances)}: {instance.full_title}")
             results.append(prepared.check(instance, reporter.iteration))
-            texts.append(_text(instance))
+            texts.append(instance.full_title)
     except (SymcheckError, KeyboardInterrupt) as error:
         if results:
             display(Results(texts, results))  # what is finished is kept
@@ -188,11 +187,6 @@ def _checked(model: Model, asked: Namespace, cell: str) -> Results | Experiment:
     finally:
         line.update(HTML(""))
     return Results(texts, results)
-
-
-def _text(instance: PropertyInstance) -> str:
-    name = instance.file.properties[instance.index].name
-    return f'"{name}": {instance.text}' if name else instance.text
 
 
 # ------------------------------------------------------------------------------------------- HTML

@@ -5,7 +5,7 @@ const data = JSON.parse(document.getElementById("data").textContent);
 const graphs = data.graphs ?? [], shows = data.shows ?? [], model = data.model;
 const at = (id) => document.getElementById(id);
 const PLAY_MS = 900;
-const LEAST_SCALE = 0.75; // below it, labels are too small to read
+const LEAST_SCALE = 0.55; // below it, labels are too small to read
 
 // ------------------------------------------------------------------------------- small helpers
 
@@ -58,11 +58,13 @@ class Pane {
     this.watch();
   }
 
-  /** The whole graph if its labels can be read; otherwise a part that is as wide as the pane. */
-  start(share = 0.68) {
+  /** The whole graph if its labels can be read; otherwise a part that is as wide as the pane. A
+   * pane reaches down to the end of the window, or takes a share of it if another one follows. */
+  start(share = 1) {
     const { width, height } = this.size;
     const room = this.box.clientWidth || 600;
-    const most = Math.max(240, Math.min(innerHeight * share, (height * 4) / 3 + 8));
+    const above = share === 1 ? this.box.getBoundingClientRect().top + scrollY + 60 : 0; // and the key
+    const most = Math.max(240, Math.min(innerHeight * share - above, (height * 4) / 3 + 8));
     const scale = Math.min(4 / 3, room / width, Math.max(most / height, LEAST_SCALE));
     this.box.style.height = `${Math.min(most, Math.max(height * Math.max(scale, LEAST_SCALE), 90))}px`;
     this.scale = Math.max(scale, Math.min(LEAST_SCALE, 4 / 3));
@@ -261,7 +263,7 @@ function render() {
 function arrange() {
   const beside = visible.length > 1 && pane(visible[0]).size.width * LEAST_SCALE < at("panes").clientWidth * 0.6;
   at("panes").classList.toggle("two", beside);
-  for (const i of visible) pane(i).start(visible.length > 1 && !beside ? 0.42 : 0.68);
+  for (const i of visible) pane(i).start(visible.length > 1 && !beside ? 0.42 : 1);
 }
 
 function go(to) {
@@ -438,7 +440,8 @@ function listen() {
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     const tag = event.target.tagName;
-    if (tag === "SELECT" || (tag === "BUTTON" && event.key === " ") || (tag === "INPUT" && event.key !== " ")) return;
+    const steps = ["ArrowRight", "ArrowLeft", " "].includes(event.key); // a list keeps the other keys
+    if ((tag === "SELECT" && !steps) || (tag === "BUTTON" && event.key === " ") || (tag === "INPUT" && event.key !== " ")) return;
     const action = {
       ArrowRight: forward, ArrowLeft: () => go(index - 1), Home: () => go(0), End: () => go(Infinity), " ": play,
     }[event.key];
@@ -451,7 +454,8 @@ function listen() {
 
 fill();
 listen();
-// page.html#3.2 opens the fourth picture at its third frame.
-const [wanted, frame] = location.hash.slice(1).split(".").map((text) => Number(text) || 0);
-if (shows.length) select(Math.min(wanted, shows.length - 1));
-if (frame && show.play !== "simulator") go(frame);
+// page.html#3.2 opens the third entry of the list at its second frame.
+const [wanted, frame] = location.hash.slice(1).split(".").map((text) => Number(text) || 1);
+const listed = [...at("show").options];
+if (listed.length) select(Number(listed[Math.min(wanted, listed.length) - 1].value));
+if (frame > 1 && show.play !== "simulator") go(frame - 1);

@@ -220,14 +220,14 @@ class _Writer:
 
     def _property(self, instance: PropertyInstance) -> JsonObject:
         """The line of a property; its values become a picture."""
-        title = instance.title
+        text, title = instance.full_title, instance.title
         try:
             result = self.model.check_instance(instance)
         except SymcheckError as error:
-            return {"text": title, "value": "error", "detail": str(error), "show": None}
+            return {"text": text, "value": "error", "detail": str(error), "show": None}
         detail = "; ".join(filter(None, (str(result.accuracy), result.explanation)))
         value = show_value(result.value)
-        entry: JsonObject = {"text": title, "value": value, "detail": detail, "show": None}
+        entry: JsonObject = {"text": text, "value": value, "detail": detail, "show": None}
         frame = self._values(instance, result)
         if frame is not None:
             entry["show"] = len(self.shows)
