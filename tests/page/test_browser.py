@@ -237,6 +237,17 @@ def test_the_simulator_follows_choices_and_goes_back(
     assert page.marked("now") == {"at=0"}
 
 
+def test_the_simulator_shows_labels_and_rewards(opened: Callable, pages: dict[str, Path]) -> None:
+    page = opened(pages["die"])
+    page.select("Simulator")
+    assert 'the initial state; reward "tosses" 1' in page.caption
+    for number in (0, 1, 0):
+        page.all("#steps button")[number].click()
+    assert page.caption.startswith("Step 3: s=7, d=2")
+    assert '"done"' in page.caption
+    assert "reward" not in page.caption
+
+
 def test_the_simulator_follows_a_strategy(opened: Callable, pages: dict[str, Path]) -> None:
     page = opened(pages["robot"])
     page.select("Simulator")

@@ -10,7 +10,8 @@ The data of a page is a mapping that page.js reads:
   walk through the model
 - a frame: {title, note, panes, marks, low, high, rows}: `marks` are triples (graph, class, names of
   nodes), `low` and `high` numbers or texts per state, `rows` the chosen rows of the matrix
-- model: {kind, states, rows, initial, strategies}: what the simulator walks on
+- model: {kind, states, rows, labels, rewards, initial, strategies}: what the simulator walks on;
+  `labels` has those of each state, and `rewards` pairs (structure, reward of each state)
 """
 
 from __future__ import annotations

@@ -345,6 +345,15 @@ const walk = {
     this.take(choice, target);
   },
 
+  /** The labels of a state, and its rewards that are not 0. */
+  about(state) {
+    const named = (name) => (name ? `"${name}" ` : "");
+    return [
+      (model.labels?.[state] ?? []).map((label) => `"${label}"`).join(", "),
+      ...(model.rewards ?? []).filter(([, values]) => values[state]).map(([name, values]) => `reward ${named(name)}${number(values[state])}`),
+    ].filter(Boolean).join("; ");
+  },
+
   /** Make the frames again, and go to the last one. */
   show() {
     const strategy = this.strategy(), seen = new Set();
@@ -353,7 +362,7 @@ const walk = {
       const when = model.kind === "CTMC" ? `, time ${number(time)}` : "";
       return {
         title: `Step ${i}${when}: ${model.states[state]}`,
-        note: i ? (by ? `by ${by}` : "") : "the initial state",
+        note: [i ? (by ? `by ${by}` : "") : "the initial state", this.about(state)].filter(Boolean).join("; "),
         panes: show.panes,
         marks: [[data.states, "now", [`s${model.ids[state]}`]], [data.states, "in", [...seen]]],
         rows: strategy?.rows,

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from symcheck.engines.base import Engine
-from symcheck.errors import UnsupportedError
+from symcheck.errors import SymcheckError, UnsupportedError
 from symcheck.matrices.rows import Bools, Int64s
 from symcheck.page.document import JsonObject, JsonValue
+from symcheck.semantics.rewards import Structure
 from symcheck.symbolic.encoding.enumerate_states import enumerate_states
 from symcheck.view.choice_graph import ChoiceGraph, GivenModel
 from symcheck.view.diagrams import shared_picture
@@ -158,6 +159,25 @@ class Board:
             nodes.append(frozenset(seen))
         return SharedDiagram(len(self.graphs) - 1, tuple(nodes))
 
+    def _labels(self) -> list[list[str]]:
+        """The labels of each drawn state."""
+        names = list(self.graph.engine.model.labels)
+        holds = [self.graph.members(f'"{name}"')[self.drawn].tolist() for name in names]
+        rows = zip(*holds, strict=True) if holds else [()] * len(self.drawn)
+        return [[n for n, is_in in zip(names, row, strict=True) if is_in] for row in rows]
+
+    def _rewards(self) -> list[tuple[str, list[float]]]:
+        """The name of each reward structure, and the rewards of the drawn states."""
+        engine = self.graph.engine
+        found: list[tuple[str, list[float]]] = []
+        for number, structure in enumerate(engine.model.rewards):
+            try:
+                rewards = engine.system(engine.all).rewards(Structure(number))[0]
+            except SymcheckError:  # a reward that is no number: properties tell it
+                continue
+            found.append((structure.name or "", [float(r) for r in rewards[self.drawn]]))
+        return found
+
     def data(self) -> JsonObject:
         """The graphs, and the states that are drawn, for `symcheck.page.document`."""
         if self.engine is None:
@@ -188,6 +208,8 @@ class Board:
             "ids": list(index),
             "states": states,
             "rows": rows,
+            "labels": self._labels(),
+            "rewards": self._rewards(),
             "initial": [
                 index[s] for s in np.flatnonzero(self.graph.initial).tolist() if s in index
             ],

@@ -70,6 +70,7 @@ class EquationsTrace:
         steps: the iterations of the numerical method, with copies of the vectors, float64[unknown],
             and of the policy, the chosen row of the problem for each unknown state.
         rows: the row of the whole matrix for each row of the problem, int64[rows].
+        relative: whether the widths of the steps are relative to the values.
     """
 
     decided: tuple[Decided, Decided]
@@ -79,6 +80,7 @@ class EquationsTrace:
     steps: tuple[Progress, ...] = field(repr=False)
     rows: Int64s = field(repr=False)
     engine: Engine = field(repr=False)
+    relative: bool = True
 
     title = "Equations, iteration by iteration"
 
@@ -160,11 +162,13 @@ def until_trace(
         Decided(one, 1.0, "probability 1", "one"),
     )
     equations = engine.system(unknown, direction).reachability(one)
+    options = options or Options(method="interval")
     return UntilTrace(
         decided,
         unknown,
-        *_iterations(equations, options or Options(method="interval"), max_steps),
+        *_iterations(equations, options, max_steps),
         engine,
+        options.relative,
     )
 
 
@@ -208,11 +212,13 @@ def reward_trace(
         Decided(infinite, np.inf, "infinite reward", "zero"),
     )
     equations = engine.system(unknown, direction).expected_reward(requested, infinite=infinite)
+    options = options or Options(method="optimistic")
     return RewardTrace(
         decided,
         unknown,
-        *_iterations(equations, options or Options(method="optimistic"), max_steps),
+        *_iterations(equations, options, max_steps),
         engine,
+        options.relative,
     )
 
 
@@ -290,7 +296,7 @@ def equations_show(name: str, trace: EquationsTrace, board: Board) -> Show:
             frame["title"] = f"Policy {step.iteration}"
             frame["rows"] = rows[step.policy[step.policy >= 0]].tolist()
         elif np.isfinite(step.width):
-            frame["note"] = f"width {step.width:.3g}"
+            frame["note"] = f"{'relative ' if trace.relative else ''}width {step.width:.3g}"
         for key, vector in (("low", step.lower), ("high", step.upper)):
             if vector is not None:
                 values = start.copy()
