@@ -248,6 +248,30 @@ def test_the_simulator_shows_labels_and_rewards(opened: Callable, pages: dict[st
     assert "reward" not in page.caption
 
 
+def test_the_simulator_leaves_the_picture(opened: Callable, tmp_path: Path) -> None:
+    text = "dtmc module m x:[0..99]; [] x<99 -> (x'=x+1); [] x=99 -> true; endmodule"
+    symcheck.loads(text).page("P=? [ F x=99 ]", max_states=3).save(tmp_path / "line.html")
+    page = opened(tmp_path / "line.html")
+    assert len(page.all(".pane g.node")) == 4  # with the dots behind the last one
+    page.all("#properties button")[0].click()
+    page.select("Simulator")
+    for _ in range(3):
+        page.at("step").click()
+    assert page.caption.startswith("Step 3: x=3")
+    assert "not in the picture" in page.caption
+    assert page.marked("now") == set()
+    page.at("back").click()
+    assert page.marked("now") == {"x=2"}
+
+
+def test_a_larger_model_is_drawn_near_its_initial_states(opened: Callable, tmp_path: Path) -> None:
+    symcheck.load(MODELS / "dining/dining.nm").page().save(tmp_path / "dining.html")
+    page = opened(tmp_path / "dining.html")
+    boxes = page.run("return [...pane(data.states).nodes.keys()].filter((n) => /^s\\d+$/.test(n))")
+    assert len(boxes) == 24
+    assert "24 states of 155" in page.caption
+
+
 def test_the_simulator_follows_a_strategy(opened: Callable, pages: dict[str, Path]) -> None:
     page = opened(pages["robot"])
     page.select("Simulator")

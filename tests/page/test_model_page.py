@@ -73,8 +73,11 @@ def test_a_large_model_is_shown_in_part() -> None:
     text = "dtmc module m x : [0..9999]; [] x<9999 -> 0.5:(x'=x+1)+0.5:true; [] x=9999 -> true; endmodule"
     page = symcheck.loads(text).page("P=? [ F x=9999 ]", max_states=50)
     data = page.data
-    assert data["model"]["ids"] == list(range(50))
-    assert data["model"]["rows"][49] == [[49, "", [[49, 0.5], [-1, 0.5]]]]
+    assert (
+        data["graphs"][data["states"]].count('class="node"') == 51
+    )  # with the dots behind the last
+    assert data["model"]["ids"] == list(range(500))
+    assert data["model"]["rows"][499] == [[499, "", [[499, 0.5], [-1, 0.5]]]]
     assert "50 states of 10,000" in dict(data["facts"])["left out"]
     assert data["properties"][0]["value"] == "1.0"
 

@@ -247,7 +247,7 @@ class Model(CheckedModel):
         properties: str | Path | PropertiesFile | Sequence[str] = (),
         constants: GivenConstants | str | None = None,
         *,
-        max_states: int = 500,
+        max_states: int | None = None,
         title: str = "",
     ) -> Page:
         """A page to step through; see `symcheck.teach.model_page`.

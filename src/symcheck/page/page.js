@@ -181,6 +181,7 @@ class Pane {
     const most = Math.max(...finite, 0);
     model.ids.forEach((id, i) => {
       const group = this.nodes.get(`s${id}`);
+      if (!group) return; // the simulator knows more states than are drawn
       const label = group.lastElementChild.tagName === "text" ? group.lastElementChild : [...group.querySelectorAll("text")].pop();
       label.textContent = bounds(low[i], high[i]);
       label.classList.add("value");
@@ -345,12 +346,13 @@ const walk = {
     this.take(choice, target);
   },
 
-  /** The labels of a state, and its rewards that are not 0. */
+  /** The labels of a state, its rewards that are not 0, and whether it is out of the picture. */
   about(state) {
     const named = (name) => (name ? `"${name}" ` : "");
     return [
       (model.labels?.[state] ?? []).map((label) => `"${label}"`).join(", "),
       ...(model.rewards ?? []).filter(([, values]) => values[state]).map(([name, values]) => `reward ${named(name)}${number(values[state])}`),
+      pane(data.states).nodes.has(`s${model.ids[state]}`) ? "" : "not in the picture",
     ].filter(Boolean).join("; ");
   },
 

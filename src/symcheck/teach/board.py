@@ -23,7 +23,16 @@ if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
     from symcheck.symbolic.encoding.variables import Encoding
 
-__all__ = ["MOST_FRAMES", "Board", "Marks", "SharedDiagram", "Show", "left_out", "played", "shown"]
+__all__ = [
+    "MOST_FRAMES",
+    "Board",
+    "Marks",
+    "SharedDiagram",
+    "Show",
+    "left_out",
+    "played",
+    "shown",
+]
 
 F = TypeVar("F")
 Show = JsonObject
@@ -32,6 +41,12 @@ Marks = list[list[JsonValue]]
 
 _MOST_EDGES = 2500
 """Transitions of a state graph; Graphviz takes some seconds for more."""
+_MOST_DRAWN = 60
+"""States of a model that is drawn as a whole; in more, nobody finds anything."""
+_NEAREST = 24
+"""States of a larger model that are drawn: they fit a window."""
+_MOST_LISTED = 500
+"""States that a simulator knows, at least as many as are drawn."""
 MOST_FRAMES = 150
 """Frames of a player; of more, those in the middle are left out."""
 _MOST_NODES = 120
@@ -68,13 +83,14 @@ class Board:
 
     Attributes:
         engine: whose states are drawn; None for none.
-        max_states: the most states that are drawn: those nearest to the initial states.
+        max_states: the most states that are drawn: those nearest to the initial states. None: all
+            states up to 60, and 24 of more.
         numbers: a text in each state that leaves room for values; '' for no values.
         graphs: the pictures as SVG.
     """
 
     engine: Engine | None
-    max_states: int = 200
+    max_states: int | None = None
     numbers: str = ""
     graphs: list[str] = field(default_factory=list)
 
@@ -97,7 +113,17 @@ class Board:
     @cached_property
     def drawn(self) -> Int64s:
         """The numbers of the states that are drawn, ascending."""
-        nearest = np.argsort(self._distances, kind="stable")[: self.max_states]
+        if self.max_states is not None:
+            return self._nearest(self.max_states)
+        return self._nearest(_NEAREST if len(self._distances) > _MOST_DRAWN else _MOST_DRAWN)
+
+    @cached_property
+    def listed(self) -> Int64s:
+        """The numbers of the states that have values and transitions, ascending."""
+        return self._nearest(max(self.max_states or 0, _MOST_LISTED))
+
+    def _nearest(self, most: int) -> Int64s:
+        nearest = np.argsort(self._distances, kind="stable")[:most]
         entries = np.cumsum(self.graph.successor_counts[nearest])
         return np.sort(nearest[: max(1, int((entries <= _MOST_EDGES).sum()))])
 
@@ -160,14 +186,14 @@ class Board:
         return SharedDiagram(len(self.graphs) - 1, tuple(nodes))
 
     def _labels(self) -> list[list[str]]:
-        """The labels of each drawn state."""
+        """The labels of each listed state."""
         names = list(self.graph.engine.model.labels)
-        holds = [self.graph.members(f'"{name}"')[self.drawn].tolist() for name in names]
-        rows = zip(*holds, strict=True) if holds else [()] * len(self.drawn)
+        holds = [self.graph.members(f'"{name}"')[self.listed].tolist() for name in names]
+        rows = zip(*holds, strict=True) if holds else [()] * len(self.listed)
         return [[n for n, is_in in zip(names, row, strict=True) if is_in] for row in rows]
 
     def _rewards(self) -> list[tuple[str, list[float]]]:
-        """The name of each reward structure, and the rewards of the drawn states."""
+        """The name of each reward structure, and the rewards of the listed states."""
         engine = self.graph.engine
         found: list[tuple[str, list[float]]] = []
         for number, structure in enumerate(engine.model.rewards):
@@ -175,14 +201,14 @@ class Board:
                 rewards = engine.system(engine.all).rewards(Structure(number))[0]
             except SymcheckError:  # a reward that is no number: properties tell it
                 continue
-            found.append((structure.name or "", [float(r) for r in rewards[self.drawn]]))
+            found.append((structure.name or "", [float(r) for r in rewards[self.listed]]))
         return found
 
     def data(self) -> JsonObject:
-        """The graphs, and the states that are drawn, for `symcheck.page.document`."""
+        """The graphs, and the states that are listed, for `symcheck.page.document`."""
         if self.engine is None:
             return {"graphs": self.graphs}
-        index = {s: i for i, s in enumerate(self.drawn.tolist())}
+        index = {s: i for i, s in enumerate(self.listed.tolist())}
         of_chain = {s: self.graph.actions_to(s) for s in index} if self.graph.is_chain else {}
 
         def named(source: int, target: int) -> list[str]:

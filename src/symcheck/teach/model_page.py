@@ -103,7 +103,7 @@ def model_page(
     properties: str | Path | PropertiesFile | Sequence[str] = (),
     constants: GivenConstants | str | None = None,
     *,
-    max_states: int = 500,
+    max_states: int | None = None,
     title: str = "",
 ) -> Page:
     """A page of a model and its properties.
@@ -114,7 +114,8 @@ def model_page(
         model: the model.
         properties: a text or texts, a file (a Path), or a parsed file.
         constants: one value for each constant that the properties leave open.
-        max_states: the most states that are drawn, those nearest to the initial states.
+        max_states: the most states that are drawn, those nearest to the initial states; None: all
+            states up to 60, and 24 of more. The simulator knows 500, or as many as are drawn.
         title: the heading; '' for the names of the modules.
 
     Raises:
@@ -167,12 +168,12 @@ class _Writer:
 
     def page(self, instances: Sequence[PropertyInstance], title: str) -> Page:
         board, engine, bound = self.board, self.model.engine, self.model.bound
-        drawn, total = len(board.drawn), engine.states
+        drawn, listed, total = len(board.drawn), len(board.listed), engine.states
         left_out = (
             ""
             if drawn == total
-            else f"The page shows the {drawn} states of {total:,} that are nearest to the initial "
-            "states (at most 2,500 transitions). Results are those of the whole model."
+            else f"Pictures show the {drawn} states of {total:,} that are nearest to the initial "
+            f"states, and the simulator knows {listed:,}. Results are those of the whole model."
         )
         states = {"title": f"{drawn} states", "note": left_out}
         shows = self.shows
@@ -243,15 +244,15 @@ class _Writer:
 
     def _values(self, instance: PropertyInstance, result: Result) -> JsonObject | None:
         """What a result says about the states."""
-        drawn = self.board.drawn
+        listed = self.board.listed
         if result.satisfying_or_none is not None:
             return {"marks": self.board.marks("in", self.board.names(result.satisfying.mask))}
         if result.values_or_none is None:
             return None
-        frame: JsonObject = {"low": [plain(v) for v in result.values.array[drawn].tolist()]}
+        frame: JsonObject = {"low": [plain(v) for v in result.values.array[listed].tolist()]}
         if len(result.strategies) == 1 and result.strategy.memory is None:
-            rows = result.strategy.rows[drawn].tolist()
-            matters = result.strategy.matters[drawn].tolist()
+            rows = result.strategy.rows[listed].tolist()
+            matters = result.strategy.matters[listed].tolist()
             frame["rows"] = [row for row, needed in zip(rows, matters, strict=True) if needed]
             self.strategies.append({"name": instance.title, "rows": rows, "values": frame["low"]})
         return frame

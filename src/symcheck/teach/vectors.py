@@ -269,7 +269,7 @@ def _expanded(step: Progress, quotient: MecQuotient | None) -> Progress:
 
 def equations_show(name: str, trace: EquationsTrace, board: Board) -> Show:
     """Graph analysis and the iterations on the state graph."""
-    engine, board_ids = trace.engine, board.drawn
+    engine, board_ids = trace.engine, board.listed
     unknown = engine.to_bools(trace.unknown)
     start = np.full(engine.states, np.nan)
     marks = []
