@@ -85,7 +85,7 @@ def test_a_neighbourhood_of_10_000_states_is_drawn(bench: Workbench) -> None:
     assert 20 < len(bench.until_drawn(lambda: bench.all("g.node"))) < 150
     bench.click("draw")
     bench.until_drawn(
-        lambda: "200 states of 10,000" in bench.at("note").text or "200" in bench.at("caption").text
+        lambda: "60 states of 10,000" in bench.at("note").text or "60" in bench.at("caption").text
     )
 
 
@@ -167,7 +167,7 @@ def test_a_change_outside_is_read_and_never_overwritten(bench: Workbench, folder
     bench.with_control("s")
     bench.until(lambda: "has changed on disk" in bench.at("conflict").text)
     assert file.read_text() == "// again\n" + MODEL
-    bench.until(lambda: bench.all("#conflict button"))[1].click()
+    bench.until(lambda: bench.all("#conflict button")[1].click() or True)  # it may be shown anew
     bench.with_control("s")
     bench.until(lambda: bench.at("model-tab").text == "walk.nm")
     assert file.read_text() == "// theirs\n" + MODEL + "// mine"
