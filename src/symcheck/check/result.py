@@ -35,6 +35,7 @@ __all__ = [
     "Result",
     "SolverRun",
     "Statistical",
+    "bounds_text",
     "nearest_double",
     "show_value",
 ]
@@ -475,6 +476,15 @@ class Result:
             if isinstance(self.value, bool) or self.value is None
             else f"{shown} ({self.accuracy})"
         )
+
+
+def bounds_text(result: Result) -> str:
+    """The bounds of a value as `[low, high]`; "" for a value without, or with two equal ones."""
+    try:
+        low, high = result.bounds
+    except (TypeError, UnsupportedError):
+        return ""
+    return "" if low == high else f"[{format_value(low)}, {format_value(high)}]"
 
 
 def show_value(value: Answer) -> str:

@@ -15,15 +15,14 @@ from IPython.display import HTML, DisplayHandle, display
 
 from symcheck.api.model import Model
 from symcheck.api.progress import Reporter
-from symcheck.check.result import Result, show_value
+from symcheck.check.result import Result, bounds_text, show_value
 from symcheck.constant_values import constant_values
-from symcheck.errors import SymcheckError, UnsupportedError, UsageError
+from symcheck.errors import SymcheckError, UsageError
 from symcheck.experiments.run import experiment
 from symcheck.experiments.table import Experiment
 from symcheck.lsp.answers import Document
 from symcheck.options import make_options, read_options
 from symcheck.semantics.binding.bind import undefined_constants
-from symcheck.semantics.expressions.literals import format_value
 from symcheck.syntax.parse import parse_model, parse_properties
 from symcheck.tables import Table, counted
 
@@ -73,7 +72,7 @@ class Results(Sequence[Result]):
 
     def _table(self) -> Table:
         rows = [
-            (text, show_value(r.value), str(r.accuracy), _bounds(r), f"{r.seconds:.3g} s")
+            (text, show_value(r.value), str(r.accuracy), bounds_text(r), f"{r.seconds:.3g} s")
             for text, r in zip(self._texts, self._results, strict=True)
         ]
         notes = [note for r in self._results for note in (*r.warnings, *r.notes)]
@@ -85,14 +84,6 @@ class Results(Sequence[Result]):
 
     def _repr_html_(self) -> str:
         return self._table()._repr_html_()
-
-
-def _bounds(result: Result) -> str:
-    try:
-        low, high = result.bounds
-    except (TypeError, UnsupportedError):
-        return ""
-    return "" if low == high else f"[{format_value(low)}, {format_value(high)}]"
 
 
 class Cells:

@@ -67,9 +67,10 @@ class Explorer(AnyWidget):  # type: ignore[misc]
     def refresh(self, error: str = "") -> None:
         """Show the path as it is now, with what went wrong."""
         known = max(0, len(self.simulator.path.steps) - _SHOWN_ROWS)
-        svg, note = self._picture()
+        path = snapshot(self.simulator, known)
+        svg, note = self._picture(path["state"])
         self.shown = {
-            "path": snapshot(self.simulator, known),
+            "path": path,
             "first": known,
             "continuous": self._model.type.continuous_time,
             "pictures": list(self.PICTURES),
@@ -101,15 +102,15 @@ class Explorer(AnyWidget):  # type: ignore[misc]
             error = str(fault)
         self.refresh(error)
 
-    def _picture(self) -> tuple[str, str]:
-        """The picture as SVG, and a line below it."""
+    def _picture(self, here: str) -> tuple[str, str]:
+        """The picture as SVG, and a line below it; `here` is the current state as a formula."""
         if self.picture == "none":
             return "", ""
         try:
             if self.picture == "states around":
                 if self._refusal:
                     return "", self._refusal
-                drawn, radius = neighbourhood(self._explicit, self._here())
+                drawn, radius = neighbourhood(self._explicit, here)
                 note = f"The current state is green; the others are at most {radius} steps from it."
                 return drawn.svg, note
             if self.picture not in self._drawn:
@@ -127,7 +128,3 @@ class Explorer(AnyWidget):  # type: ignore[misc]
         if self.picture == "reachable states":
             return picture(self._model, part="states", title=self.picture)
         return picture(self._model, part="matrix", title=self.picture)
-
-    def _here(self) -> str:
-        """The current state as a formula."""
-        return str(snapshot(self.simulator)["state"])

@@ -195,10 +195,11 @@ class Board:
     def _rewards(self) -> list[tuple[str, list[float]]]:
         """The name of each reward structure, and the rewards of the listed states."""
         engine = self.graph.engine
+        system = engine.system(engine.all)
         found: list[tuple[str, list[float]]] = []
         for number, structure in enumerate(engine.model.rewards):
             try:
-                rewards = engine.system(engine.all).rewards(Structure(number))[0]
+                rewards = system.rewards(Structure(number))[0]
             except SymcheckError:  # a reward that is no number: properties tell it
                 continue
             found.append((structure.name or "", [float(r) for r in rewards[self.listed]]))

@@ -13,7 +13,7 @@ from symcheck.api.model import Model
 from symcheck.api.progress import Reporter
 from symcheck.check.counterexample import Counterexample
 from symcheck.check.property_instance import PropertyInstance
-from symcheck.check.result import Result, show_value
+from symcheck.check.result import Result, bounds_text, show_value
 from symcheck.engines.base import erased
 from symcheck.errors import InputError, SymcheckError, UnsupportedError, UsageError
 from symcheck.experiments.rows import Row, constant_text, error_text
@@ -21,7 +21,6 @@ from symcheck.experiments.run import Progress, experiment
 from symcheck.options import OPTIONS, Option, make_options, read_options
 from symcheck.page.document import document
 from symcheck.semantics.binding.bind import split_constants
-from symcheck.semantics.expressions.literals import format_value
 from symcheck.simulate.snapshot import snapshot
 from symcheck.simulate.stepper import Simulator
 from symcheck.syntax.declarations import PropertiesFile
@@ -139,20 +138,12 @@ def _check(job: Job) -> Answer:
         "value": show_value(result.value),
         "holds": result.value if isinstance(result.value, bool) else None,
         "accuracy": str(result.accuracy),
-        "bounds": _bounds(result),
+        "bounds": bounds_text(result),
         "about": result.explanation,
         "seconds": result.seconds,
         "lines": lines,
         "chooses": model.type.has_choices,
     }
-
-
-def _bounds(result: Result) -> str:
-    try:
-        low, high = result.bounds
-    except (TypeError, UnsupportedError):
-        return ""
-    return "" if low == high else f"[{format_value(low)}, {format_value(high)}]"
 
 
 def _experiment(job: Job) -> Answer:
