@@ -71,6 +71,7 @@ async function open(part, name) {
   try {
     const { text, version } = name ? await ask("read", { name }) : { text: "", version: "" };
     files[part] = { name, version, saved: text };
+    noConflict(part);
     const draft = JSON.parse(localStorage.getItem(draftKey(part)) ?? "null");
     editors[part].open(draft ? draft.text : text);
     if (draft && draft.version !== version) {
@@ -112,13 +113,27 @@ async function saveAll() {
   marks();
 }
 
+const conflictOf = (part) => at("conflict").querySelector(`[data-part=${part}]`);
+
+/** Ask which text stays. A question that is there already stays as it is, and so does the focus. */
 function conflict(part, text, version) {
-  const file = files[part];
-  const done = () => ((at("conflict").hidden = true), changed(part));
-  at("conflict").replaceChildren(`${file.name} has changed on disk, and here. `,
-    button("Take the file", () => { Object.assign(file, { version, saved: text }); editors[part].replace(text); done(); }), " ",
-    button("Keep mine", () => { Object.assign(file, { version, saved: text }); done(); }));
+  const file = files[part], before = conflictOf(part);
+  if (before?.dataset.version === version) return;
+  const settled = (take) => {
+    Object.assign(file, { version, saved: text });
+    if (take) editors[part].replace(text);
+    noConflict(part);
+    changed(part);
+  };
+  before?.remove();
+  at("conflict").append(make("p", { "data-part": part, "data-version": version }, `${file.name} has changed on disk, and here. `,
+    button("Take the file", () => settled(true)), " ", button("Keep mine", () => settled(false))));
   at("conflict").hidden = false;
+}
+
+function noConflict(part) {
+  conflictOf(part)?.remove();
+  at("conflict").hidden = !at("conflict").children.length;
 }
 
 /** Look for changes that others have made. */
@@ -131,14 +146,17 @@ async function outside() {
   }
   for (const part of open) {
     const file = files[part], version = found.versions[file.name];
-    if (version === undefined || version === file.version) continue;
+    if (version === undefined || version === file.version) {
+      noConflict(part);
+      continue;
+    }
     const { text } = await ask("read", { name: file.name });
-    if (text === editors[part].text) Object.assign(file, { version, saved: text });
-    else if (isDirty(part)) conflict(part, text, version);
+    const same = text === editors[part].text;
+    if (!same && isDirty(part)) conflict(part, text, version);
     else {
       Object.assign(file, { version, saved: text });
-      editors[part].replace(text);
-      log(`${file.name} was changed outside, and read again`);
+      noConflict(part);
+      if (!same) editors[part].replace(text), log(`${file.name} was changed outside, and read again`);
     }
     marks();
   }
@@ -264,37 +282,46 @@ function cancel(lane) {
 const nameOf = (p) => p.name || p.text;
 const keyOf = (p) => `${p.name}:${p.text}`;
 
-/** New children of a box, in which the focus stays where it is. */
-function replace(box, ...children) {
+const shownIn = new WeakMap();
+
+/** What a box shows, made anew only if it changes: buttons stay where they are pressed. The focus
+ * stays at its place. */
+function show(box, what, children) {
+  const now = JSON.stringify(what);
+  if (shownIn.get(box) === now) return;
+  shownIn.set(box, now);
   const place = (element) => [...box.querySelectorAll("button")].indexOf(element);
   const before = place(document.activeElement);
-  box.replaceChildren(...children);
+  box.replaceChildren(...children());
   if (before >= 0) [...box.querySelectorAll("button")].slice(0, before + 1).at(-1)?.focus();
 }
 
 function showList() {
   const now = JSON.stringify(job());
+  const seen = list.map((p) => ({ ...results.get(keyOf(p)) })).map(({ of, ...seen }) => ({ ...seen, isOld: of !== undefined && of !== now }));
   at("no-properties").hidden = list.length > 0;
-  replace(at("list"), ...list.map((p, number) => {
-    const seen = results.get(keyOf(p)), { result, error } = seen ?? {};
-    const isOld = seen && seen.of !== now;
-    const item = make("li", { class: isOld ? "old" : "" }, button(p.name ? `"${p.name}": ${p.text}` : p.text, () => { showText("properties"); editors.properties.go(p.at); }, { class: "link mono", title: "Go to the text" }), make("br"),
-      button("Check", () => check(number), { "aria-label": `Check ${nameOf(p)}` }));
-    if (result) {
-      const mark = result.holds === null ? "" : result.holds ? "✓ " : "✗ ";
-      item.append(" ", make("span", { class: `value ${result.holds === null ? "" : result.holds ? "good" : "bad"}` }, mark + result.value),
-        make("span", { class: "of" }, [isOld ? "before the last changes" : "", result.accuracy, result.bounds, result.about, `${result.seconds.toFixed(3)} s`].filter(Boolean).join("; ")),
-        " ", result.holds === null ? "" : button("Why?", () => explain("explain", number), { title: "Counterexample or witness" }),
-        result.chooses ? button("Strategy", () => explain("strategy", number)) : "",
-        result.lines.length ? make("pre", {}, result.lines.join("\n")) : "");
-    } else if (error) item.append(" ", make("span", { class: "of bad" }, error.name === "AbortError" ? "cancelled" : error.message));
-    return item;
-  }));
+  show(at("list"), [list, seen], () => list.map((p, number) => listed(p, number, seen[number])));
   for (const id of ["experiment-property", "sim-property"]) {
+    const all = [...(id === "experiment-property" ? [["", "all"]] : []), ...list.map((p, i) => [i, nameOf(p)])];
     const before = at(id).value;
-    at(id).replaceChildren(...(id === "experiment-property" ? [option("", "all")] : []), ...list.map((p, i) => option(i, nameOf(p))));
+    show(at(id), all, () => all.map((one) => option(...one)));
     if ([...at(id).options].some((o) => o.value === before)) at(id).value = before;
   }
+}
+
+/** The item of a property: its text, and its result if it was checked. */
+function listed(p, number, { result, error, isOld }) {
+  const item = make("li", { class: isOld ? "old" : "" }, button(p.name ? `"${p.name}": ${p.text}` : p.text, () => { showText("properties"); editors.properties.go(p.at); }, { class: "link mono", title: "Go to the text" }), make("br"),
+    button("Check", () => check(number), { "aria-label": `Check ${nameOf(p)}` }));
+  if (result) {
+    const mark = result.holds === null ? "" : result.holds ? "✓ " : "✗ ";
+    item.append(" ", make("span", { class: `value ${result.holds === null ? "" : result.holds ? "good" : "bad"}` }, mark + result.value),
+      make("span", { class: "of" }, [isOld ? "before the last changes" : "", result.accuracy, result.bounds, result.about, `${result.seconds.toFixed(3)} s`].filter(Boolean).join("; ")),
+      " ", result.holds === null ? "" : button("Why?", () => explain("explain", number), { title: "Counterexample or witness" }),
+      result.chooses ? button("Strategy", () => explain("strategy", number)) : "",
+      result.lines.length ? make("pre", {}, result.lines.join("\n")) : "");
+  } else if (error) item.append(" ", make("span", { class: "of bad" }, error));
+  return item;
 }
 
 async function check(number) {
@@ -305,7 +332,7 @@ async function check(number) {
     return { do: "check", ...job(), property: property.text };
   };
   const found = await queue("check", asked, nameOf(property));
-  results.set(keyOf(property), found.error ? { error: found.error, of } : { result: found, of });
+  results.set(keyOf(property), found.error ? { error: found.error.name === "AbortError" ? "cancelled" : found.error.message, of } : { result: found, of });
   if (!found.error) log(`${nameOf(property)}: ${found.value} (${found.accuracy}), ${found.seconds.toFixed(3)} s`);
   showList();
 }
@@ -388,7 +415,7 @@ function showPath() {
   at("sim-back").disabled = at("sim-reset").disabled = length < 2;
   const earned = Object.entries(totals).map(([n, x]) => `${n} so far ${Number(x.toPrecision(6))}`);
   at("sim-state").replaceChildren(make("strong", {}, `Step ${length - 1}: `), [sim.state.replaceAll(" & ", ", "), labels.length ? `labels ${labels.join(", ")}` : "", ...earned, choices.length ? "" : "a deadlock"].filter(Boolean).join("; "));
-  replace(at("sim-choices"), ...choices.map((c, i) => make("li", {}, make("code", {}, `${c.module ? `${c.module}: ` : ""}${c.text}`),
+  show(at("sim-choices"), choices, () => choices.map((c, i) => make("li", {}, make("code", {}, `${c.module ? `${c.module}: ` : ""}${c.text}`),
     ...c.branches.map(([weight, change], j) => button(`${weight}: ${change}`, () => step({ move: "step", choice: i, branch: j }))))));
   const cells = ([transition, time, state, reward, earned], i) => [i, transition, Number(time.toPrecision(6)), ...state.map(String), ...reward, ...(earned.length ? earned : reward.map(() => ""))];
   const head = ["step", "transition", "time", ...variables, ...rewards.map((r) => `${r} (state)`), ...rewards.map((r) => `${r} (transition)`)];
