@@ -96,6 +96,32 @@ def test_nearly_decomposable_chains(kind: str, engine: str, steps: int) -> None:
         assert steps_of(result) <= 2000
 
 
+SLOW_WALK = """{kind}
+module m
+  x : [0..399] init 399;
+  [] x>0 -> 1/2:(x'=x-1) + 1/2:(x'=min(399,x+1));
+  {lazy}
+endmodule
+"""
+"""The target x=0 is some 160 000 steps away; 400 states are too many to square their matrix."""
+LAZY = "[] x>0 -> 1/4:(x'=x-1) + 1/4:(x'=min(399,x+1)) + 1/2:true;"
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(("kind", "lazy"), [("dtmc", ""), ("mdp", LAZY)], ids=["dtmc", "mdp"])
+def test_a_walk_reaches_its_target_in_far_more_steps_than_are_made(
+    engine: str, kind: str, lazy: str
+) -> None:
+    """Not reached after 10^12 steps: cos(pi / 801)^(10^12), in the slowest of the modes."""
+    model = symcheck.loads(SLOW_WALK.format(kind=kind, lazy=lazy)).with_options(engine=engine)
+    for best in ("min", "max") if lazy else ("",):
+        reached = model.check(f"P{best}=? [ F<={10**12} x=0 ]")
+        assert holds(reached, 1.0), reached
+        assert steps_of(reached) <= 20_000
+        missed = model.check(f"P{best}=? [ G<={10**12} x>0 ]")
+        assert 0.0 <= missed.bounds[0] <= missed.bounds[1] <= 1e-6, missed
+
+
 def test_the_distribution_after_1e12_steps() -> None:
     model = symcheck.loads(NEARLY_DECOMPOSABLE.format(kind="dtmc"))
     found = model.transient(10**12)

@@ -8,7 +8,10 @@ and D the least and the greatest change T x - x:
   x + (N - k) D if D >= 0, and at least x + (N - k) d if d <= 0; if no step leaves the states,
   whatever the signs are;
 - if nothing is earned on the way, they lie between the least value or 0 and the greatest or 0;
-- probabilities of reaching a target only grow, and do not exceed those without a bound.
+- probabilities of reaching a target only grow, and do not exceed those without a bound;
+- if A w <= r w for a vector w > 0, all rows A and a factor r < 1, and the values without a bound
+  are at most w away, then those after N steps are at most r^(N - k) w away (Collatz, 1942;
+  Wielandt, 1950): w is how far away x is.
 """
 
 from __future__ import annotations
@@ -22,14 +25,16 @@ import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.result import SolverRun
+from symcheck.direction import Direction
 from symcheck.engines.base import System, Values
 from symcheck.errors import UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers
-from symcheck.matrices.rows import Floats
+from symcheck.matrices.rows import Floats, best_of_rows
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
+from symcheck.semantics.expressions.literals import LEAST
 
 __all__ = ["RestOfSteps", "squared_steps"]
 
@@ -185,13 +190,32 @@ class RestOfSteps:
         if self.grows is not None:
             known = self._limits
             if self.grows:
-                lower = np.maximum(lower, low * (1.0 - relative))
+                low = low * (1.0 - relative)
+                away = self._contracted(known[1] - low, rest)
+                lower = np.maximum(lower, np.maximum(low, known[0] - away))
                 upper = np.minimum(upper, known[1])
             else:
-                upper = np.minimum(upper, high * (1.0 + relative))
+                high = high * (1.0 + relative)
+                away = self._contracted(high - known[0], rest)
+                upper = np.minimum(upper, np.minimum(high, known[1] + away))
                 lower = np.maximum(lower, known[0])
         lower = lower - 4.0 * UNIT_ROUNDOFF * np.abs(lower)
         return lower, np.maximum(upper + 4.0 * UNIT_ROUNDOFF * np.abs(upper), lower)
+
+    def _contracted(self, away: Floats, steps: int) -> Floats:
+        """How far values are at most from those without a bound after some more steps.
+
+        away: how far they are at most now, float64[n].
+        """
+        operator, groups = self.system.operator, self.system.groups
+        vector: Floats = np.maximum(away, UNIT_ROUNDOFF * away.max(initial=LEAST))
+        rows = operator.multiply(vector) + (operator.longest + 6) * LEAST
+        ratio = float((best_of_rows(rows, groups, Direction.MAX) / vector).max(initial=0.0))
+        ratio *= 1.0 + (operator.longest + 8) * UNIT_ROUNDOFF + self.system.error
+        if ratio >= 1.0:
+            return away
+        factor = 1.01 * math.exp(steps * math.log(max(ratio, LEAST)))
+        return factor * vector + LEAST
 
     def _outward_bounds(
         self, before: list[Numbers], after: list[Numbers], rest: int
