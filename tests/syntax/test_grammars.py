@@ -10,6 +10,8 @@ from pathlib import Path
 
 import lark
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from symcheck.syntax import grammars
 from symcheck.syntax.parse import parse_expression, parse_model, parse_properties
@@ -25,14 +27,14 @@ print(len(parse_model('dtmc module m x:[0..1]; endmodule').modules))
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """An empty cache directory."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    grammars._load.cache_clear()
+    grammars.load.cache_clear()
     yield tmp_path / "symcheck"
-    grammars._load.cache_clear()
+    grammars.load.cache_clear()
 
 
 def read_again() -> None:
     """Parse in what could be another run."""
-    grammars._load.cache_clear()
+    grammars.load.cache_clear()
     parse_model(MODEL)
     parse_properties(PROPERTIES)
 
@@ -162,6 +164,20 @@ def test_two_threads_at_once() -> None:
     assert [tree.span.source.text for tree in together] == texts
 
 
-def test_the_compiled_parts_of_lark_read_the_same() -> None:
-    lark_cython = pytest.importorskip("lark_cython")
-    assert grammars.load("prism").parser.options._plugins == lark_cython.plugins
+WORDS = st.sampled_from(
+    [
+        *("pta", "ma", "module", "floor", "(", "min", "P", "Pmax", "filter", "// x\n", "1e5", "1."),
+        *("..", "...", ".5", '"a"', '"a b"', "AG", "=?", "smg", "const", "endinit", "'", "->", " "),
+    ]
+)
+
+
+@pytest.mark.parametrize("name", ["prism", "properties"])
+@given(
+    text=st.text('ab01.eE"/\n\t\v\x85é <>=!&|:;,()[]{}^%*+-?PRF_') | st.lists(WORDS).map("".join)
+)
+def test_words_are_those_of_lark(name: str, text: str) -> None:
+    language = grammars.load(name)
+    assert [(w.type, w.value, w.start_pos, w.end_pos) for w in language.lexer.words(text)] == [
+        (t.type, t.value, t.start_pos, t.end_pos) for t in language.parser.lex(text)
+    ]

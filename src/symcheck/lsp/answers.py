@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from symcheck.errors import Diagnostic, InputError, SymcheckError
 from symcheck.lsp.symbols import QUOTED, Kind, Names, Occurrence, Symbol, names_of
-from symcheck.lsp.words import Word, comments, keywords, words
+from symcheck.lsp.words import comments, keywords, words
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.binding.bind_model import undefined_constants
@@ -26,6 +26,7 @@ from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.grammars import load
 from symcheck.syntax.operators import Function
 from symcheck.syntax.parse import parse_model, parse_properties
+from symcheck.syntax.words import Word
 
 __all__ = ["COLOURS", "MODELS", "Document", "Edit", "Item", "Place", "formatted", "quick_fixes"]
 
@@ -231,13 +232,13 @@ class Document:
             place, symbol = declared
             text = place.document.about(symbol)
             return text, Place(self, found.start, found.end)
-        word = next((w for w in self.words if w.start <= offset < w.end), None)
+        word = next((w for w in self.words if w.start_pos <= offset < w.end_pos), None)
         if word is None:
             return None
-        if word.text in TYPE_WORDS and states is not None:
-            return f"{states:,} reachable states", Place(self, word.start, word.end)
-        if word.text in HELP:
-            return HELP[word.text], Place(self, word.start, word.end)
+        if word.value in TYPE_WORDS and states is not None:
+            return f"{states:,} reachable states", Place(self, word.start_pos, word.end_pos)
+        if word.value in HELP:
+            return HELP[word.value], Place(self, word.start_pos, word.end_pos)
         return None
 
     def about(self, symbol: Symbol) -> str:
@@ -339,17 +340,17 @@ class Document:
         kinds = {o.start: o for o in self.names.occurrences}
         found = [(start, end, "comment") for start, end in comments(self.text)]
         for word in self.words:
-            inner = kinds.get(word.start) or kinds.get(
-                word.start + 1 if word.kind == "STRING" else -1
+            inner = kinds.get(word.start_pos) or kinds.get(
+                word.start_pos + 1 if word.type == "STRING" else -1
             )
             if inner is not None:
-                found.append((word.start, word.end, self._colour(inner)))
-            elif word.kind in ("INTEGER", "REAL"):
-                found.append((word.start, word.end, "number"))
-            elif word.kind == "FUNCTION" or word.text in ("min", "max"):
-                found.append((word.start, word.end, "function"))
-            elif word.text[:1].isalpha():
-                found.append((word.start, word.end, "keyword"))
+                found.append((word.start_pos, word.end_pos, self._colour(inner)))
+            elif word.type in ("INTEGER", "REAL"):
+                found.append((word.start_pos, word.end_pos, "number"))
+            elif word.type == "FUNCTION" or word.value in ("min", "max"):
+                found.append((word.start_pos, word.end_pos, "function"))
+            elif word.value[:1].isalpha():
+                found.append((word.start_pos, word.end_pos, "keyword"))
         return sorted(found)
 
     def _colour(self, occurrence: Occurrence) -> str:

@@ -9,7 +9,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
-from symcheck.lsp.words import Word, words
+from symcheck.lsp.words import words
+from symcheck.syntax.words import Word
 
 __all__ = ["Kind", "Names", "Occurrence", "Symbol", "names_of"]
 
@@ -125,14 +126,14 @@ class _Reading:
         place = self.at + ahead
         if 0 <= place < len(self.words):
             return self.words[place]
-        end = self.words[-1].end if self.words else 0
+        end = self.words[-1].end_pos if self.words else 0
         return Word("", "", end, end)
 
     def run(self) -> None:
         """Go through all words."""
         while self.at < len(self.words):
             word = self.word()
-            match word.text:
+            match word.value:
                 case "const" | "rate" | "prob":
                     self._constant()
                 case "formula":
@@ -142,30 +143,30 @@ class _Reading:
                 case "module":
                     self._begin_module()
                 case "rewards" if self.language == "prism":
-                    self.block = word.text
-                    if self.word(1).kind == "STRING":
+                    self.block = word.value
+                    if self.word(1).type == "STRING":
                         self._declare(Kind.REWARDS, 1, to="endrewards")
                 case "player":
-                    self.block = word.text
+                    self.block = word.value
                     self._declare(Kind.PLAYER, 1, to="endplayer")
                 case "init" if self.block is None:
-                    self.block = word.text
+                    self.block = word.value
                 case "system" | "observables":
-                    self.block = word.text
-                case _ if word.text in _ENDS.values():
+                    self.block = word.value
+                case _ if word.value in _ENDS.values():
                     self.block = self.module = None
                 case _:
                     self._name()
             self.at += 1
 
     def _constant(self) -> None:
-        typed = self.word(1).kind in ("INT", "DOUBLE", "BOOL")
+        typed = self.word(1).type in ("INT", "DOUBLE", "BOOL")
         self._declare(Kind.CONSTANT, 2 if typed else 1)
 
     def _begin_module(self) -> None:
-        self.block, self.module = "module", self.word(1).text
-        is_copy = self.word(2).text == "="
-        base = self.word(3).text if is_copy else None
+        self.block, self.module = "module", self.word(1).value
+        is_copy = self.word(2).value == "="
+        base = self.word(3).value if is_copy else None
         self._declare(Kind.MODULE, 1, to="endmodule", copy_of=base)
         if base is None:
             return
@@ -173,35 +174,35 @@ class _Reading:
         self._add(self.word(), (Kind.MODULE,))
         for old, new in self._renamings():
             copied = next(
-                (s for s in self.symbols if s.name == old.text and s.within == base), None
+                (s for s in self.symbols if s.name == old.value and s.within == base), None
             )
             self._add(old, _RENAMED)
             if copied is not None and copied.kind is Kind.VARIABLE:
                 symbol = Symbol(
                     Kind.VARIABLE,
-                    new.text,
-                    *(new.start, new.end, old.start, new.end),
+                    new.value,
+                    *(new.start_pos, new.end_pos, old.start_pos, new.end_pos),
                     within=self.module,
-                    copy_of=old.text,
+                    copy_of=old.value,
                 )
                 self.symbols.append(symbol)
             self._add(new, _RENAMED)
 
     def _renamings(self) -> Iterator[tuple[Word, Word]]:
         """The pairs `old=new` of a renamed module; the walk goes on behind them."""
-        while self.word(1).text not in ("", "endmodule"):
+        while self.word(1).value not in ("", "endmodule"):
             self.at += 1
-            if self.word(1).text == "=" and self.word(2).kind == "NAME":
+            if self.word(1).value == "=" and self.word(2).type == "NAME":
                 yield self.word(), self.word(2)
                 self.at += 2
 
     def _declare(self, kind: Kind, ahead: int, to: str = ";", copy_of: str | None = None) -> None:
         """Note the declaration whose name is some words ahead."""
-        first, name = self.word().start, self.word(ahead)
-        if name.kind not in ("NAME", "STRING"):
+        first, name = self.word().start_pos, self.word(ahead)
+        if name.type not in ("NAME", "STRING"):
             return
         self.at += ahead
-        plain = name.text.strip('" \t')
+        plain = name.value.strip('" \t')
         self.symbols.append(
             Symbol(kind, plain, *_inner(name), first, self._end(to), self.module, copy_of)
         )
@@ -209,33 +210,33 @@ class _Reading:
 
     def _end(self, to: str) -> int:
         """Where a declaration ends: behind the next such word, or before the next block."""
-        last = self.word().end
+        last = self.word().end_pos
         for place in range(self.at, len(self.words)):
             word = self.words[place]
-            if word.text == to:
-                return word.end
+            if word.value == to:
+                return word.end_pos
             stops = _STATEMENTS if to == ";" else ("module",)
-            if place > self.at and word.text in stops:
+            if place > self.at and word.value in stops:
                 break
-            last = word.end
+            last = word.end_pos
         return last
 
     def _name(self) -> None:
         """Note a name that is used, or a declaration that begins with its name."""
         word = self.word()
-        if word.kind == "STRING":
+        if word.type == "STRING":
             self._quoted(word)
-        if word.kind not in ("NAME", "FUNCTION"):
+        if word.type not in ("NAME", "FUNCTION"):
             return
-        before, after = self.word(-1).text, self.word(1).text
+        before, after = self.word(-1).value, self.word(1).value
         in_actions = self.block in ("module", "rewards") and before == "[" and after == "]"
         markovian = self.block == "module" and before == "<" and after == ">"
         if in_actions or markovian:
             if self.block == "module" and not any(
-                s.kind is Kind.ACTION and s.name == word.text for s in self.symbols
+                s.kind is Kind.ACTION and s.name == word.value for s in self.symbols
             ):
-                place = word.start, word.end
-                self.symbols.append(Symbol(Kind.ACTION, word.text, *place, *place, self.module))
+                place = word.start_pos, word.end_pos
+                self.symbols.append(Symbol(Kind.ACTION, word.value, *place, *place, self.module))
             self._add(word, (Kind.ACTION,))
         elif after == ":" and self.language == "prism" and before in (";", "global", self.module):
             if self.block in ("module", None):
@@ -244,27 +245,27 @@ class _Reading:
             self._add(word, (Kind.MODULE, Kind.ACTION))
         elif self.block == "player":
             self._add(word, (Kind.ACTION if before == "[" else Kind.MODULE,))
-        elif word.kind == "NAME":
+        elif word.type == "NAME":
             self._add(word, _VALUES)
 
     def _quoted(self, word: Word) -> None:
         """Note a name in quotes: a property that begins with its name, or a label or structure."""
-        if self.language == "properties" and self.word(1).text == ":":
+        if self.language == "properties" and self.word(1).value == ":":
             self._declare(Kind.PROPERTY, 0)
             return
-        in_braces = self.word(-1).text == "{" and self.word(1).text == "}"
+        in_braces = self.word(-1).value == "{" and self.word(1).value == "}"
         kinds = (Kind.REWARDS, Kind.LABEL, Kind.PROPERTY)
         self._add(word, kinds if in_braces else (*kinds[1:], kinds[0]))
 
     def _add(self, word: Word, kinds: tuple[Kind, ...]) -> None:
-        self.occurrences.append(Occurrence(word.text.strip('" \t'), *_inner(word), kinds))
+        self.occurrences.append(Occurrence(word.value.strip('" \t'), *_inner(word), kinds))
 
 
 def _inner(word: Word) -> tuple[int, int]:
     """Where the name of a word stands, without quotes and the space within."""
-    text = word.text
-    if word.kind != "STRING":
-        return word.start, word.end
+    text = word.value
+    if word.type != "STRING":
+        return word.start_pos, word.end_pos
     inner = text[1:-1]
-    start = word.start + 1 + len(inner) - len(inner.lstrip())
+    start = word.start_pos + 1 + len(inner) - len(inner.lstrip())
     return start, start + len(inner.strip())

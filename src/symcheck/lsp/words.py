@@ -3,30 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from functools import cache
 
 from symcheck.syntax.grammars import load
+from symcheck.syntax.words import Word
 
-__all__ = ["Word", "comments", "keywords", "words"]
+__all__ = ["comments", "keywords", "words"]
 
 _COMMENT = re.compile(r"//[^\r\n]*")
-
-
-@dataclass(frozen=True, slots=True)
-class Word:
-    """A word of a text.
-
-    Attributes:
-        kind: its terminal in the grammar, such as 'NAME'.
-        text: its characters.
-        start, end: the offsets of its first character, and of the one behind it.
-    """
-
-    kind: str
-    text: str
-    start: int
-    end: int
 
 
 def words(text: str, language: str) -> list[Word]:
@@ -36,13 +20,10 @@ def words(text: str, language: str) -> list[Word]:
     faults are.
 
     Examples:
-        >>> [word.text for word in words("x>=2 // two", "properties")]
+        >>> [word.value for word in words("x>=2 // two", "properties")]
         ['x', '>=', '2']
     """
-    return [
-        Word(token.type, str(token.value), token.start_pos or 0, token.end_pos or 0)
-        for token in load(language).parser.lex(text)
-    ]
+    return list(load(language).lexer.words(text))
 
 
 def comments(text: str) -> list[tuple[int, int]]:

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import cast
-
-from lark import Token
 
 from symcheck.errors import Diagnostic, Source, Span
 from symcheck.syntax.ast import LETTERS, MEASURE_WORDS
@@ -14,6 +11,7 @@ from symcheck.syntax.grammars import Language
 from symcheck.syntax.hints import meant
 from symcheck.syntax.operators import Operator, function_hint
 from symcheck.syntax.recovery import FOREIGN, RESERVED, Fault
+from symcheck.syntax.words import Word
 
 __all__ = ["diagnose"]
 
@@ -297,14 +295,14 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
     if (quantified := _quantified(fault)) is not None:
         return Diagnostic(
             "hyperproperties (HyperPCTL) quantify strategies and states, and are not supported",
-            Span(source, cast(int, quantified.start_pos), fault.end),
+            Span(source, quantified.start_pos, fault.end),
             "model-type",
             f"properties of {', '.join(LETTERS)}, A and E are, one path at a time",
         )
     return None
 
 
-def _quantified(fault: Fault) -> Token | None:
+def _quantified(fault: Fault) -> Word | None:
     """The quantifier of `AS sigma . …` or `forall s : …` whose sign is the fault."""
     words = fault.before[-2:]
     if len(words) < 2 or fault.token.value not in (".", ":", "("):
@@ -425,7 +423,7 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
         if _in_command(fault) and not _has(fault.after, "->"):
             arrows = [word for word in fault.before if word.value == "=>"]
             if arrows:
-                at = cast(int, arrows[-1].start_pos)
+                at = arrows[-1].start_pos
                 return wrong("'=>' is implication, and no arrow of a command", _COMMAND, 2, at)
             return wrong("'->' is missing between the guard and the updates", _COMMAND)
         if _in_update(fault) and fault.before[-2].value != "(":
@@ -449,12 +447,12 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
         name = str(operator.value)
         return Diagnostic(
             f"{name} is the operator '{_PATH_OPERATORS[name]}' of paths here, and no name",
-            Span(source, cast(int, operator.start_pos), cast(int, operator.end_pos)),
+            Span(source, operator.start_pos, operator.end_pos),
             "path",
             f"X, F, G, U, W and R are no names in properties: rename it, to {name}_ for example",
         )
     if (opening := _interval_bracket(fault, found)) is not None:
-        at = cast(int, opening.start_pos)
+        at = opening.start_pos
         letter = text[:at].rstrip()[-1:]
         return Diagnostic(
             "an interval of time stands in square brackets",
@@ -568,7 +566,7 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
     return None
 
 
-def _operator_as_name(fault: Fault, found: str) -> Token | None:
+def _operator_as_name(fault: Fault, found: str) -> Word | None:
     """X, F or G that is compared with a number, and followed by no path: `(X = 2)`.
 
     Its comparison was read as a bound, so that a path is expected behind it. Or it stands where no
@@ -588,7 +586,7 @@ def _operator_as_name(fault: Fault, found: str) -> Token | None:
     return words[start] if word == "X" and sign in ("<", "<=", ">", ">=") else None
 
 
-def _interval_bracket(fault: Fault, found: str) -> Token | None:
+def _interval_bracket(fault: Fault, found: str) -> Word | None:
     """The bracket of an interval with the wrong brackets: `F(1,2]`, `F[1,2)`, `F{1,2}`."""
     i = _open_bracket(fault.before)
     if i is None or i == 0 or fault.before[i - 1].value not in ("X", "F", "G", "U", "W", "R"):
@@ -599,7 +597,7 @@ def _interval_bracket(fault: Fault, found: str) -> Token | None:
     return fault.before[i] if wrong else None
 
 
-def _ends_operand(words: Sequence[Token]) -> bool:
+def _ends_operand(words: Sequence[Word]) -> bool:
     """Whether the words end with a name, a number or a closing bracket."""
     last = str(words[-1].value) if words else ""
     return last in (")", "]") or last[-1:].isalnum()
@@ -607,7 +605,7 @@ def _ends_operand(words: Sequence[Token]) -> bool:
 
 def _last_span(source: Source, fault: Fault) -> Span:
     """The word before the fault."""
-    return Span(source, cast(int, fault.before[-1].start_pos), fault.previous)
+    return Span(source, fault.before[-1].start_pos, fault.previous)
 
 
 def _no_update(source: Source, fault: Fault, span: Span) -> Diagnostic:
@@ -618,7 +616,7 @@ def _no_update(source: Source, fault: Fault, span: Span) -> Diagnostic:
             break
         name = words[i - 1].value
         if words[i].value == "=" and words[i - 2].value == "(" and name.isidentifier():
-            where = Span(source, cast(int, words[i - 1].start_pos), cast(int, words[i - 1].end_pos))
+            where = Span(source, words[i - 1].start_pos, words[i - 1].end_pos)
             return Diagnostic(
                 f"the prime is missing in the update of {name}",
                 where,
@@ -647,7 +645,7 @@ _KEYWORD_NAMES = _set(
 )
 
 
-def _inside_path(words: Sequence[Token]) -> bool:
+def _inside_path(words: Sequence[Word]) -> bool:
     """Whether these words end within the brackets of an operator that holds a path."""
     i = _open_bracket(words, "[")
     if i is None:
@@ -660,7 +658,7 @@ def _inside_path(words: Sequence[Token]) -> bool:
     return False
 
 
-def _open_bracket(words: Sequence[Token], sign: str | None = None) -> int | None:
+def _open_bracket(words: Sequence[Word], sign: str | None = None) -> int | None:
     """The index of the last bracket (of the kind `sign`) since the last semicolon that is open."""
     closed = 0
     for i in range(len(words) - 1, -1, -1):
@@ -687,7 +685,7 @@ def _in_update(fault: Fault) -> bool:
     return _has(fault.before, "->")
 
 
-def _has(words: Sequence[Token], sign: str) -> bool:
+def _has(words: Sequence[Word], sign: str) -> bool:
     return any(str(word.value) == sign for word in words)
 
 
@@ -698,5 +696,5 @@ def _unclosed(fault: Fault, source: Source, expected: set[str]) -> str | None:
     i = _open_bracket(fault.before)
     if i is None:
         return None
-    line, column = source.position(cast(int, fault.before[i].start_pos))
+    line, column = source.position(fault.before[i].start_pos)
     return f"the '{fault.before[i].value}' at {line}:{column} is still open"

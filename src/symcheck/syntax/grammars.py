@@ -15,17 +15,17 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
 from hashlib import sha256
-from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import lark
 
 from symcheck.syntax.ast import TYPE_WORDS
 from symcheck.syntax.operators import Function, Operator
 from symcheck.syntax.tree_builder import Builder, ModelBuilder, PropertiesBuilder
+from symcheck.syntax.words import Lexer
 
-__all__ = ["Language", "cache_directory", "grammar_text", "load", "load_interactive"]
+__all__ = ["Language", "cache_directory", "grammar_text", "load"]
 
 _BUILDERS: dict[str, type[Builder]] = {"prism": ModelBuilder, "properties": PropertiesBuilder}
 _STARTS = {
@@ -43,14 +43,16 @@ _DECLARATIONS = (
 
 @dataclass(frozen=True)
 class Language:
-    """A parser, and the builder that it calls. A builder serves one text at a time.
-
-    is_compiled: whether lark-cython runs the parser.
-    """
+    """A parser, and the builder that it calls. A builder serves one text at a time."""
 
     parser: lark.Lark
     builder: Builder
-    is_compiled: bool
+
+    @cached_property
+    def lexer(self) -> Lexer:
+        """What finds the words of a text."""
+        (ignored,) = self.parser.lexer_conf.ignore
+        return Lexer(self.parser.terminals, ignored)
 
     @cached_property
     def spelling(self) -> dict[str, str]:
@@ -75,24 +77,12 @@ class Language:
         return re.compile(rf"(?:{'|'.join(patterns)})(?=\(\Z)")
 
 
-def load(name: str) -> Language:
-    """The language 'prism' or 'properties'.
-
-    Its parser uses the compiled parts of Lark if lark-cython is installed.
-    """
-    return _load(name, find_spec("lark_cython") is not None)
-
-
-def load_interactive(name: str) -> Language:
-    """The same language without lark-cython, which has no interactive parser."""
-    return _load(name, False)
-
-
 @cache
-def _load(name: str, compiled: bool) -> Language:
+def load(name: str) -> Language:
+    """The language 'prism' or 'properties'."""
     text = grammar_text(name)
     text += _operations() + _other_types(text)
-    path = _cache_file(name, text, compiled)
+    path = _cache_file(name, text)
     parser = None if path is None else _read(path)
     if parser is None:
         parser = lark.Lark(
@@ -102,11 +92,10 @@ def _load(name: str, compiled: bool) -> Language:
             start=_STARTS[name],
             keep_all_tokens=True,
             transformer=_BUILDERS[name](),
-            _plugins=_plugins() if compiled else {},
         )
         if path is not None:
             _save(parser, path)
-    return Language(parser, cast(Builder, parser.options.transformer), compiled)
+    return Language(parser, cast(Builder, parser.options.transformer))
 
 
 def grammar_text(name: str) -> str:
@@ -146,23 +135,16 @@ OTHER_TYPE.3: /(?:{words})(?={space}+(?:{declarations})(?![A-Za-z_0-9])|{space}*
 """
 
 
-def _plugins() -> dict[str, Any]:
-    """Compiled parts of Lark, from the package lark-cython."""
-    import lark_cython
-
-    return dict(lark_cython.plugins)
-
-
 def cache_directory() -> Path | None:
     """`$XDG_CACHE_HOME/symcheck`, or `~/.cache/symcheck`; None for a user without a home."""
     base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     return Path(base, "symcheck") if os.path.isabs(base) else None
 
 
-def _cache_file(name: str, text: str, compiled: bool) -> Path | None:
+def _cache_file(name: str, text: str) -> Path | None:
     """The file that holds the parser of this grammar for these versions of Lark and Python."""
     directory = cache_directory()
-    parts = (text, repr(_STARTS[name]), lark.__version__, sys.version, repr(compiled))
+    parts = (text, repr(_STARTS[name]), lark.__version__, sys.version)
     digest = sha256("\0".join(parts).encode()).hexdigest()[:32]
     return directory and directory / f"{name}-{digest}.lark"
 

@@ -1,7 +1,7 @@
 """Parses models, properties and expressions.
 
 Lark reads the text and calls a builder, which makes the tree. A text is read once, whether it has
-faults or not. Only the compiled parts of Lark cannot go on after a fault: it is read again.
+faults or not.
 """
 
 from __future__ import annotations
@@ -15,12 +15,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from lark import UnexpectedInput
-
 from symcheck.errors import NO_SPAN, Diagnostic, Source, SyntaxFault, UsageError
 from symcheck.syntax.ast import Expression, Name
 from symcheck.syntax.declarations import Program, PropertiesFile, Property
-from symcheck.syntax.grammars import Language, load, load_interactive
+from symcheck.syntax.grammars import Language, load
 from symcheck.syntax.operators import CTL_HINTS
 from symcheck.syntax.recovery import Fault, read_text
 from symcheck.whole_file import read_whole, uncompressed_name
@@ -235,12 +233,6 @@ def _read_text(name: str, start: str, source: Source) -> tuple[Language, Any, li
     """The language that has read a text, the value of its start symbol, and the faults."""
     language = load(name)
     language.builder.begin(source)
-    if language.is_compiled:
-        try:
-            return language, language.parser.parse(source.text, start=start), []
-        except UnexpectedInput:
-            language = load_interactive(name)
-            language.builder.begin(source)
     return language, *read_text(language, start, source.text)
 
 

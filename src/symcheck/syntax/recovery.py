@@ -11,15 +11,16 @@ Source: panic mode, Aho, Lam, Sethi and Ullman, Compilers (2007), 4.8.3.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from copy import copy
 from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, cast
 
-from lark import Token, UnexpectedToken
+from lark import UnexpectedToken
 
 from symcheck.lazy_dataclass import dataclass
 from symcheck.syntax.grammars import Language
+from symcheck.syntax.words import Word
 
 if TYPE_CHECKING:
     from lark.parsers.lalr_interactive_parser import InteractiveParser
@@ -72,26 +73,26 @@ class Fault:
     put in before `token`.
     """
 
-    token: Token
-    before: tuple[Token, ...]
-    after: tuple[Token, ...]
+    token: Word
+    before: tuple[Word, ...]
+    after: tuple[Word, ...]
     expected: frozenset[str]
     mended: str | None
 
     @property
     def start(self) -> int:
         """Where the word begins in the text."""
-        return cast(int, self.token.start_pos)
+        return self.token.start_pos
 
     @property
     def end(self) -> int:
         """Where the word ends."""
-        return cast(int, self.token.end_pos)
+        return self.token.end_pos
 
     @property
     def previous(self) -> int:
         """Where the word before it ends."""
-        return cast(int, self.before[-1].end_pos) if self.before else 0
+        return self.before[-1].end_pos if self.before else 0
 
     @property
     def last(self) -> str:
@@ -113,25 +114,25 @@ class _Words:
     """The words of a text with a view ahead. The last one is empty: the end of the text."""
 
     def __init__(self, language: Language, text: str) -> None:
-        end = Token(_END, "", len(text), end_pos=len(text))
-        self._rest: Iterator[Token] = chain(language.parser.lex(text), (end,))
-        self._ahead: deque[Token] = deque()
+        end = Word(_END, "", len(text), len(text))
+        self._rest: Iterator[Word] = chain(language.lexer.words(text), (end,))
+        self._ahead: deque[Word] = deque()
 
-    def next(self) -> Token:
+    def next(self) -> Word:
         return self._ahead.popleft() if self._ahead else next(self._rest)
 
-    def put_back(self, token: Token) -> None:
+    def put_back(self, token: Word) -> None:
         self._ahead.appendleft(token)
 
-    def peek(self) -> Token | None:
+    def peek(self) -> Word | None:
         """The next word; None behind the last one."""
         if not self._ahead:
             self._ahead.extend(islice(self._rest, 1))
         return self._ahead[0] if self._ahead else None
 
-    def statement(self) -> tuple[Token, ...]:
+    def statement(self) -> tuple[Word, ...]:
         """The next words up to a semicolon, if there are not too many. They stay ahead."""
-        result: list[Token] = []
+        result: list[Word] = []
         while self.peek() and not (result and result[-1].type == _SEMICOLON):
             if len(result) == _MOST_WORDS_AROUND:
                 break
@@ -156,7 +157,7 @@ class _Reading:
         self._part = self._outside = _copied(self._parser)
         self._in_block = False
         # The words since the last semicolon, and the parser before those from a position on.
-        self._before: list[Token] = []
+        self._before: list[Word] = []
         self._anchor, self._anchored = self._part, 0
 
     def run(self) -> list[Fault]:
@@ -168,9 +169,9 @@ class _Reading:
                 break
         return faults
 
-    def _read(self) -> Token | None:
+    def _read(self) -> Word | None:
         """Read up to a word that does not fit, and return it; None if the text is complete."""
-        next_word, feed = self._words.next, self._parser.parser_state.feed_token
+        next_word, feed = self._words.next, _feeding(self._parser)
         before, is_name = self._before, False
         while True:
             token = next_word()
@@ -188,7 +189,7 @@ class _Reading:
                 before = self._before
             is_name = kind in _BLOCKS
 
-    def _pass(self, token: Token) -> None:
+    def _pass(self, token: Word) -> None:
         """Note a word as one of those before the next fault."""
         if token.type == _SEMICOLON:
             self._before = []
@@ -214,35 +215,36 @@ class _Reading:
             if not self._in_block:
                 self._outside = self._part
 
-    def _fault(self, token: Token) -> Fault:
+    def _fault(self, token: Word) -> Fault:
         # Lark has reduced symbols before it refused `token`, which hides some of the expected
         # words: read the last words once more to have the state before that.
         parser = _without_values(self._anchor)
+        feed = _feeding(parser)
         for word in self._before[self._anchored :]:
-            parser.feed_token(word)
+            feed(word, word.type == _END)
         expected = _accepted(parser)
         after = self._words.statement()
         missing = self._missing((token, *after[:1]), expected)
         return Fault(token, tuple(self._before), after, expected, missing)
 
-    def _missing(self, following: tuple[Token, ...], expected: frozenset[str]) -> str | None:
+    def _missing(self, following: tuple[Word, ...], expected: frozenset[str]) -> str | None:
         """The terminal of a single missing word with which the following words fit."""
         for kind in _MISSING:
             if kind in expected and self._fits((self._inserted(kind), *following)):
                 return kind
         return None
 
-    def _inserted(self, kind: str) -> Token:
+    def _inserted(self, kind: str) -> Word:
         """An empty word behind the last one."""
         at = self._before[-1].end_pos if self._before else 0
-        return Token(kind, "", at, end_pos=at)
+        return Word(kind, "", at, at)
 
-    def _fits(self, words: tuple[Token, ...]) -> bool:
+    def _fits(self, words: tuple[Word, ...]) -> bool:
         """Whether these words can come next."""
-        parser = _without_values(self._parser)
+        feed = _feeding(_without_values(self._parser))
         try:
             for word in words:
-                parser.feed_token(word)
+                feed(word, word.type == _END)
         except UnexpectedToken:
             return False
         return True
@@ -266,7 +268,7 @@ class _Reading:
             and self._fits(fault.after[:1])
         )
 
-    def _skip(self, token: Token) -> bool:
+    def _skip(self, token: Word) -> bool:
         """Leave out the rest of this part of the text. Returns whether another part follows."""
         if not self._resumes:
             return False
@@ -286,7 +288,7 @@ class _Reading:
             self._pass(token)
             token = self._words.next()
 
-    def _resume(self, states: list[tuple[InteractiveParser, frozenset[str]]], token: Token) -> bool:
+    def _resume(self, states: list[tuple[InteractiveParser, frozenset[str]]], token: Word) -> bool:
         """Go back to the first of these states in which the word can come next, if there is one."""
         for parser, accepted in states:
             if token.type in accepted:
@@ -297,10 +299,16 @@ class _Reading:
                 return True
         return False
 
-    def _is_first(self, token: Token) -> bool:
+    def _is_first(self, token: Word) -> bool:
         """Whether no other word stands before this one on its line."""
-        previous = cast(int, self._before[-1].end_pos) if self._before else 0
+        previous = self._before[-1].end_pos if self._before else 0
         return not self._before or "\n" in self._text[previous : token.start_pos]
+
+
+def _feeding(parser: InteractiveParser) -> Callable[[Word, bool], Any]:
+    """What gives a parser its next word, and tells whether that is the end."""
+    feed: Callable[[Any, bool], Any] = parser.parser_state.feed_token
+    return feed
 
 
 def _copied(parser: InteractiveParser) -> InteractiveParser:

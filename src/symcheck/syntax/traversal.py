@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields
 from functools import cache
+from operator import is_not
 from typing import Any, TypeVar, cast
 
 from symcheck.syntax.ast import (
@@ -114,23 +115,25 @@ def transform(tree: T, f: Callable[[Tree], Tree]) -> T:
     shared. `f` is called on bounds as well as on formulas, and must give a node that fits the
     place.
     """
-    done: list[Tree] = []
-    stack: list[tuple[Tree, tuple[Tree, ...] | None]] = [(tree, None)]
-    while stack:
-        node, below = stack.pop()
-        if below is None:
-            below = children(node)
-            if below:
-                stack.append((node, below))
-                stack.extend((child, None) for child in reversed(below))
-                continue
+    if isinstance(tree, _LEAVES):
+        return cast(T, f(tree))
+    node, below, new = cast(Tree, tree), children(tree), list[Tree]()
+    above: list[tuple[Tree, tuple[Tree, ...], list[Tree]]] = []
+    while True:
+        for child in below[len(new) :]:
+            if not isinstance(child, _LEAVES):
+                above.append((node, below, new))
+                node, below, new = child, children(child), []
+                break
+            new.append(f(child))
         else:
-            new = tuple(done[-len(below) :])
-            del done[-len(below) :]
-            if any(a is not b for a, b in zip(new, below, strict=True)):
-                node = with_children(node, new)
-        done.append(f(node))
-    return cast(T, done[0])
+            if any(map(is_not, new, below)):
+                node = with_children(node, tuple(new))
+            done = f(node)
+            if not above:
+                return cast(T, done)
+            node, below, new = above.pop()
+            new.append(done)
 
 
 def names(tree: Tree) -> set[str]:

@@ -37,6 +37,10 @@ def simplify(expression: Expression, *, types: Mapping[str, Type] | None = None)
 
 def simplify_node(node: Tree, types: Mapping[str, Type]) -> Tree:
     """Simplify a node with simplified operands."""
+    if isinstance(node, Binary) and not (
+        isinstance(node.left, Literal) or isinstance(node.right, Literal)
+    ):
+        return node  # as most are
     match node:
         case Unary() | Binary() | Call() | Conditional() if all(
             isinstance(x, Literal) for x in children(node)
