@@ -6,8 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from symcheck.errors import InputError
 from symcheck.lsp.answers import Document, formatted, quick_fixes
 from symcheck.lsp.symbols import Kind
+from symcheck.semantics.binding.bind import bind
+from symcheck.syntax.parse import parse_model
 
 MODELS = Path(__file__).parents[2] / "models"
 OFFICE = (MODELS / "modelling" / "office.sm").read_text(encoding="utf-8")
@@ -179,3 +182,43 @@ def test_colours_tell_names_apart() -> None:
     } <= found
     starts = [a for a, _, _ in document.colours()]
     assert starts == sorted(set(starts))
+
+
+MODULES = """mdp
+const int N = 2; // module of a comment
+module first x : [0..N]; [a] x<N -> (x'=x+1); endmodule
+module second = first [ x=y ] endmodule
+label "module" = x=N;
+module third z : [0..1]; [a] z=0 -> (z'=1); endmodule
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "marked"),
+    [
+        ("", "", None),
+        ("z=0 ->", "q=0 ->", "q"),
+        ("[ x=y ]", "[ q=y ]", "q=y"),
+        ("x=N;", "x=q;", "q"),
+        ("(z'=1)", "(z'=true)", "true"),
+        ("third", "first", "module first"),
+        ("(x'=x+1)", "(x'=x+)", ")"),
+        ("endmodule\nlabel", "label", "]"),
+        ("// module", "module", "comment"),
+    ],
+)
+def test_faults_of_a_model_that_is_parsed_in_pieces(old: str, new: str, marked: str) -> None:
+    """They are those of the whole text, at the same places."""
+    text = MODULES.replace(old, new, 1)
+    known = Document("file:///m.prism", MODULES, "prism")
+    assert known.diagnostics == []
+    found = Document("file:///m.prism", text, "prism").diagnostics
+    try:
+        bind(parse_model(text, "m.prism"), {})
+        whole = []
+    except InputError as error:
+        whole = list(error.diagnostics)
+    assert [(d.message, d.code, d.span.start, d.span.end, d.span.text) for d in found] == [
+        (d.message, d.code, d.span.start, d.span.end, d.span.text) for d in whole
+    ]
+    assert not marked or any(marked in d.span.text for d in found)

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from symcheck.errors import Diagnostic, InputError, SymcheckError
+from symcheck.errors import Diagnostic, InputError, Source, SymcheckError
+from symcheck.lsp.pieces import Pieces, parse_pieces
 from symcheck.lsp.symbols import QUOTED, Kind, Names, Occurrence, Symbol, names_of
 from symcheck.lsp.words import comments, keywords, words
 from symcheck.options import Options
@@ -25,7 +26,7 @@ from symcheck.syntax.ast import MEASURE_WORDS, TYPE_WORDS
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.grammars import load
 from symcheck.syntax.operators import Function
-from symcheck.syntax.parse import parse_model, parse_properties
+from symcheck.syntax.parse import parse_properties
 from symcheck.syntax.words import Word
 
 __all__ = ["COLOURS", "MODELS", "Document", "Edit", "Item", "Place", "formatted", "quick_fixes"]
@@ -79,9 +80,14 @@ class Document:
         return self.uri.rpartition("/")[2]
 
     @cached_property
+    def source(self) -> Source:
+        """The text, which tells lines and columns."""
+        return Source(self.name, self.text)
+
+    @cached_property
     def names(self) -> Names:
         """Declarations and uses."""
-        return names_of(self.text, self.language)
+        return names_of(self.words, self.language)
 
     @cached_property
     def words(self) -> list[Word]:
@@ -93,12 +99,13 @@ class Document:
     @cached_property
     def _analysis(
         self,
-    ) -> tuple[Program | PropertiesFile | None, BoundModel | None, list[Diagnostic]]:
+    ) -> tuple[Pieces | PropertiesFile | None, BoundModel | None, list[Diagnostic]]:
         """The tree and the bound model, as far as there are any, and the faults."""
         try:
             if self.language == "prism":
-                program = parse_model(self.text, self.name)
-                return program, *self._bound(program)
+                pieces = parse_pieces(self.text, self.name)
+                bound, faults = self._bound(pieces.program)
+                return pieces, bound, [pieces.placed(d) for d in faults]
             file = parse_properties(self.text, self.name)
             return file, None, self._faults_of_properties(file)
         except InputError as error:
@@ -146,13 +153,16 @@ class Document:
     @cached_property
     def warnings(self) -> list[Diagnostic]:
         """What a beginner may not have meant. Finding it takes as long as reading the text."""
-        complete = self.bound is not None and not self.bound.given
-        return model_warnings(self.bound, Options()) if self.bound and complete else []
+        pieces, bound = self._analysis[:2]
+        if not isinstance(pieces, Pieces) or bound is None or bound.given:
+            return []
+        return [pieces.placed(d) for d in model_warnings(bound, Options())]
 
     @property
     def program(self) -> Program | PropertiesFile | None:
         """The syntax tree; None of a faulty text."""
-        return self._analysis[0]
+        tree = self._analysis[0]
+        return tree.program if isinstance(tree, Pieces) else tree
 
     # ---------------------------------------------------------------------------------------- names
 

@@ -144,16 +144,14 @@ def _listed(folder: Path) -> list[Path]:
 
 
 def _range(server: SymcheckServer, document: Document, start: int, end: int) -> lsp.Range:
-    source = server.workspace.get_text_document(document.uri)
-    before = document.text[:start]
-    line, column = before.count("\n"), start - (before.rfind("\n") + 1)
-    piece = document.text[start:end]
-    last = line + piece.count("\n")
-    width = len(piece) - (piece.rfind("\n") + 1)
-    whole = lsp.Range(
-        lsp.Position(line, column), lsp.Position(last, width if last > line else column + width)
+    first, last = (
+        lsp.Position(line - 1, column - 1)
+        for line, column in map(document.source.position, (start, end))
     )
-    return source.position_codec.range_to_client_units(source.lines, whole)
+    if document.text.isascii():
+        return lsp.Range(first, last)
+    source = server.workspace.get_text_document(document.uri)
+    return source.position_codec.range_to_client_units(source.lines, lsp.Range(first, last))
 
 
 def _diagnostic(

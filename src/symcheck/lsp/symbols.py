@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 
-from symcheck.lsp.words import words
 from symcheck.syntax.words import Word
 
 __all__ = ["Kind", "Names", "Occurrence", "Symbol", "names_of"]
@@ -76,6 +76,9 @@ _ENDS = {
     "observables": "endobservables",
     "invariant": "endinvariant",
 }
+_LAST = frozenset(_ENDS.values())
+_NAMES = ("NAME", "FUNCTION", "STRING")
+"""Terminals of words that may be names."""
 _STATEMENTS = ("const", "formula", "label", "module", "rewards", "endmodule", "endrewards")
 """Words before which a declaration without its semicolon ends."""
 
@@ -89,23 +92,33 @@ class Names:
 
     def declared(self, name: str, kinds: Sequence[Kind]) -> Symbol | None:
         """The declaration of a name as the first of these kinds that it has."""
-        found = {s.kind: s for s in reversed(self.symbols) if s.name == name}
+        found = self._declared.get(name, {})
         return next((found[kind] for kind in kinds if kind in found), None)
+
+    @cached_property
+    def _declared(self) -> dict[str, dict[Kind, Symbol]]:
+        """The first declaration of each kind, by name."""
+        found: dict[str, dict[Kind, Symbol]] = {}
+        for symbol in self.symbols:
+            found.setdefault(symbol.name, {}).setdefault(symbol.kind, symbol)
+        return found
 
     def at(self, offset: int) -> Occurrence | None:
         """The name that stands at an offset, or ends there."""
         return next((o for o in self.occurrences if o.start <= offset <= o.end), None)
 
 
-def names_of(text: str, language: str) -> Names:
-    """The names of a model ('prism') or of a properties file ('properties').
+def names_of(found: Sequence[Word], language: str) -> Names:
+    """The names among the words of a model ('prism') or of a properties file ('properties').
 
     Examples:
-        >>> found = names_of("dtmc const int N = 3; module m x : [0..N]; endmodule", "prism")
+        >>> from symcheck.lsp.words import words
+        >>> text = "dtmc const int N = 3; module m x : [0..N]; endmodule"
+        >>> found = names_of(words(text, "prism"), "prism")
         >>> [(symbol.kind.value, symbol.name) for symbol in found.symbols]
         [('constant', 'N'), ('module', 'm'), ('variable', 'x')]
     """
-    reading = _Reading(words(text, language), language)
+    reading = _Reading(found, language)
     reading.run()
     return Names(tuple(reading.symbols), tuple(reading.occurrences))
 
@@ -132,8 +145,10 @@ class _Reading:
     def run(self) -> None:
         """Go through all words."""
         while self.at < len(self.words):
-            word = self.word()
+            word = self.words[self.at]
             match word.value:
+                case _ if word.type in _NAMES:
+                    self._name()
                 case "const" | "rate" | "prob":
                     self._constant()
                 case "formula":
@@ -153,10 +168,10 @@ class _Reading:
                     self.block = word.value
                 case "system" | "observables":
                     self.block = word.value
-                case _ if word.value in _ENDS.values():
+                case _ if word.value in _LAST:
                     self.block = self.module = None
-                case _:
-                    self._name()
+                case _:  # a sign, a number or a keyword
+                    pass
             self.at += 1
 
     def _constant(self) -> None:
@@ -226,7 +241,6 @@ class _Reading:
         word = self.word()
         if word.type == "STRING":
             self._quoted(word)
-        if word.type not in ("NAME", "FUNCTION"):
             return
         before, after = self.word(-1).value, self.word(1).value
         in_actions = self.block in ("module", "rewards") and before == "[" and after == "]"
