@@ -1,7 +1,8 @@
 # make demo: check two real models. make study: the cell-injection study, into study-output/.
 # make growth: time and memory against states, into benchmarks/results/. make test: the test suite.
 # make check: everything that CI runs on one version of Python. make coverage: the test suite, with
-# the lines that it executes. make docs: the site of the documentation, into build/site.
+# the lines that it executes. make docs: the site of the documentation, into build/site. make
+# editors: the extension for VS Code with its tests, and the workbench's bundle against its sources.
 # Each target sets up a virtual environment in .venv; it needs python3, make, gcc and a package index.
 PYTHON ?= python3
 VENV := .venv
@@ -10,7 +11,7 @@ COMPILED := $(shell find src -name '*.pyx' -o -name '*.pxd' -o -name '*.pxi')
 STAMP := $(VENV)/.stamp
 SOURCES := src tests benchmarks docs verify models/*/*.py setup.py stubs.py
 
-.PHONY: demo study growth test check coverage docs format clean
+.PHONY: demo study growth test check coverage docs editors format clean
 
 demo: $(STAMP)-base
 	$(BIN)/symcheck models/crowds/crowds.pm models/crowds/crowds.pctl -const TotalRuns=5,CrowdSize=10
@@ -42,6 +43,12 @@ coverage: $(STAMP)-check
 
 docs: $(STAMP)-check
 	$(BIN)/mkdocs build
+
+# These need Node 20 and its package index too.
+editors: $(STAMP)-test
+	cd editors/vscode && npm ci --silent && npm run --silent build && \
+	    SYMCHECK_LSP=$(abspath $(BIN))/symcheck-lsp npm test
+	cd workbench-ui && npm ci --silent && npm run --silent check
 
 format: $(STAMP)-check
 	$(BIN)/ruff check --fix $(SOURCES)

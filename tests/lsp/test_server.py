@@ -88,7 +88,10 @@ def run(story: Callable[[Editor], Awaitable[None]]) -> None:
 
 
 def place(path: Path, piece: str, further: int = 0) -> lsp.Position:
-    text = path.read_text(encoding="utf-8")
+    return place_in(path.read_text(encoding="utf-8"), piece, further)
+
+
+def place_in(text: str, piece: str, further: int = 0) -> lsp.Position:
     before = text[: text.index(piece) + further]
     return lsp.Position(before.count("\n"), len(before) - (before.rfind("\n") + 1))
 
@@ -252,6 +255,9 @@ def test_every_capability_on_a_model(
     good, queries = ((MODELS / n).read_text(encoding="utf-8") for n in (model, properties))
     path.write_text(good, encoding="utf-8")
     asked.write_text(queries, encoding="utf-8")
+    module, body = re.findall(r"^module (\w+)(.*?)^endmodule", good, re.DOTALL | re.MULTILINE)[0]
+    pairs = ", ".join(f"{name}={name}_2" for name in re.findall(r"^  (\w+) :", body, re.MULTILINE))
+    copy = f"module twin = {module} [ {pairs} ] endmodule\n"
     declared, used = place(path, f"{variable} : ["), place(path, f"({variable}'=", 1)
 
     async def story(editor: Editor) -> None:
@@ -302,8 +308,33 @@ def test_every_capability_on_a_model(
             lsp.CodeActionParams(document, fault.range, lsp.CodeActionContext([fault]))
         )
         assert "Insert ';'" in [fix.title for fix in fixes or []]
+        # A fault that only states show, found in the background.
+        faulty = "module faulty\n  z : [0..1];\n  [] true -> (z'=z+1);\nendmodule\n"
+        editor.change(document, good + faulty, 3)
+        await editor.until(lambda: "z=1" in str(editor.said[document.uri]))
+        (fault,) = editor.said[document.uri]
+        assert fault.range.start.line == good.count("\n") + 2
+        # A copy of the module, whose variables are known.
+        editor.change(document, good + copy, 4)
+        await editor.until(lambda: editor.said[document.uri] == [])
+        for name, said in (
+            (f"{variable}_2", f"a copy of {variable}"),
+            ("twin", "a copy of module"),
+        ):
+            where = place_in(good + copy, name)
+            shown = await editor.text_document_hover_async(lsp.HoverParams(document, where))
+            assert shown is not None
+            assert said in shown.contents.value
+        renamed = await editor.text_document_rename_async(
+            lsp.RenameParams(document, used, "renamed")
+        )
+        assert renamed is not None
+        assert renamed.changes is not None
+        text = edited(good + copy, renamed.changes[document.uri])
+        assert f"renamed={variable}_2" in text
+        assert not re.search(rf"\b{variable}=", text)
         # Renamed and formatted texts have no faults; formatting again changes nothing.
-        editor.change(document, good, 3)
+        editor.change(document, good, 5)
         await editor.until(lambda: editor.said[document.uri] == [])
         renamed = await editor.text_document_rename_async(
             lsp.RenameParams(document, used, "renamed")
@@ -313,11 +344,11 @@ def test_every_capability_on_a_model(
         text = edited(good, renamed.changes[document.uri])
         assert len(renamed.changes[document.uri]) >= len(uses or []) - queries.count(variable)
         editor.change(questions, edited(queries, renamed.changes.get(questions.uri, [])), 2)
-        editor.change(document, text, 4)
+        editor.change(document, text, 6)
         await editor.until(lambda: all(editor.said[uri] == [] for uri in both))
         asking = lsp.DocumentFormattingParams(document, lsp.FormattingOptions(2, True))
         text = edited(text, await editor.text_document_formatting_async(asking) or [])
-        editor.change(document, text, 5)
+        editor.change(document, text, 7)
         assert not await editor.text_document_formatting_async(asking)
 
     run(story)
