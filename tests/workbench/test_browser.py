@@ -169,6 +169,8 @@ def test_a_change_outside_is_read_and_never_overwritten(bench: Workbench, folder
     bench.until(lambda: "has changed on disk" in bench.at("conflict").text)
     assert file.read_text() == "// again\n" + MODEL
     mine = bench.named("#conflict button", "Keep mine")[0]
+    seen = "const s = getComputedStyle(arguments[0]); return s.color !== s.backgroundColor"
+    assert bench.run(seen, mine)
     mine.send_keys("")  # has the focus, and keeps it while the page looks at the files
     time.sleep(4.5)
     assert bench.browser.switch_to.active_element == mine

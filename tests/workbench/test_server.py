@@ -260,6 +260,8 @@ def test_options_are_those_of_the_library(user: Client) -> None:
     assert run(user, **asked, options={"engine": "exact"})[-1]["result"]["value"] == "9/16"
     wrong = run(user, **asked, options={"epsilon": "much"})[-1]["error"]["message"]
     assert wrong == "epsilon: 'much' is not a number"
+    some = {"symmetry": "true", "threads": "1", "order": "sift", "time_limit": "10"}
+    assert float(run(user, **asked, options=some)[-1]["result"]["value"]) == pytest.approx(9 / 16)
     assert "no option" in run(user, **asked, options={"ltl2da": "rm"})[-1]["error"]["message"]
 
 

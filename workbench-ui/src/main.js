@@ -505,7 +505,7 @@ project.then(async (found) => {
   at("exports").replaceChildren(...found.exports.map((kind) => button(`.${kind}`, () => exported(kind))));
   at("option-fields").replaceChildren(...found.options.map((o) => {
     const set = (e) => { e.target.value === String(o.default) || e.target.value === "" ? delete options[o.name] : (options[o.name] = e.target.value); later(); };
-    const field = o.names.length ? make("select", { change: set }, ...o.names.map((n) => option(n))) : make("input", { size: 8, change: set });
+    const field = o.names.length ? make("select", { change: set }, ...o.names.map((n) => option(n, n || "default"))) : make("input", { size: 8, change: set, placeholder: "default" });
     field.value = String(o.default);
     return make("label", { title: o.about }, `${o.name} `, field);
   }));

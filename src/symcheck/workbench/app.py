@@ -168,8 +168,8 @@ def make_app(project: Project, access: Access, start: Mapping[str, str]) -> Star
         options = [
             {
                 "name": o.name,
-                "default": str(o.default).lower() if isinstance(o.default, bool) else o.default,
-                "names": o.values.names or (["false", "true"] if o.type == "bool" else []),
+                "default": str("" if o.default is None else o.default).lower(),
+                "names": o.values.names or _truths(o.type),
                 "about": o.sentence,
             }
             for o in shown_options()
@@ -283,6 +283,17 @@ def _text(asked: Mapping[str, Any], name: str) -> str:
     if not isinstance(asked.get(name), str):
         raise UsageError(f"'{name}' is a text")
     return str(asked[name])
+
+
+def _truths(type_name: str) -> list[str]:
+    """The values of an option that is a truth value; "" is None, which lets symcheck decide."""
+    match type_name:
+        case "bool":
+            return ["false", "true"]
+        case "bool | None":
+            return ["", "false", "true"]
+        case _:
+            return []
 
 
 def _part(asked: Mapping[str, Any]) -> str:

@@ -39,8 +39,11 @@ Say = Callable[[Answer], None]
 EXPORTS = ("tra", "sta", "lab", "srew", "trew", "pexp", "dot", "drn", "jani")
 """The files that a model is written to; `symcheck.export` describes them."""
 
-_WITHOUT_FIELD = ("strategy", "everywhere", "regions", "lifting", "ltl2da_syntax")
-"""Options that a job sets itself, or that need one without a field."""
+_WITHOUT_FIELD = (
+    *("strategy", "everywhere"),  # jobs set them
+    *("regions", "lifting"),  # of parameters, which have no field
+    *("ltl2da", "ltl2da_syntax", "workdir"),  # programs and folders: not from a browser
+)
 _MOST_STEPS = 10_000
 """Steps of a path that are taken at once."""
 _DRAWN = 120
@@ -48,10 +51,8 @@ _DRAWN = 120
 
 
 def shown_options() -> list[Option]:
-    """The options with a field: those that are a name, a truth value or a plain number."""
-    kinds = (bool, int, float)
-    shown = [o for o in OPTIONS if o.values.names or isinstance(o.default, kinds)]
-    return [o for o in shown if o.name not in _WITHOUT_FIELD]
+    """The options with a field."""
+    return [o for o in OPTIONS if o.name not in _WITHOUT_FIELD]
 
 
 class _Session:
