@@ -34,7 +34,7 @@ check: $(STAMP)-check
 	$(BIN)/mypy
 	$(BIN)/mypy verify/symcheck_verify.py verify/symcheck_verify_derived.py
 	$(BIN)/lint-imports
-	$(BIN)/mkdocs build
+	$(BIN)/zensical build --clean --strict
 	$(BIN)/python -m pytest -n auto -q
 
 # Twice as slow as the suite: tracing.
@@ -42,7 +42,7 @@ coverage: $(STAMP)-check
 	$(BIN)/python -m pytest -n auto -q --cov --cov-report=term:skip-covered
 
 docs: $(STAMP)-check
-	$(BIN)/mkdocs build
+	$(BIN)/zensical build --clean --strict
 
 # These need Node 20 and its package index too.
 editors: $(STAMP)-test

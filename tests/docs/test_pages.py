@@ -193,3 +193,10 @@ def test_prose_has_lines_of_at_most_100_characters(page: Path) -> None:
     prose = re.sub(r"^( *```).*?^\1", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
     lines = [line for line in prose.splitlines() if not re.match(r" *(\||\[[^]]+\]:)", line)]
     assert [line for line in lines if len(line) > 100] == []
+
+
+def test_the_site_has_every_page() -> None:
+    named = re.findall(
+        r"^ +- ([a-z_]+\.md|README\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE
+    )
+    assert sorted(named) == PAGES
