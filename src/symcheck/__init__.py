@@ -27,8 +27,10 @@ if TYPE_CHECKING:
     from symcheck.exchange.api_io import export as export
     from symcheck.exchange.api_io import load_explicit as load_explicit
     from symcheck.exchange.certificates import save_certificate as save_certificate
+    from symcheck.exchange.python.builder import ModelBuilder as ModelBuilder
     from symcheck.exchange.python.from_function import from_function as from_function
     from symcheck.exchange.python.from_matrix import from_matrix as from_matrix
+    from symcheck.exchange.python.from_networkx import from_networkx as from_networkx
     from symcheck.exchange.strategies.induced_chain import induced_chain as induced_chain
     from symcheck.exchange.strategies.reader import load_strategy as load_strategy
     from symcheck.experiments.many import Check as Check
@@ -59,7 +61,9 @@ _MODULES = {
     "errors": "SymcheckError",
     "exchange.api_io": "export load_explicit",
     "exchange.certificates": "save_certificate",
+    "exchange.python.builder": "ModelBuilder",
     "exchange.python.from_function": "from_function",
+    "exchange.python.from_networkx": "from_networkx",
     "exchange.python.from_matrix": "from_matrix",
     "exchange.strategies.induced_chain": "induced_chain",
     "exchange.strategies.reader": "load_strategy",

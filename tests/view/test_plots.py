@@ -88,3 +88,22 @@ def test_tables() -> None:
     table = view.results([(f, model.check(f)) for f in ("P=? [ F d=6 ]", "P>1/6 [ F d=6 ]")])
     assert str(table).splitlines()[2] == "P>1/6 [ F d=6 ]  false                exact"
     assert "<td>P&gt;1/6 [ F d=6 ]</td><td>false</td>" in table._repr_html_()
+
+
+def test_a_distribution_is_plotted_with_its_bounds() -> None:
+    model = symcheck.loads("ctmc module m x : [0..3]; [] x<3 -> 1:(x'=x+1); endmodule")
+    axes = model.transient(1.0).plot()
+    assert [t.get_text() for t in axes.get_yticklabels()] == [f"x={i}" for i in range(4)]
+    assert [p.get_width() for p in axes.patches] == pytest.approx(list(model.transient(1.0).values))
+    few = model.transient(1.0).plot(most=2)
+    assert [t.get_text() for t in few.get_yticklabels()] == ["x=0", "x=1"]
+    assert few.get_xlabel() == "probability: the 2 largest"
+
+
+def test_a_pareto_front_is_plotted() -> None:
+    model = symcheck.loads("mdp module m x : [0..2]; [] x=0 -> (x'=1); [] x=0 -> (x'=2); endmodule")
+    front = model.check("multi(Pmax=? [ F x=1 ], Pmax=? [ F x=2 ])").front
+    axes = front.plot()
+    (line,) = axes.lines
+    assert sorted(map(tuple, line.get_xydata().tolist())) == [(0.0, 1.0), (1.0, 0.0)]
+    assert "F x=1" in axes.get_xlabel()

@@ -6,9 +6,14 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
+from symcheck.errors import UnsupportedError
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.tables import Columns, Table, Tabular
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["Halfspace", "Number", "ParetoFront", "rounded"]
 
@@ -65,6 +70,19 @@ class ParetoFront(Tabular):
             tuple(map(doubles, self.vertices)),
             tuple(Halfspace(doubles(h.weights), rounded(h.bound)) for h in self.halfspaces),
         )
+
+    def plot(self, axes: Axes | None = None) -> Axes:
+        """Plot the front of two objectives, by matplotlib, into new axes if none are given.
+
+        Raises:
+            UnsupportedError: there are not two objectives, or matplotlib is not installed.
+        """
+        if len(self.objectives) != 2:
+            raise UnsupportedError(f"the front of {len(self.objectives)} objectives has no plot")
+        from symcheck.charts import plot_front
+
+        points = [(float(x), float(y)) for x, y in self.vertices]
+        return plot_front(points, (self.objectives[0], self.objectives[1]), axes)
 
     def columns(self) -> Columns:
         """The number of each vertex, and the values of each objective."""

@@ -27,6 +27,8 @@ from symcheck.tables import SHOWN_ROWS, Columns, Table, Tabular, state_table
 if TYPE_CHECKING:
     from fractions import Fraction
 
+    from matplotlib.axes import Axes
+
 __all__ = [
     "Named",
     "State",
@@ -338,6 +340,26 @@ class StateVector(Tabular):
     def items(self) -> Iterator[tuple[State, float | Fraction]]:
         """Each state with its number."""
         return zip(_all(self.engine), self.array.tolist(), strict=True)
+
+    def plot(self, axes: Axes | None = None, *, most: int = 30) -> Axes:
+        """Plot the largest numbers as bars with their bounds, by matplotlib.
+
+        Args:
+            axes: where to draw; None: into new axes.
+            most: the most bars. They stand in the order of the states.
+
+        Raises:
+            UnsupportedError: matplotlib is not installed.
+        """
+        from symcheck.charts import plot_bars
+
+        values = doubles(self.array)
+        chosen = np.sort(np.argsort(-values, kind="stable")[:most])
+        states = _all(self.engine)
+        names = [", ".join(f"{n}={v}" for n, v in states[i].items()) for i in chosen.tolist()]
+        bounds = tuple(doubles(side)[chosen] for side in self._bounds)
+        what = self._noun if len(names) == len(self) else f"{self._noun}: the {most} largest"
+        return plot_bars(names, values[chosen], (bounds[0], bounds[1]), what, axes)
 
     def columns(self) -> Columns:
         """Number and variables of each state, its value, and bounds if they differ."""

@@ -122,13 +122,14 @@ class TransitionTable(Tabular):
         """A graph of networkx (a multigraph for an MDP).
 
         Nodes are numbers of states, with the variables as attributes; edges have `probability`,
-        `action` and `choice`.
+        `action` and `choice`. The attribute `initial` of the graph has the initial states.
         """
         networkx = optional_package("networkx", "frames")
         several = self.engine.model.type.has_choices
         graph = networkx.MultiDiGraph() if several else networkx.DiGraph()
         for state in States(self.engine, self.engine.all):
             graph.add_node(state.number, **state)
+        graph.graph["initial"] = States(self.engine, self.engine.initial).numbers.tolist()
         for source, choice, action, target, probability in self._rows():
             graph.add_edge(source, target, probability=probability, action=action, choice=choice)
         return graph

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from symcheck.charts import axes_of
 from symcheck.errors import UsageError
-from symcheck.view.plots import axes_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -216,7 +216,8 @@ class Picture:
         Raises:
             UnsupportedError: matplotlib or pygraphviz is not installed.
         """
-        from symcheck.view.plots import axes_of, read_image
+        from symcheck.charts import axes_of
+        from symcheck.view.plots import read_image
 
         image = read_image(BytesIO(self.render("png")))
         height, width = image.shape[:2]

@@ -7,12 +7,11 @@ UnsupportedError if matplotlib is not installed.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from types import ModuleType
 from typing import IO, TYPE_CHECKING, Protocol, runtime_checkable
 
+from symcheck.charts import axes_of, pyplot
 from symcheck.errors import UnsupportedError, UsageError
 from symcheck.matrices.rows import Int64s
-from symcheck.tables import optional_package
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from symcheck.numerics.linear.problem import Progress
     from symcheck.symbolic.model import Iteration
 
-__all__ = ["axes_of", "plot_blocks", "plot_bounds", "plot_orders", "plot_search", "read_image"]
+__all__ = ["plot_blocks", "plot_bounds", "plot_orders", "plot_search", "read_image"]
 
 _MOST_OCCURRENCES = 20_000
 """More rectangles than this are not legible, and take matplotlib seconds."""
@@ -41,22 +40,9 @@ class Ordered(Protocol):
     def matrix_nodes(self) -> int | None: ...
 
 
-def _pyplot() -> ModuleType:
-    optional_package("matplotlib", "plot")
-    from matplotlib import pyplot
-
-    return pyplot
-
-
-def axes_of(axes: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Axes:
-    """The given axes, or new ones of a size in inches."""
-    pyplot = _pyplot()
-    return pyplot.subplots(figsize=size, layout="constrained")[1] if axes is None else axes
-
-
 def read_image(file: IO[bytes]) -> NDArray[np.float32]:
     """The pixels of a PNG image, float32[height, width, 4]."""
-    pixels: NDArray[np.float32] = _pyplot().imread(file)
+    pixels: NDArray[np.float32] = pyplot().imread(file)
     return pixels
 
 
@@ -183,7 +169,7 @@ def plot_blocks(matrix: Blocked, axes: Axes | None = None, title: str = "") -> A
     axes = axes_of(axes, (5.2, 5.0))
     from matplotlib.patches import Rectangle
 
-    colours = _pyplot().get_cmap("tab20")
+    colours = pyplot().get_cmap("tab20")
     number = {int(b): i for i, b in enumerate(dict.fromkeys(occurrences[:, 1].tolist()))}
     for _, block, row, column in occurrences.tolist():
         height, width, _ = matrix.blocks[block].tolist()

@@ -1,0 +1,136 @@
+"""Models from graphs of networkx."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Iterable, Mapping
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
+
+from symcheck.api.arguments import model_type, takes_options
+from symcheck.api.model import Model
+from symcheck.errors import UsageError
+from symcheck.exchange.python.from_function import Weight, from_function
+from symcheck.options import OptionValues
+from symcheck.syntax.ast import ModelType
+
+if TYPE_CHECKING:
+    from networkx import DiGraph
+
+__all__ = ["from_networkx"]
+
+
+class _Edge(NamedTuple):
+    target: Hashable
+    weight: Weight
+    choice: object
+    action: str | None
+
+
+@takes_options
+def from_networkx(
+    graph: DiGraph,
+    *,
+    weight: str = "probability",
+    labels: Mapping[str, Iterable[Hashable]] | None = None,
+    rewards: Mapping[str, Mapping[Hashable, Weight]] | None = None,
+    initial: Hashable | None = None,
+    type: ModelType | str | None = None,
+    **options: Unpack[OptionValues],
+) -> Model:
+    """A model of the nodes of a directed graph that can be reached from the initial one.
+
+    Attributes that all nodes have, with integers or truth values, are the variables if they tell
+    the nodes apart; otherwise, the variable `s` is the number of the node in the graph.
+
+    Args:
+        graph: a `DiGraph`, or for an MDP a `MultiDiGraph`: the edges of a node with the same
+            attributes `choice` and `action` (either may be missing) are one of its choices.
+        weight: the attribute of the edges with their probability (rate of a CTMC).
+        labels: name to the nodes that have the label.
+        rewards: name to the rewards of nodes; others have 0.
+        initial: the initial node; None: those in the attribute `initial` of the graph, or its first
+            one.
+        type: 'dtmc', 'ctmc' or 'mdp'; None: an MDP if the graph is a multigraph, else a DTMC.
+        options: see `symcheck.Options`.
+
+    Raises:
+        ModelFault: the weights of a node do not sum to 1.
+        UsageError: an edge has no weight, or a node is not in the graph.
+
+    Examples:
+        >>> import networkx, symcheck
+        >>> graph = networkx.DiGraph()
+        >>> graph.add_weighted_edges_from(
+        ...     [("on", "off", 0.1), ("on", "on", 0.9), ("off", "off", 1)], weight="probability")
+        >>> symcheck.from_networkx(graph, labels={"off": ["off"]}).check('T=? [ F "off" ]').value
+        10.0
+    """
+    if not graph.is_directed():
+        raise UsageError("the edges of the graph have no direction: expected a DiGraph")
+    kind = model_type(type) or ModelType.with_properties(has_choices=graph.is_multigraph())
+    nodes = list(graph.nodes)
+    if not nodes:
+        raise UsageError("the graph has no nodes")
+    states = _states(graph, nodes)
+    node_of = {state: node for node, state in states.items()}
+
+    def state(node: Hashable, what: str) -> Hashable:
+        if node not in states:
+            raise UsageError(f"{what}: the graph has no node {node!r}")
+        return states[node]
+
+    def step(source: Hashable) -> Any:
+        choices: dict[tuple[object, str | None], list[tuple[Weight, Hashable]]] = {}
+        for edge in _edges(graph, node_of[source], weight):
+            key = (edge.choice, edge.action) if kind.has_choices else (None, None)
+            choices.setdefault(key, []).append((edge.weight, states[edge.target]))
+        if kind.has_choices:
+            return [(action, moves) for (_, action), moves in choices.items()]
+        return next(iter(choices.values()), None)
+
+    members = {
+        name: {state(node, f"labels[{name!r}]") for node in given}
+        for name, given in (labels or {}).items()
+    }
+    earned = {
+        name: {state(node, f"rewards[{name!r}]"): x for node, x in given.items()}
+        for name, given in (rewards or {}).items()
+    }
+    starts = graph.graph.get("initial", nodes[:1]) if initial is None else [initial]
+    return from_function(
+        [state(node, "initial") for node in starts],
+        step,
+        labels={name: of.__contains__ for name, of in members.items()},
+        rewards={name: partial(_reward, of) for name, of in earned.items()},
+        type=kind,
+        **options,
+    )
+
+
+def _reward(of: Mapping[Hashable, Weight], state: Hashable) -> Weight:
+    return of.get(state, 0)
+
+
+def _states(graph: Any, nodes: list[Hashable]) -> dict[Hashable, Hashable]:
+    """The state of each node: the values of its variables, or its number."""
+    attributes = [dict(graph.nodes[node]) for node in nodes]
+    names = [
+        name
+        for name in attributes[0]
+        if isinstance(name, str)
+        and name.isidentifier()
+        and all(isinstance(given.get(name), int) for given in attributes)
+    ]
+    values = [tuple(given[name] for name in names) for given in attributes]
+    if not names or len(set(values)) < len(values):
+        return {node: number for number, node in enumerate(nodes)}
+    kind: Any = NamedTuple("State", [(name, int) for name in names])  # type: ignore[misc]
+    return {node: kind(*value) for node, value in zip(nodes, values, strict=True)}
+
+
+def _edges(graph: Any, source: Hashable, weight: str) -> Iterable[_Edge]:
+    for _, target, given in graph.out_edges(source, data=True):
+        if weight not in given:
+            hint = f"weight= names the attribute; this edge has {', '.join(given) or 'none'}"
+            raise UsageError(f"the edge from {source!r} to {target!r} has no '{weight}'", hint=hint)
+        yield _Edge(target, given[weight], given.get("choice"), given.get("action"))
