@@ -136,7 +136,7 @@ def test_completions_depend_on_the_place() -> None:
     assert offered(office, len(office.text)) == {"send", "print", "repair"}
     assert {"queue", "places", "module", "floor("} <= offered(model(OFFICE), len(OFFICE))
     asked = properties('P=? [ F "')
-    assert offered(asked, len(asked.text)) >= {"full", "waiting", "deadlock"}
+    assert offered(asked, len(asked.text)) >= {"full", "deadlock"}
     assert {"Pmax=? [ ", "queue", "F"} <= offered(properties(""), 0)
     assert offered(model("// a"), 4) == set()
 
@@ -222,3 +222,31 @@ def test_faults_of_a_model_that_is_parsed_in_pieces(old: str, new: str, marked: 
         (d.message, d.code, d.span.start, d.span.end, d.span.text) for d in whole
     ]
     assert not marked or any(marked in d.span.text for d in found)
+
+
+def test_an_action_made_by_renaming() -> None:
+    text = """mdp
+module one x : [0..1]; [go1] x=0 -> (x'=1); [both] true -> true; endmodule
+module two = one [ x=y, go1=go2 ] endmodule
+rewards "r" [go2] true : 1; endrewards
+"""
+    document = Document("file:///m.nm", text, "prism")
+    used = text.index("[go2] true") + 2
+    found = document.declaration(used)
+    assert found is not None
+    assert text[found[0].start : found[0].end] == "go2"
+    assert "action of two" in document.hover(used)[0]  # type: ignore[index]
+    assert "action of one\n" in document.hover(text.index("[go1]") + 2)[0] + "\n"  # type: ignore[index]
+    assert "action of one, two" in document.hover(text.index("[both]") + 2)[0]  # type: ignore[index]
+    assert "go2" in [item.word for item in document.completions(text.index("[go2] true") + 1)]
+    edits = document.renamed(used, "start")
+    assert sorted(text[e.place.start : e.place.end] for e in edits) == ["go2", "go2"]
+
+
+def test_names_in_quotes_are_completed_by_their_place() -> None:
+    of_model = (
+        'dtmc module m x : [0..1]; endmodule label "l" = x=1; rewards "r" x=0 : 1; endrewards'
+    )
+    for text, wanted in (('R{"', ["r"]), ('P=? [ F "', ["deadlock", "init", "l"])):
+        found = properties(text, of_model).completions(len(text))
+        assert sorted(item.word for item in found) == wanted

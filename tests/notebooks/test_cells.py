@@ -126,3 +126,32 @@ def test_the_page_about_notebooks_runs() -> None:
     # Gambler's ruin from 1 with odds 3:2 against: (1-r)/(1-r^4) for r=3/2 is 8/65.
     assert "[0.123077, True]" in texts
     assert "6" in texts
+
+
+def test_open_constants_take_single_values_and_what_is_missing_is_said() -> None:
+    _, checked, missing = ran(
+        f"%%prism walk\n{WALK}",
+        '%%pctl walk N=4,k=3\nconst int k;\nP=? [ F "won" ];\nP=? [ F<=k "won" ]',
+        '%%pctl walk\nP=? [ F "won" ]',
+    )
+    assert "<td>0.125</td>" in html(checked)
+    assert "write its value behind %%pctl walk, as in N=4,p=0.5" in error_of(missing)
+
+
+def test_a_faulty_property_does_not_stop_the_others() -> None:
+    _, checked = ran(
+        f"%%prism walk N=4\n{WALK}",
+        '%%pctl walk\nP=? [ F "wno" ];\nP=? [ F "won" ];\nP=? [ F x=9+y ]',
+    )
+    assert html(checked).count("<tr>") == 2
+    assert 'there is no label "wno"' in error_of(checked) or "wno" in error_of(checked)
+    assert "unknown name y" in error_of(checked)
+
+
+def test_warnings_of_states_are_shown() -> None:
+    _, checked = ran(
+        "%%prism m\ndtmc module m x:[0..3]; [] x<3->(x'=x+1); [] x<2->(x'=0); endmodule",
+        "%%pctl m\nP=? [ F x=3 ]",
+    )
+    assert "a fair coin decides" in html(checked)
+    assert "deadlocks were given self-loops in 1 state, such as (x=3)" in html(checked)

@@ -339,3 +339,21 @@ def test_a_wrong_job_leaves_its_worker_alive(user: Client, job: dict[str, object
 def test_a_wrong_command_is_refused(words: list[str], message: str) -> None:
     with pytest.raises(UsageError, match=message):
         serve(words)
+
+
+def test_warnings_of_a_model_are_told(user: Client) -> None:
+    text = "dtmc module m x:[0..3]; [] x<3->(x'=x+1); [] x<2->(x'=0); endmodule"
+    asked = {"model": text, "properties": "P=? [ F x=3 ]", "constants": {}}
+    for job in ({"do": "build"}, {"do": "check", "property": "P=? [ F x=3 ]"}):
+        warnings = run(user, **{**asked, **job})[-1]["result"]["warnings"]
+        assert ["fair coin" in w for w in warnings] == [True, False]
+        assert warnings[1] == "deadlocks were given self-loops in 1 state, such as (x=3)"
+    found = run(user, **asked, do="explore")[-1]["result"]
+    assert [f["severity"] for f in found["faults"]] == ["warning"]
+    assert "(x=3)" in found["about"]
+
+
+def test_constants_of_properties_are_exported(user: Client) -> None:
+    asked = {"properties": 'const int k; Pmax=? [ F<=k "done" ]', "constants": {"N": "2", "k": "3"}}
+    (text,) = run(user, do="export", kind="jani", **asked)[-1]["result"]["files"].values()
+    assert len(json.loads(text)["properties"]) == 1

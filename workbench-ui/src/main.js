@@ -11,7 +11,7 @@ const values = {}; // of constants, as texts
 const ranges = {};
 const options = {};
 const results = new Map(); // by the text of a property
-let list = [], constants = [], known = {};
+let list = [], constants = [], known = {}, seenFaults = [];
 
 // ------------------------------------------------------------------------------------------- log
 
@@ -26,11 +26,17 @@ function tell(text, bad = false) {
   at("state").classList.toggle("bad", bad);
 }
 
-function fail(error, what) {
+/** Tell that something went wrong: below the tabs in full, unless it stands elsewhere already. */
+function fail(error, what, isShown = false) {
   if (error.name === "AbortError") return log(`${what}: cancelled`);
   log(`${what}: ${error.message}`, "bad");
-  tell(error.message, true);
+  if (!isShown) trouble(what, error.message);
   if (error.faults) for (const part of PARTS) if (error.faults[part].length) editors[part].show(error.faults[part]);
+}
+
+function trouble(what = "", text = "") {
+  at("trouble").hidden = !text;
+  if (text) at("trouble").replaceChildren(button("✕", () => trouble(), { "aria-label": "Close", title: "Close" }), make("strong", {}, `${what}: `), make("pre", {}, text));
 }
 
 // ----------------------------------------------------------------------------------------- texts
@@ -72,6 +78,7 @@ async function open(part, name) {
     const { text, version } = name ? await ask("read", { name }) : { text: "", version: "" };
     files[part] = { name, version, saved: text };
     noConflict(part);
+    if (part === "model") at("facts").replaceChildren(), warn([]);
     const draft = JSON.parse(localStorage.getItem(draftKey(part)) ?? "null");
     editors[part].open(draft ? draft.text : text);
     if (draft && draft.version !== version) {
@@ -190,8 +197,9 @@ async function analyse() {
   if (number !== analysed || now.model !== editors.model.text || now.properties !== editors.properties.text) return;
   for (const part of PARTS) editors[part].show(found[part].faults, found[part].colours);
   const faults = PARTS.flatMap((part) => found[part].faults.map((f) => ({ ...f, part })));
+  seenFaults = found.model.faults;
   if (found.list) list = found.list;
-  constants = found.constants;
+  constants = found.constants ?? constants; // the fields stay while a text is faulty
   showConstants();
   showList();
   const errors = faults.filter((f) => f.severity === "error").length;
@@ -203,8 +211,9 @@ async function analyse() {
 async function explore() {
   exploring = new AbortController();
   try {
-    const { states } = await run("explore", { do: "explore", ...job() }, { signal: exploring.signal });
-    tell(`${states.toLocaleString("en")} reachable states`);
+    const { states, faults, about } = await run("explore", { do: "explore", ...job() }, { signal: exploring.signal });
+    if (faults.length) editors.model.show([...seenFaults, ...faults]);
+    tell([`${states.toLocaleString("en")} reachable states`, about].filter(Boolean).join("; "));
   } catch (error) {
     if (error.faults?.model.length) {
       editors.model.show(error.faults.model);
@@ -232,8 +241,20 @@ const job = () => ({ ...texts(), constants: { ...values }, options: { ...options
 
 const lanes = {}; // a worker does one job at a time: the jobs that wait, and the one that runs
 
+/** Whether each constant has a value; if not, its field gets the focus. */
+function complete() {
+  const open = constants.find((c) => !values[c.name]);
+  if (!open) return true;
+  trouble("constants", `${open.name} has no value: write one into its field`);
+  showTool("check");
+  at("constants").querySelector(`[name="${open.name}"]`)?.focus();
+  return false;
+}
+
 /** Do a job after those that wait for the same worker. Its progress and a button are on the page. */
 function queue(worker, asked, what, told) {
+  if (asked().do !== "experiment" && !complete()) return Promise.resolve({ error: { name: "AbortError" }, incomplete: true });
+  trouble();
   const lane = (lanes[worker] ??= { worker, waiting: [], running: null });
   return new Promise((resolve) => {
     lane.waiting.push({ asked, what, told, resolve });
@@ -260,7 +281,7 @@ async function next(lane) {
   try {
     found = await run(lane.worker, todo.asked(), { told, signal: lane.running.signal });
   } catch (error) {
-    fail(error, what);
+    fail(error, what, todo.asked().do === "check");
     found = { error };
   }
   lane.running = null;
@@ -320,7 +341,7 @@ function listed(p, number, { result, error, isOld }) {
       " ", result.holds === null ? "" : button("Why?", () => explain("explain", number), { title: "Counterexample or witness" }),
       result.chooses ? button("Strategy", () => explain("strategy", number)) : "",
       result.lines.length ? make("pre", {}, result.lines.join("\n")) : "");
-  } else if (error) item.append(" ", make("span", { class: "of bad" }, error));
+  } else if (error) item.append(" ", make("pre", { class: "of bad" }, error));
   return item;
 }
 
@@ -332,15 +353,23 @@ async function check(number) {
     return { do: "check", ...job(), property: property.text };
   };
   const found = await queue("check", asked, nameOf(property));
+  if (found.incomplete) return;
   results.set(keyOf(property), found.error ? { error: found.error.name === "AbortError" ? "cancelled" : found.error.message, of } : { result: found, of });
+  if (!found.error) warn(found.warnings);
   if (!found.error) log(`${nameOf(property)}: ${found.value} (${found.accuracy}), ${found.seconds.toFixed(3)} s`);
   showList();
+}
+
+/** The warnings of a model, beside its results. */
+function warn(warnings) {
+  show(at("warnings"), warnings, () => warnings.map((text) => make("li", {}, text)));
 }
 
 async function build() {
   const found = await queue("check", () => ({ do: "build", ...job() }), "building the model");
   if (found.error) return;
   at("facts").replaceChildren(...found.facts.flatMap(([name, text]) => [make("dt", {}, name), make("dd", {}, text)]));
+  warn(found.warnings);
   log(`built: ${found.facts.map((f) => f.join(" ")).join(", ")}, ${found.seconds.toFixed(3)} s`);
 }
 

@@ -32,11 +32,11 @@ export class Chart {
     const bounded = points.filter((p) => p.high > p.low);
     const style = getComputedStyle(this.figure);
     this.drawn = Plot.plot({
-      width, height: Math.max(220, Math.min(340, width * 0.6)), marginRight: 24, marginLeft: 56, marginTop: 24 + 14 * series.length,
+      width, height: Math.max(220, Math.min(340, width * 0.6)) + 14 * Math.max(series.length - 3, 0), marginRight: 24, marginLeft: 56, marginTop: 30 + 14 * series.length,
       style: { background: style.getPropertyValue("--back"), color: style.color, fontFamily: "system-ui, sans-serif" },
       x: { label: this.x, type: numeric ? "linear" : "point", ...(this.zoomed && numeric ? { domain: this.zoomed.x } : {}) },
       y: { label: this.y, grid: true, ...(this.zoomed ? { domain: this.zoomed.y } : {}) },
-      color: { domain: series, scheme: "observable10" },
+      color: { domain: series, ...(series.length > 10 ? { range: series.map((_, i) => `hsl(${Math.round((360 * i) / series.length)} 65% 50%)`) } : { scheme: "observable10" }) },
       marks: points.length ? [
         Plot.ruleX(bounded, { x: "x", y1: "low", y2: "high", z: null, stroke: "series", strokeOpacity: 0.6, clip: true }),
         Plot.lineY(points, { x: "x", y: "y", z: "series", stroke: "series", curve: steps ? "step-after" : "linear", clip: true }),
@@ -47,7 +47,7 @@ export class Chart {
     series.forEach((name, i) => {
       const text = document.createElementNS("http://www.w3.org/2000/svg", "text");
       text.textContent = `● ${name.length > 70 ? `${name.slice(0, 69)}…` : name}`;
-      for (const [key, value] of Object.entries({ x: 56, y: 16 + 14 * i, "text-anchor": "start", fill: this.drawn.scale("color").apply(name) })) text.setAttribute(key, value);
+      for (const [key, value] of Object.entries({ x: 56, y: 12 + 14 * i, "text-anchor": "start", fill: this.drawn.scale("color").apply(name) })) text.setAttribute(key, value);
       this.drawn.append(text);
     });
     this.figure.replaceChildren(this.drawn);

@@ -172,6 +172,23 @@ class Stages:
 
         return tuple(overlapping_commands(self.engine)) if self.options.warn_overlaps else ()
 
+    @cached_property
+    def state_warnings(self) -> tuple[Diagnostic, ...]:
+        """What was perhaps not meant, as far as only the states show it: `overlaps`, and deadlocks
+        that were given self-loops.
+
+        Raises ModelFault, UnsupportedError, ResourceError.
+        """
+        from symcheck.semantics.state_faults import deadlocks_mended, describe_state
+
+        engine = self.engine
+        count = engine.deadlocks.count
+        if not count:
+            return self.overlaps
+        example = next(iter(engine.valuations(engine.deadlocks, 1)))
+        text = deadlocks_mended(count, describe_state(engine.model.variables, example))
+        return (*self.overlaps, Diagnostic(text, code="deadlock", severity="warning"))
+
     def within_limits(self, compute: Callable[[], T]) -> T:
         """What a function returns within `time_limit`, with `threads`, and with its large arrays
         in `workdir`.

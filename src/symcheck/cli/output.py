@@ -16,7 +16,7 @@ from symcheck.engines.selection import EngineChoice
 from symcheck.errors import Diagnostic, InputError, OutputError, SymcheckError
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.semantics.state_faults import describe_state
+from symcheck.semantics.state_faults import deadlocks_mended, describe_state
 from symcheck.tables import counted
 from symcheck.version import __version__
 
@@ -146,10 +146,7 @@ class Output:
         self.line(f"Time for model construction: {seconds:.3f} seconds.")
         deadlocks = engine.deadlocks.count if whole is None else whole.deadlocks
         if deadlocks:
-            self.warn(
-                f"deadlocks were given self-loops in {counted(deadlocks, 'state')}, "
-                f"such as {_example(engine)}"
-            )
+            self.warn(deadlocks_mended(deadlocks, _example(engine)))
         self.out.flush()
 
     def partitioned(self, model: DistributedModel) -> None:
@@ -163,10 +160,7 @@ class Output:
             self.line(f"Choices:     {model.choices}")
         self.line(f"Time for model construction: {model.seconds:.3f} seconds.")
         if model.deadlocks:
-            self.warn(
-                f"deadlocks were given self-loops in {counted(model.deadlocks, 'state')}, "
-                f"such as {model.deadlock_examples()[0]}"
-            )
+            self.warn(deadlocks_mended(model.deadlocks, model.deadlock_examples()[0]))
         self.out.flush()
 
     def property(

@@ -14,6 +14,7 @@ from symcheck.api.model import Model
 from symcheck.check.context import Context
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.state_formulas import satisfying
+from symcheck.constant_values import GivenConstants
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.registry import build
 from symcheck.errors import UsageError, converts_memory_error
@@ -106,7 +107,10 @@ class ImportedModel(Model):
 
 @converts_memory_error()
 def export(
-    model: Model, target: str | Path, properties: str | Path | PropertiesFile | None = None
+    model: Model,
+    target: str | Path,
+    properties: str | Path | PropertiesFile | None = None,
+    constants: GivenConstants | str | None = None,
 ) -> list[str]:
     """Write a model to files. It is built, unless the format is JANI.
 
@@ -115,6 +119,7 @@ def export(
         target: FILES[:OPTIONS] as for -exportmodel: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`,
             `die.pexp`, `die.umb`, `die.umbt`, `die.jani`.
         properties: those that a JANI file holds, as for `Model.check_all`.
+        constants: one value for each constant that the properties leave open.
 
     Returns:
         The names of the files.
@@ -136,11 +141,11 @@ def export(
         raise UsageError(
             f"{target} holds no properties", hint="only JANI files do: export(model, 'm.jani', …)"
         )
-    return list(
-        export_targets(
-            model, parts, sys.stdout, properties=lambda exact: exact.properties(file).properties
-        )
-    )
+
+    def bound(exact: Model) -> Sequence[BoundProperty]:
+        return exact.properties(file, constants).properties
+
+    return list(export_targets(model, parts, sys.stdout, properties=bound))
 
 
 def export_targets(

@@ -294,14 +294,21 @@ class Document:
         )
 
     def _modules_with(self, action: str) -> Iterator[str]:
+        """The modules that have an action; a copy has those of its original, renamed."""
+        actions: dict[str, set[str]] = {}
         for module in (s for s in self.names.symbols if s.kind is Kind.MODULE):
-            for o in self.names.occurrences:
-                if (
-                    o.name == action
-                    and Kind.ACTION in o.kinds
-                    and module.first <= o.start < module.last
-                ):
-                    yield module.name
+            found = [
+                o.name
+                for o in self.names.occurrences
+                if Kind.ACTION in o.kinds and module.first <= o.start < module.last
+            ]
+            if module.copy_of is None:
+                actions[module.name] = set(found)
+            else:
+                new = dict(zip(found[::2], found[1::2], strict=False))
+                actions[module.name] = {new.get(a, a) for a in actions.get(module.copy_of, ())}
+            if action in actions[module.name]:
+                yield module.name
 
     # ---------------------------------------------------------------------------------- completions
 
@@ -312,7 +319,10 @@ class Document:
             return []
         symbols = [(s, document) for document in self._family for s in document.names.symbols]
         if line.count('"') % 2:
-            return _items(symbols, QUOTED) + [Item(w, "label") for w in ("deadlock", "init")]
+            if line[: line.rindex('"')].endswith("{"):
+                return _items(symbols, (Kind.REWARDS,))
+            labels = [Item(w, "label") for w in ("deadlock", "init")]
+            return _items(symbols, (Kind.LABEL, Kind.PROPERTY)) + labels
         before = line.rstrip(_NAME_CHARACTERS).rstrip()
         if before.endswith("[") and self.language == "prism":
             return _items(symbols, (Kind.ACTION,))

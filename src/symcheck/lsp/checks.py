@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from symcheck.errors import InputError, ResourceError, SymcheckError
+from symcheck.errors import Diagnostic, InputError, ResourceError, SymcheckError
 
 __all__ = ["Exploration", "Fault", "Verdict", "check", "explore"]
 
@@ -27,6 +27,7 @@ class Fault:
     Attributes:
         message, code, hint: as those of a diagnostic.
         start, end: offsets in the text.
+        severity: 'error' or 'warning'.
     """
 
     message: str
@@ -34,6 +35,7 @@ class Fault:
     hint: str | None
     start: int
     end: int
+    severity: str = "error"
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,14 +87,17 @@ def _explored(text: str) -> Exploration:
     import symcheck
 
     try:
-        return Exploration(symcheck.loads(text, time_limit=SECONDS).engine.states, ())
+        model = symcheck.loads(text, time_limit=SECONDS)
+        states = model.engine.states
+        return Exploration(states, tuple(map(_fault, model.state_warnings)))
     except InputError as error:
-        faults = (
-            Fault(d.message, d.code, d.hint, d.span.start, d.span.end) for d in error.diagnostics
-        )
-        return Exploration(None, tuple(faults))
+        return Exploration(None, tuple(map(_fault, error.diagnostics)))
     except SymcheckError:  # too large, or not supported: no fault of the text
         return Exploration(None, ())
+
+
+def _fault(d: Diagnostic) -> Fault:
+    return Fault(d.message, d.code, d.hint, d.span.start, d.span.end, d.severity)
 
 
 def _checked(model: str, properties: str, number: int) -> Verdict:

@@ -159,7 +159,7 @@ def _diagnostic(
 ) -> lsp.Diagnostic:
     match fault:
         case Fault():
-            start, end, severity = fault.start, fault.end, "error"
+            start, end, severity = fault.start, fault.end, fault.severity
         case Diagnostic():
             start, end, severity = fault.span.start, fault.span.end, fault.severity
     hint = f"\nhint: {fault.hint}" if fault.hint else ""

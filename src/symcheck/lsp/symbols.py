@@ -189,12 +189,20 @@ class _Reading:
         self._add(self.word(), (Kind.MODULE,))
         for old, new in self._renamings():
             copied = next(
-                (s for s in self.symbols if s.name == old.value and s.within == base), None
+                (
+                    s
+                    for s in self.symbols
+                    if s.name == old.value and (s.within == base or s.kind is Kind.ACTION)
+                ),
+                None,
             )
             self._add(old, _RENAMED)
-            if copied is not None and copied.kind is Kind.VARIABLE:
+            known = any(s.name == new.value for s in self.symbols)
+            if copied is not None and (
+                copied.kind is Kind.VARIABLE or (copied.kind is Kind.ACTION and not known)
+            ):
                 symbol = Symbol(
-                    Kind.VARIABLE,
+                    copied.kind,
                     new.value,
                     *(new.start_pos, new.end_pos, old.start_pos, new.end_pos),
                     within=self.module,

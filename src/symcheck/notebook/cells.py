@@ -17,12 +17,13 @@ from symcheck.api.model import Model
 from symcheck.api.progress import Reporter
 from symcheck.check.result import Result, bounds_text, show_value
 from symcheck.constant_values import constant_values
-from symcheck.errors import SymcheckError, UsageError
+from symcheck.errors import InputError, SymcheckError, UsageError
 from symcheck.experiments.run import experiment
 from symcheck.experiments.table import Experiment
 from symcheck.lsp.answers import Document
 from symcheck.options import make_options, read_options
-from symcheck.semantics.binding.bind import undefined_constants
+from symcheck.semantics.binding.bind import split_constants, undefined_constants
+from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_properties
 from symcheck.tables import Table, counted
 
@@ -57,8 +58,11 @@ def _shown_errors() -> Iterator[None]:
 class Results(Sequence[Result]):
     """The results of the properties of a cell, in order. It draws itself as a table."""
 
-    def __init__(self, texts: Sequence[str], results: Sequence[Result]) -> None:
+    def __init__(
+        self, texts: Sequence[str], results: Sequence[Result], warnings: Sequence[str] = ()
+    ) -> None:
         self._texts, self._results = tuple(texts), tuple(results)
+        self._warnings = tuple(warnings)
 
     @overload
     def __getitem__(self, index: int) -> Result: ...
@@ -75,7 +79,8 @@ class Results(Sequence[Result]):
             (text, show_value(r.value), str(r.accuracy), bounds_text(r), f"{r.seconds:.3g} s")
             for text, r in zip(self._texts, self._results, strict=True)
         ]
-        notes = [note for r in self._results for note in (*r.warnings, *r.notes)]
+        told = (note for r in self._results for note in (*r.warnings, *r.notes))
+        notes = [*self._warnings, *told]
         head = ("property", "value", "accuracy", "bounds", "time")
         return Table.of(head, rows, "\n".join(dict.fromkeys(notes)))
 
@@ -127,7 +132,7 @@ class Cells:
             model = self._shell.user_ns.get(asked.name)
             if not isinstance(model, Model):
                 raise UsageError(f"{asked.name} is no model", hint="%%prism NAME makes one")
-            found = _checked(model, asked, cell)
+            found = _checked(model, asked, "\n" + cell)
         if asked.results:
             self._shell.user_ns[asked.results] = found
         return found
@@ -148,36 +153,72 @@ def _options(asked: Namespace) -> dict[str, object]:
     return read_options(given)
 
 
-def _checked(model: Model, asked: Namespace, cell: str) -> Results | Experiment:
+def _checked(model: Model, asked: Namespace, text: str) -> Results | Experiment:
     """The results of a cell, with a line of progress above them while they are computed."""
-    file = parse_properties("\n" + cell, f"properties of {asked.name}")
+    file = parse_properties(text, f"properties of {asked.name}")
     line = DisplayHandle()
     line.display(HTML(""))
     reporter = Reporter(lambda text: line.update(HTML(f"<em>{escape(text)}</em>")))
     if options := _options(asked):
         model = model.with_options(**options)  # type: ignore[arg-type]
     model = replace(model, observer=reporter)
-    texts: list[str] = []
-    results: list[Result] = []
     try:
         if ":" in asked.constants:
             return experiment(model, file, asked.constants, progress=reporter)
-        values = {n: (v,) for n, v in constant_values(asked.constants).items()}
+        return _one_by_one(model, file, asked, reporter)
+    finally:
+        line.update(HTML(""))
+
+
+def _one_by_one(
+    model: Model, file: PropertiesFile, asked: Namespace, reporter: Reporter
+) -> Results:
+    """The results of all properties. A faulty one does not stop the others."""
+    split = split_constants(model.program, file, constant_values(asked.constants))
+    if split.of_model:
+        model = model.with_constants({**model.given_constants, **split.of_model})
+    values = {n: (v,) for n, v in split.of_properties.items()}
+    texts: list[str] = []
+    results: list[Result] = []
+    faults: list[InputError] = []
+    try:
         instances = model.instances(file, values, range(len(file.properties)))
         prepared = model.prepared_for(instances)
         for number, instance in enumerate(instances, 1):
             reporter.say(f"{number} of {len(instances)}: {instance.full_title}")
-            results.append(prepared.check(instance, reporter.iteration))
-            texts.append(instance.full_title)
+            try:
+                results.append(prepared.check(instance, reporter.iteration))
+                texts.append(instance.full_title)
+            except InputError as error:
+                faults.append(_with_hint(asked.name, error))
+        built = prepared.model
+        warnings = [d.message for d in built.state_warnings] if "engine" in vars(built) else []
+        found = Results(texts, results, [*(d.message for d in split.warnings), *warnings])
     except (SymcheckError, KeyboardInterrupt) as error:
         if results:
             display(Results(texts, results))  # what is finished is kept
+        if isinstance(error, InputError):
+            raise _with_hint(asked.name, error) from None
         if isinstance(error, SymcheckError):
             raise
         raise UsageError(f"interrupted after {counted(len(results), 'property')}") from None
-    finally:
-        line.update(HTML(""))
-    return Results(texts, results)
+    if faults:
+        if results:
+            display(found)
+        raise _CellError("\n".join(dict.fromkeys(map(str, faults))))
+    return found
+
+
+def _with_hint(name: str, error: InputError) -> InputError:
+    """An error with what to write in a cell where a constant has no value."""
+    return InputError(
+        *(
+            replace(d, hint=f"write its value behind %%pctl {name}, as in N=4,p=0.5")
+            if d.code == "undefined-constant"
+            else d
+            for d in error.diagnostics
+        )
+    )
 
 
 # ------------------------------------------------------------------------------------------- HTML

@@ -22,6 +22,7 @@ __all__ = [
     "almost_one",
     "at_state",
     "deadlocks",
+    "deadlocks_mended",
     "describe_state",
     "function_sum",
     "negative_update",
@@ -95,6 +96,12 @@ def rounded_sum(total: Any, terms: Any) -> Any:
 def sums_to_one(total: Value) -> bool:
     """Whether a sum of probabilities is 1 (a Fraction exactly, a float up to SUM_TOLERANCE)."""
     return total == 1 if isinstance(total, Fraction) else abs(total - 1) <= SUM_TOLERANCE
+
+
+def deadlocks_mended(count: int, example: str) -> str:
+    """The warning of deadlocks that were given self-loops. example: the text of one of them."""
+    states = "1 state" if count == 1 else f"{count} states"
+    return f"deadlocks were given self-loops in {states}, such as {example}"
 
 
 def describe_state(variables: Sequence[Variable], values: Sequence[Value]) -> str:

@@ -15,7 +15,7 @@ from symcheck.check.counterexample import Counterexample
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result, bounds_text, show_value
 from symcheck.engines.base import erased
-from symcheck.errors import InputError, SymcheckError, UnsupportedError, UsageError
+from symcheck.errors import Diagnostic, InputError, SymcheckError, UnsupportedError, UsageError
 from symcheck.experiments.rows import Row, constant_text, error_text
 from symcheck.experiments.run import Progress, experiment
 from symcheck.options import OPTIONS, Option, make_options, read_options
@@ -123,13 +123,30 @@ def _build(job: Job) -> Answer:
     facts += [["choices", f"{engine.choices:,}"]] if model.type.has_choices else []
     facts += [["transitions", f"{engine.transitions:,}"]]
     facts += [[f'"{name}"', f"{len(states):,}"] for name, states in model.labels.items()]
-    return {"facts": facts, "seconds": perf_counter() - started}
+    return {"facts": facts, "warnings": _warnings(model), "seconds": perf_counter() - started}
+
+
+def _warnings(model: Model) -> list[str]:
+    """What was perhaps not meant in a model: as far as its text shows it, and its states."""
+    found = [*model.warnings, *model.state_warnings]
+    return [*model.bound.warnings, *(_sentence(d) for d in found)]
+
+
+def _sentence(found: Diagnostic) -> str:
+    line = found.span.source.position(found.span.start)[0]
+    place = f"line {line}: " if found.span.source.text else ""
+    return place + found.message + (f" ({found.hint})" if found.hint else "")
 
 
 def _explore(job: Job) -> Answer:
     """Find the faults of a model that only its states show, for some seconds."""
     model, _, _ = _SESSION.model(job, time_limit=5.0)
-    return {"states": model.engine.states}
+    found = model.state_warnings
+    return {
+        "states": model.engine.states,
+        "faults": faults(job["model"], [d for d in found if d.span.source.text]),
+        "about": "; ".join(d.message for d in found if not d.span.source.text),
+    }
 
 
 def _check(job: Job) -> Answer:
@@ -143,6 +160,7 @@ def _check(job: Job) -> Answer:
         "about": result.explanation,
         "seconds": result.seconds,
         "lines": lines,
+        "warnings": _warnings(model) if "engine" in vars(model) else [],
         "chooses": model.type.has_choices,
     }
 
@@ -216,7 +234,7 @@ def _explain(job: Job) -> Answer:
         )
         answer["html"] = _picture("Counterexample", "The paths are red.", drawn)
     except UnsupportedError as error:
-        answer["text"] += f"\n{error}"
+        answer["text"] += f"\n{error.message}"
     return answer
 
 
@@ -231,7 +249,7 @@ def _strategy(job: Job) -> Answer:
         )
         answer["html"] = _picture("Strategy", str(result), drawn)
     except UnsupportedError as error:
-        answer["text"] += f"\n{error}"
+        answer["text"] += f"\n{error.message}"
     return answer
 
 
@@ -242,10 +260,10 @@ def _export(job: Job) -> Answer:
     kind = job["kind"]
     if kind not in EXPORTS:
         raise UsageError(f"there is no export '{kind}'", hint=", ".join(EXPORTS))
-    model, file, _ = _SESSION.model(job)
-    properties = file if kind == "jani" and file.properties else None
+    model, file, constants = _SESSION.model(job)
     with TemporaryDirectory() as folder:
-        export(model, str(Path(folder) / f"model.{kind}"), properties)
+        target = str(Path(folder) / f"model.{kind}")
+        export(model, target, file if kind == "jani" else None, constants)
         found = {p.name: p.read_text(encoding="utf-8") for p in sorted(Path(folder).iterdir())}
     return {"files": found}
 

@@ -74,7 +74,8 @@ def analysis(texts: Texts) -> dict[str, Any]:
         for part, d in documents.items()
     }
     model, properties = documents["model"].program, documents["properties"].program
-    constants = [] if not isinstance(model, Program) else list(undefined_constants(model))
+    known = isinstance(model, Program) and properties is not None
+    constants = list(undefined_constants(model)) if isinstance(model, Program) else []
     if isinstance(properties, PropertiesFile):
         text = documents["properties"].text
         constants += [c for c in properties.constants if c.value is None]
@@ -86,7 +87,8 @@ def analysis(texts: Texts) -> dict[str, Any]:
             }
             for i, p in enumerate(properties.properties)
         ]
-    found["constants"] = [{"name": c.name, "type": c.type.value} for c in constants]
+    if known:  # the fields stay while a text is faulty
+        found["constants"] = [{"name": c.name, "type": c.type.value} for c in constants]
     return found
 
 
