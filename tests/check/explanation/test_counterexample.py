@@ -422,3 +422,25 @@ def test_many_variables_are_shown_where_they_change():
     text = f"dtmc module m {variables} [] a=0 -> (a'=1); [] a=1&h=0 -> (h'=1)&(c'=1); endmodule"
     (path,) = symcheck.loads(text).check("P<=0.5 [ F h=1 ]").counterexample().paths
     assert str(path).endswith("h=0) -> (a=1) -> (c=1, h=1)")
+
+
+def test_a_path_goes_on_to_where_every_strategy_has_lost() -> None:
+    """In the initial state, the strategy has lost already; the path shows by what it does."""
+    model = symcheck.loads(
+        """mdp
+        module robot
+          pos : [0..3] init 0;
+          bat : [0..6] init 6;
+          [fast] pos<3 & bat>0 -> 0.9:(pos'=pos+1)&(bat'=bat-1) + 0.1:(bat'=bat-1);
+          [slow] pos<3 & bat>1 -> (pos'=min(3,pos+1))&(bat'=bat-2);
+          [stop] bat=0 -> true;
+        endmodule
+        """
+    )
+    found = model.check("P>=0.9 [ F pos=3 & bat>0 ]").counterexample()
+    (path,) = found.paths
+    assert [s.valuation for s in path] == [(0, 6), (1, 4), (2, 2), (3, 0)]
+    assert path.actions == ("slow", "slow", "slow")
+    assert found.probability == 1.0
+    (trivial,) = model.check("P>=0.9 [ F pos=3 & bat>6 ]").counterexample().paths
+    assert len(trivial) == 1  # no strategy helps

@@ -177,6 +177,10 @@ def _probability(
                 rows = strategy_attaining(context, query).rows
                 matrix = matrix.choose(rows)
             passing, goal, _ = _until(context, matrix, path)
+            if rows is not None and path.negative and goal[first]:
+                left, right = map(context.engine.to_bools, (path.left, path.right))
+                goal = _given_up(engine.matrix, matrix, left, right, goal)
+                passing = left & ~right & ~goal
             problem = WalkProblem(matrix, passing, goal)
             return PathSearch(engine, problem, first, satisfies, rows=rows)
         case UntilPath(window=window) if continuous_time:
@@ -218,6 +222,18 @@ def _missed(matrix: SparseMatrix, passing: Bools, goal: Bools) -> tuple[Bools, B
     """Where paths that violate an until formula pass, and where they end."""
     impossible = graph.prob0(matrix, passing, goal, Direction.MAX)
     return passing & ~goal & ~impossible, impossible
+
+
+def _given_up(
+    whole: SparseMatrix, chosen: SparseMatrix, left: Bools, right: Bools, lost: Bools
+) -> Bools:
+    """Where paths end that a strategy loses from their first state on: where every strategy has
+    lost, which shows what went wrong, if the paths get there almost surely.
+
+    whole, chosen: the matrix of the model, and that of the strategy. lost: where this has lost.
+    """
+    never = graph.prob0(whole, left, right, Direction.MAX)
+    return never | (lost & ~graph.prob1(chosen, lost, never))
 
 
 def _bounded(context: Context, matrix: SparseMatrix, path: UntilPath[StateSet]) -> StepProblem:

@@ -213,7 +213,7 @@ class RestOfSteps:
         ratio = float((best_of_rows(rows, groups, Direction.MAX) / vector).max(initial=0.0))
         ratio *= 1.0 + (operator.longest + 8) * UNIT_ROUNDOFF + self.system.error
         if ratio >= 1.0:
-            return away
+            return vector
         factor = 1.01 * math.exp(steps * math.log(max(ratio, LEAST)))
         return factor * vector + LEAST
 
