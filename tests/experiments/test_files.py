@@ -102,6 +102,19 @@ def test_a_plot_has_a_line_for_each_property(die: Experiment) -> None:
     assert [t.get_text() for t in again.get_legend().get_texts()][:2] == ["face", "P>0 [ F d=k ]"]
 
 
+def test_rewards_have_an_axis_of_their_own() -> None:
+    rows = [
+        Row(name, {"N": n}, value, Exact(), formula=formula)
+        for n in (1, 2)
+        for name, value, formula in (("p", n / 4, "P=? [ F x=N ]"), ("r", 9.0 * n, "R=? [ F x=N ]"))
+    ]
+    left = Experiment(tuple(rows), ("N",)).plot()
+    right = next(a for a in left.figure.axes if a is not left)
+    assert (labels(left), labels(right)) == (["p"], ["r"])
+    assert left.lines[0].get_color() != right.lines[0].get_color()
+    assert [t.get_text() for t in right.get_legend().get_texts()] == ["p", "r"]
+
+
 def test_lines_by_a_constant_and_bounds() -> None:
     rows = [
         Row("a", {"N": n, "p": p}, n * p, Certified(n * p - 0.1, n * p + 0.1))

@@ -70,19 +70,35 @@ def plot(
             texts = (f"{n}={constant_text(row.constants[n])}" for n in others if n in row.constants)
             lines.setdefault((row.name, *texts), []).append(row)
     one_property = len({name for name, *_ in lines}) == 1
-    for (name, *values), points in lines.items():
+    measured = [_is_expectation(points[0]) for points in lines.values()]
+    right = axes.twinx() if any(measured) and not all(measured) else axes
+    first = len(axes.lines)  # in axes that have lines already
+    for i, ((name, *values), points) in enumerate(lines.items()):
         label = ", ".join(values if one_property else (name, *values))
-        _draw(axes, [r.name if x is None else r.constants[x] for r in points], points, label)
+        positions = [r.name if x is None else r.constants[x] for r in points]
+        _draw(right if measured[i] else axes, positions, points, label, f"C{(first + i) % 10}")
     if new_axes and x is not None and all(isinstance(value, int) for value in present[x]):
         axes.locator_params(axis="x", integer=True)
     axes.set_xlabel(x or "property")
     axes.set_ylabel(next(iter(lines))[0] if one_property else "value")
+    if right is not axes:
+        axes.set_ylabel("probability")
+        right.set_ylabel("expected reward or time")
     if len(lines) > 1:
-        axes.legend()
+        handles, labels = axes.get_legend_handles_labels()
+        if right is not axes:
+            more, others = right.get_legend_handles_labels()
+            handles, labels = handles + more, labels + others
+        right.legend(handles, labels)  # above the lines of both
     return axes
 
 
-def _draw(axes: Any, positions: Sequence[Any], rows: Sequence[Row], label: str) -> None:
+def _is_expectation(row: Row) -> bool:
+    """Whether a property asks for a reward or a time, which have an axis of their own."""
+    return row.formula.startswith(("R", "T"))
+
+
+def _draw(axes: Any, positions: Sequence[Any], rows: Sequence[Row], label: str, color: str) -> None:
     """One line, its points in order, with the bounds of its values."""
     if all(isinstance(p, str | bool) for p in positions):
         positions = [constant_text(p) for p in positions]
@@ -93,7 +109,7 @@ def _draw(axes: Any, positions: Sequence[Any], rows: Sequence[Row], label: str) 
     across = [positions[i] for i in order]
     values = [rows[i].number for i in order]
     bounds = [rows[i].bounds or (rows[i].number, rows[i].number) for i in order]
-    (line,) = axes.plot(across, values, marker="o", markersize=3.5, label=label)
+    (line,) = axes.plot(across, values, marker="o", markersize=3.5, label=label, color=color)
     known = [(low, high) for low, high in bounds if low is not None and high is not None]
     if all(high - low <= ROUNDING_WIDTH * abs(high) for low, high in known):
         return
