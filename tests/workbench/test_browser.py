@@ -61,8 +61,8 @@ def test_words_are_completed_and_explained(bench: Workbench) -> None:
 
 
 def test_a_check_is_cancelled_while_text_is_typed(bench: Workbench) -> None:
-    bench.choose("model-file", "grid.pm")
-    bench.choose("properties-file", "grid.props")
+    bench.choose("model-file", "grid.pm")  # and its properties
+    bench.until(lambda: bench.at("properties-tab").text == "grid.props")
     bench.until(lambda: "10,000 reachable" in bench.at("state").text)
     bench.press("Check")
     bench.until(lambda: "iteration" in bench.all("#progress output")[0].text)
@@ -77,9 +77,29 @@ def test_a_check_is_cancelled_while_text_is_typed(bench: Workbench) -> None:
     assert "40,000" in bench.at("facts").text
 
 
-def test_a_neighbourhood_of_10_000_states_is_drawn(bench: Workbench) -> None:
-    bench.choose("properties-file", "")
+def test_the_properties_of_a_model_are_opened_with_it(bench: Workbench) -> None:
     bench.choose("model-file", "grid.pm")
+    bench.until(lambda: bench.at("properties-tab").text == "grid.props")
+    bench.until(lambda: "home" in bench.at("list").text)
+
+
+def test_what_is_missing_and_what_is_wrong_stands_where_it_is_asked(bench: Workbench) -> None:
+    bench.at("check-all").click()
+    bench.until(lambda: "N has no value" in bench.at("trouble").text)
+    assert bench.browser.switch_to.active_element.get_attribute("name") == "N"
+    given(bench, "4")
+    bench.at("graph-tab").click()
+    bench.fill("#around", "xx=2")
+    bench.click("draw-near")
+    bench.until(lambda: "did you mean x?" in bench.at("trouble").text)
+    bench.press("✕")
+    assert not bench.at("trouble").is_displayed()
+
+
+def test_a_neighbourhood_of_10_000_states_is_drawn(bench: Workbench) -> None:
+    bench.choose("model-file", "grid.pm")
+    bench.until(lambda: bench.at("properties-tab").text == "grid.props")
+    bench.choose("properties-file", "")
     bench.until(lambda: "10,000 reachable" in bench.at("state").text)
     bench.at("simulator-tab").click()
     bench.click("sim-start", "sim-step", "sim-graph")

@@ -502,7 +502,13 @@ function exportResults() {
 const showText = tabs(at("text-tabs"));
 const showTool = tabs(at("tool-tabs"), (id) => id === "experiment" && chart.draw());
 
-for (const part of PARTS) at(`${part}-file`).addEventListener("change", (e) => open(part, e.target.value));
+at("properties-file").addEventListener("change", (e) => open("properties", e.target.value));
+at("model-file").addEventListener("change", async (e) => {
+  await open("model", e.target.value);
+  const stem = (name) => name.replace(/\.\w+$/, "");
+  const own = known.files.properties.find((name) => stem(name) === stem(files.model.name));
+  if (own && own !== files.properties.name && !isDirty("properties")) await open("properties", own);
+});
 const clicks = {
   save: saveAll, build, "check-all": () => list.forEach((_, i) => check(i)), "experiment-run": experiment,
   "sim-start": () => move({ do: "start", seed: at("sim-seed").value }, "new path"), "sim-step": () => step({ move: "step" }),
