@@ -19,7 +19,6 @@ from symcheck.check.testing.property_tests import PropertyTest, property_test
 from symcheck.cli.output import Output
 from symcheck.cli.output_paths import ConstantTexts, instance_path
 from symcheck.cli.run_state import RunState
-from symcheck.cli.simulation.sampling import in_switches, with_switches
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.errors import (
     InputError,
@@ -78,6 +77,8 @@ def check_property(
     try:
         with nullcontext() if progress is None else progress.checking():
             if plan is not None:
+                from symcheck.cli.simulation.sampling import with_switches
+
                 samples = None if progress is None else progress.samples
                 outcome = model.estimate_instance(instance, plan, state.workers, samples)
                 warnings = tuple(map(with_switches, outcome.warnings))
@@ -92,6 +93,8 @@ def check_property(
             raise
         outcome = error if isinstance(error, SymcheckError) else internal_error(error)
         if plan is not None:
+            from symcheck.cli.simulation.sampling import in_switches
+
             outcome = in_switches(outcome)
         row = replace(row, error=error_text(outcome))
     else:

@@ -19,7 +19,6 @@ from symcheck.cli.check_property import (
 from symcheck.cli.output_paths import ConstantTexts
 from symcheck.cli.progress import Progress
 from symcheck.cli.run_state import RunState
-from symcheck.cli.simulation.sampling import sampling_plan, write_path
 from symcheck.constant_values import typed_value
 from symcheck.errors import OutputError, ResourceError, SymcheckError, UsageError
 from symcheck.lazy_dataclass import dataclass
@@ -79,12 +78,18 @@ def _check_instance(
         prepared = _reduced(state, model, instances)
         model = prepared.model
         if a.simpath:
+            from symcheck.cli.simulation.sampling import write_path
+
             write_path(a, state.output, model, varying)
         if a.step:
             from symcheck.cli.simulation.stepping import step_through
 
             step_through(a, state.output, model)
-        plan = sampling_plan(a) if a.sim else None
+        plan = None
+        if a.sim:
+            from symcheck.cli.simulation.sampling import sampling_plan
+
+            plan = sampling_plan(a)
         if (a.simpath or a.step) and plan is None and not instances and not a.needs_model:
             return
         if plan is None:
