@@ -15,9 +15,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-__all__ = ["axes_of", "plot_bars", "plot_front", "pyplot"]
+__all__ = ["BLUE", "axes_of", "plot_bars", "plot_front", "pyplot"]
 
-_COLOUR, _LIGHT = "#1f4e8c", "#8fb0d8"
+BLUE = "#1f4e8c"
+"""The colour of what stands alone."""
+_LIGHT = "#8fb0d8"
 _BAR = 0.28
 """Inches that a bar takes."""
 
@@ -54,9 +56,9 @@ def plot_bars(
     """
     axes = axes_of(axes, (6.4, 1.2 + _BAR * max(len(names), 3)))
     places = range(len(names))
-    axes.barh(places, values, color=_LIGHT, edgecolor=_COLOUR)
+    axes.barh(places, values, color=_LIGHT, edgecolor=BLUE)
     if bounds is not None:
-        axes.hlines(places, *bounds, color=_COLOUR, linewidth=2)
+        axes.hlines(places, *bounds, color=BLUE, linewidth=2)
     axes.set_yticks(places, names)
     axes.invert_yaxis()
     axes.set_xlabel(what)
@@ -68,7 +70,7 @@ def plot_front(
 ) -> Axes:
     """The points of a front and the lines between them, sorted by their first coordinate."""
     axes = axes_of(axes)
-    axes.plot(*zip(*points, strict=True), color=_COLOUR, marker="o")
+    axes.plot(*zip(*points, strict=True), color=BLUE, marker="o")
     axes.set_xlabel(names[0])
     axes.set_ylabel(names[1])
     axes.grid(alpha=0.3)

@@ -142,6 +142,11 @@ class Diagnostic:
     hint: str | None = None
     severity: str = "error"
 
+    @property
+    def sentence(self) -> str:
+        """The message, with the hint behind it, on one line."""
+        return self.message + (f" ({self.hint})" if self.hint else "")
+
     def __str__(self) -> str:
         if self.span.source is NO_SPAN.source:
             text = f"{self.severity}[{self.code}]: {self.message}"

@@ -73,6 +73,21 @@ def test_operators_of_python_are_those_of_the_language(made: object, text: str) 
     assert symcheck.pretty(parse_expression(text)) == text
 
 
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (-3, "int c = -3"),
+        (-0.5, "double c = -0.5"),
+        (True, "bool c = true"),
+        (2.0, "double c = 2.0"),
+    ],
+)
+def test_a_constant_has_the_type_of_its_value(value: object, text: str) -> None:
+    builder = symcheck.ModelBuilder("dtmc")
+    builder.constant("c", value)
+    assert f"const {text};" in str(builder)
+
+
 def test_constants_are_given_when_the_model_is_built() -> None:
     builder = symcheck.ModelBuilder("dtmc")
     p, n = builder.constant("p", type="double"), builder.constant("n", type="int")
@@ -91,6 +106,7 @@ def test_constants_are_given_when_the_model_is_built() -> None:
         (lambda b, x: b.constant("c", x + 1), UsageError, "constant c: type is"),
         (lambda b, x: b.constant("c", type="real"), UsageError, "constant c: type is"),
         (lambda b, x: b.module("a b"), NameFault, "'a b' cannot be the name of a module"),
+        (lambda b, x: b.action_reward("r", 1, "a b"), NameFault, "'a b' cannot be the name"),
         (lambda b, x: b.label("l", "x>0"), UsageError, "expected an expression or a number"),
         (lambda b, x: b.label("l", float("inf")), UsageError, "not inf"),
         (lambda b, x: b.module("m").command(x > 0), UsageError, "at least one update"),

@@ -68,6 +68,9 @@ def test_attributes_are_variables_where_they_tell_nodes_apart() -> None:
     graph.add_edge("b", "a", probability=1)
     model = symcheck.from_networkx(graph)
     assert [v.name for v in model.bound.variables] == ["level", "open"]
+    for node in graph:  # no names of fields
+        graph.nodes[node].update({"class": 1, "_hidden": 2, "no name": 3, 4: 5})
+    assert [v.name for v in symcheck.from_networkx(graph).bound.variables] == ["level", "open"]
     graph.nodes["b"]["level"] = 3
     assert [v.name for v in symcheck.from_networkx(graph).bound.variables] == ["s"]
 

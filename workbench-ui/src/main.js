@@ -251,9 +251,13 @@ function complete() {
   return false;
 }
 
+/** Do a job that needs a value of each constant. */
+function queue(worker, asked, what) {
+  return complete() ? enqueue(worker, asked, what) : Promise.resolve({ error: { name: "AbortError" }, incomplete: true });
+}
+
 /** Do a job after those that wait for the same worker. Its progress and a button are on the page. */
-function queue(worker, asked, what, told) {
-  if (asked().do !== "experiment" && !complete()) return Promise.resolve({ error: { name: "AbortError" }, incomplete: true });
+function enqueue(worker, asked, what, told) {
   trouble();
   const lane = (lanes[worker] ??= { worker, waiting: [], running: null });
   return new Promise((resolve) => {
@@ -277,11 +281,12 @@ async function next(lane) {
     doing.textContent = `${what}${step} (${((performance.now() - started) / 1000).toFixed(1)} s${more})`;
     todo.told?.(message);
   };
+  const asked = todo.asked();
   let found;
   try {
-    found = await run(lane.worker, todo.asked(), { told, signal: lane.running.signal });
+    found = await run(lane.worker, asked, { told, signal: lane.running.signal });
   } catch (error) {
-    fail(error, what, todo.asked().do === "check");
+    fail(error, what, asked.do === "check");
     found = { error };
   }
   lane.running = null;
@@ -391,7 +396,7 @@ async function experiment() {
   const mine = { rows: [], run: series.length + 1 };
   series.push(mine);
   const given = Object.fromEntries(constants.map((c) => [c.name, ranges[c.name] || values[c.name] || ""]));
-  const found = await queue("check", () => ({ do: "experiment", ...job(), constants: given, property }), "experiment", (message) => {
+  const found = await enqueue("check", () => ({ do: "experiment", ...job(), constants: given, property }), "experiment", (message) => {
     if (message.rows) mine.rows.push(...message.rows), plot();
   });
   if (found.error) return;

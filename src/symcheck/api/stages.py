@@ -108,7 +108,7 @@ class Stages:
         needs_all = options.exact or options.strategy or options.everywhere or options.bisim
         if needs_all or options.fairness or options.engine not in ("auto", "explicit"):
             return None
-        if "engine" in vars(self) or all(v.domain is not None for v in bound.variables):
+        if self.is_built or all(v.domain is not None for v in bound.variables):
             return None  # it has an end
         if not offers(bound, Feature.TRUNCATION) or bound.initial is not None or bound.builder:
             return None
@@ -121,6 +121,11 @@ class Stages:
         """Whether there is no model that is built for all properties."""
         return self.is_timed or self.is_truncated
 
+    @property
+    def is_built(self) -> bool:
+        """Whether the states are known already: `engine` was asked for."""
+        return "engine" in vars(self)
+
     def _repr_html_(self) -> str:
         from symcheck.tables import Table
 
@@ -129,7 +134,7 @@ class Stages:
             "modules": [m.name for m in self.program.modules],
             "constants": [f"{n}={v}" for n, v in self.given_constants.items()],
             "labels": [x.name for x in self.program.labels],
-            "states": [f"{self.engine.states:,}"] if "engine" in vars(self) else [],
+            "states": [f"{self.engine.states:,}"] if self.is_built else [],
         }
         rows = [(name, ", ".join(texts)) for name, texts in facts.items() if texts]
         return Table.of(("", ""), rows)._repr_html_()
@@ -179,14 +184,13 @@ class Stages:
 
         Raises ModelFault, UnsupportedError, ResourceError.
         """
-        from symcheck.semantics.state_faults import deadlocks_mended, describe_state
+        from symcheck.engines.states import example
+        from symcheck.semantics.state_faults import deadlocks_mended
 
-        engine = self.engine
-        count = engine.deadlocks.count
-        if not count:
+        deadlocks = self.engine.deadlocks
+        if not deadlocks:
             return self.overlaps
-        example = next(iter(engine.valuations(engine.deadlocks, 1)))
-        text = deadlocks_mended(count, describe_state(engine.model.variables, example))
+        text = deadlocks_mended(deadlocks.count, example(self.engine, deadlocks))
         return (*self.overlaps, Diagnostic(text, code="deadlock", severity="warning"))
 
     def within_limits(self, compute: Callable[[], T]) -> T:
@@ -207,7 +211,7 @@ class Stages:
             return compute()
 
         def timed() -> T:
-            if "engine" in vars(self):  # diagrams of an earlier call have its limit
+            if self.is_built:  # diagrams of an earlier call have its limit
                 from symcheck.engines.symbolic.diagrams import HasDiagrams
 
                 if (symbolic := self.engine.capability(HasDiagrams)) is not None:

@@ -13,10 +13,11 @@ from symcheck.check.testing.property_tests import PropertyTests
 from symcheck.engines.base import Engine
 from symcheck.engines.capabilities import RepresentsOrbits
 from symcheck.engines.selection import EngineChoice
+from symcheck.engines.states import example
 from symcheck.errors import Diagnostic, InputError, OutputError, SymcheckError
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel, Value
-from symcheck.semantics.state_faults import deadlocks_mended, describe_state
+from symcheck.semantics.state_faults import deadlocks_mended
 from symcheck.tables import counted
 from symcheck.version import __version__
 
@@ -108,8 +109,7 @@ class Output:
             place = str(diagnostic.span)
             if place not in self.of_models:
                 self.of_models.add(place)
-                hint = f" ({diagnostic.hint})" if diagnostic.hint else ""
-                self.warn(f"{place}: {diagnostic.message}{hint}")
+                self.warn(f"{place}: {diagnostic.sentence}")
         self.out.flush()
 
     def built(
@@ -146,7 +146,7 @@ class Output:
         self.line(f"Time for model construction: {seconds:.3f} seconds.")
         deadlocks = engine.deadlocks.count if whole is None else whole.deadlocks
         if deadlocks:
-            self.warn(deadlocks_mended(deadlocks, _example(engine)))
+            self.warn(deadlocks_mended(deadlocks, example(engine, engine.deadlocks)))
         self.out.flush()
 
     def partitioned(self, model: DistributedModel) -> None:
@@ -285,8 +285,3 @@ def _assignment(values: Mapping[str, str]) -> str:
 
 def _state(state: Mapping[str, Value]) -> str:
     return ",".join(f"{n}={format_value(v)}" for n, v in state.items())
-
-
-def _example(engine: Engine) -> str:
-    values = next(iter(engine.valuations(engine.deadlocks, 1)))
-    return describe_state(engine.model.variables, values)

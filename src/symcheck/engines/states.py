@@ -20,6 +20,7 @@ from symcheck.matrices.rows import Bools, Int64s
 from symcheck.semantics.diagnostics import suggest
 from symcheck.semantics.expressions.literals import format_state, format_value
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.state_faults import describe_state
 from symcheck.syntax.ast import Binary, Expression, Literal, Name, Type
 from symcheck.syntax.operators import Operator
 from symcheck.tables import SHOWN_ROWS, Columns, Table, Tabular, state_table
@@ -368,6 +369,11 @@ class StateVector(Tabular):
         if np.any(low != high):
             columns |= {"lower": low, "upper": high}
         return columns
+
+
+def example(engine: Engine, states: StateSet) -> str:
+    """The text of one of some states, for a message."""
+    return describe_state(engine.model.variables, next(iter(engine.valuations(states, 1))))
 
 
 def _few(engine: Engine) -> bool:

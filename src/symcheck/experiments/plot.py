@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from symcheck.charts import axes_of
 from symcheck.errors import UsageError
 from symcheck.experiments.rows import Row, constant_names, constant_text
 from symcheck.numerics.tuning import ROUNDING_WIDTH
-from symcheck.tables import optional_package
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,9 +61,7 @@ def plot(
             hint=f"name it in by=, or choose one value with select({unnamed[0]}=...)",
         )
     new_axes = axes is None
-    if axes is None:
-        pyplot = optional_package("matplotlib.pyplot", "plot")
-        axes = pyplot.subplots(figsize=_SIZE, layout="constrained")[1]
+    axes = axes_of(axes, _SIZE)
     lines: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         if row.number is not None and (x is None or x in row.constants):
@@ -85,11 +83,9 @@ def plot(
         axes.set_ylabel("probability")
         right.set_ylabel("expected reward or time")
     if len(lines) > 1:
-        handles, labels = axes.get_legend_handles_labels()
-        if right is not axes:
-            more, others = right.get_legend_handles_labels()
-            handles, labels = handles + more, labels + others
-        right.legend(handles, labels)  # above the lines of both
+        both = [axes] if right is axes else [axes, right]
+        handles = [handle for one in both for handle in one.get_legend_handles_labels()[0]]
+        right.legend(handles=handles)  # above the lines of both
     return axes
 
 

@@ -192,7 +192,7 @@ def _one_by_one(
             except InputError as error:
                 faults.append(_with_hint(asked.name, error))
         built = prepared.model
-        warnings = [d.message for d in built.state_warnings] if "engine" in vars(built) else []
+        warnings = [d.message for d in built.state_warnings] if built.is_built else []
         found = Results(texts, results, [*(d.message for d in split.warnings), *warnings])
     except (SymcheckError, KeyboardInterrupt) as error:
         if results:

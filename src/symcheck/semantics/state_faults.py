@@ -15,6 +15,7 @@ from symcheck.errors import NO_SPAN, Diagnostic, InputError, ModelFault, Span
 from symcheck.semantics.expressions.literals import format_value, to_float
 from symcheck.semantics.model import BoundCommand, BoundReward, BoundUpdate, Value, Variable
 from symcheck.syntax.ast import ModelType
+from symcheck.tables import counted
 
 __all__ = [
     "SUM_TOLERANCE",
@@ -100,8 +101,7 @@ def sums_to_one(total: Value) -> bool:
 
 def deadlocks_mended(count: int, example: str) -> str:
     """The warning of deadlocks that were given self-loops. example: the text of one of them."""
-    states = "1 state" if count == 1 else f"{count} states"
-    return f"deadlocks were given self-loops in {states}, such as {example}"
+    return f"deadlocks were given self-loops in {counted(count, 'state')}, such as {example}"
 
 
 def describe_state(variables: Sequence[Variable], values: Sequence[Value]) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import IO, TYPE_CHECKING, Protocol, runtime_checkable
 
-from symcheck.charts import axes_of, pyplot
+from symcheck.charts import BLUE, axes_of, pyplot
 from symcheck.errors import UnsupportedError, UsageError
 from symcheck.matrices.rows import Int64s
 
@@ -26,7 +26,7 @@ __all__ = ["plot_blocks", "plot_bounds", "plot_orders", "plot_search", "read_ima
 _MOST_OCCURRENCES = 20_000
 """More rectangles than this are not legible, and take matplotlib seconds."""
 
-_BLUE, _ORANGE, _GREEN = "#1f4e8c", "#c8641b", "#2b7a33"
+_ORANGE, _GREEN = "#c8641b", "#2b7a33"
 
 
 class Ordered(Protocol):
@@ -75,7 +75,7 @@ def plot_search(
     seen = [i for i in counted if i.states is not None]
     axes = axes_of(axes)
     number = [i.number for i in seen]
-    axes.plot(number, [i.nodes or 0 for i in seen], color=_BLUE, label="nodes, reached")
+    axes.plot(number, [i.nodes or 0 for i in seen], color=BLUE, label="nodes, reached")
     axes.plot(number, [i.frontier_nodes or 0 for i in seen], color=_ORANGE, label="nodes, frontier")
     axes.set(xlabel="iteration", ylabel="BDD nodes", title=title)
     right = axes.twinx()
@@ -113,7 +113,7 @@ def plot_bounds(
     if len(upper) == len(lower):
         axes.fill_between(number, lower, upper, color="#ece2f3")
         axes.plot(number, upper, color=_ORANGE, label="upper bound")
-    axes.plot(number, lower, color=_BLUE, label="lower bound" if upper else "iterate")
+    axes.plot(number, lower, color=BLUE, label="lower bound" if upper else "iterate")
     if truth is not None:
         axes.axhline(truth, color="#404040", linewidth=0.8, linestyle=":", label="value")
     axes.set(xlabel="iteration", ylabel="value", title=title)
@@ -130,7 +130,7 @@ def plot_orders(frames: Sequence[Ordered], axes: Axes | None = None, title: str 
     axes = axes_of(axes, (6.4, 1.0 + 0.32 * len(best)))
     positions = range(len(best))
     if matrix := [f.matrix_nodes for f in best if f.matrix_nodes is not None]:
-        axes.barh([p + 0.2 for p in positions], matrix, height=0.38, color=_BLUE, label="matrix")
+        axes.barh([p + 0.2 for p in positions], matrix, height=0.38, color=BLUE, label="matrix")
     axes.barh(
         [p - 0.2 for p in positions],
         [f.states_nodes for f in best],

@@ -129,13 +129,13 @@ def _build(job: Job) -> Answer:
 def _warnings(model: Model) -> list[str]:
     """What was perhaps not meant in a model: as far as its text shows it, and its states."""
     found = [*model.warnings, *model.state_warnings]
-    return [*model.bound.warnings, *(_sentence(d) for d in found)]
+    return [*model.bound.warnings, *map(_with_line, found)]
 
 
-def _sentence(found: Diagnostic) -> str:
-    line = found.span.source.position(found.span.start)[0]
-    place = f"line {line}: " if found.span.source.text else ""
-    return place + found.message + (f" ({found.hint})" if found.hint else "")
+def _with_line(found: Diagnostic) -> str:
+    if not found.span.source.text:  # of no place
+        return found.sentence
+    return f"line {found.span.source.position(found.span.start)[0]}: {found.sentence}"
 
 
 def _explore(job: Job) -> Answer:
@@ -160,7 +160,7 @@ def _check(job: Job) -> Answer:
         "about": result.explanation,
         "seconds": result.seconds,
         "lines": lines,
-        "warnings": _warnings(model) if "engine" in vars(model) else [],
+        "warnings": _warnings(model) if model.is_built else [],
         "chooses": model.type.has_choices,
     }
 

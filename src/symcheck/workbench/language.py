@@ -74,11 +74,8 @@ def analysis(texts: Texts) -> dict[str, Any]:
         for part, d in documents.items()
     }
     model, properties = documents["model"].program, documents["properties"].program
-    known = isinstance(model, Program) and properties is not None
-    constants = list(undefined_constants(model)) if isinstance(model, Program) else []
     if isinstance(properties, PropertiesFile):
         text = documents["properties"].text
-        constants += [c for c in properties.constants if c.value is None]
         found["list"] = [
             {
                 "name": p.name or "",
@@ -87,8 +84,10 @@ def analysis(texts: Texts) -> dict[str, Any]:
             }
             for i, p in enumerate(properties.properties)
         ]
-    if known:  # the fields stay while a text is faulty
-        found["constants"] = [{"name": c.name, "type": c.type.value} for c in constants]
+        if isinstance(model, Program):  # the fields stay while a text is faulty
+            of_properties = (c for c in properties.constants if c.value is None)
+            constants = [*undefined_constants(model), *of_properties]
+            found["constants"] = [{"name": c.name, "type": c.type.value} for c in constants]
     return found
 
 

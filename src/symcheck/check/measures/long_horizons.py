@@ -208,7 +208,8 @@ class RestOfSteps:
         away: how far they are at most now, float64[n].
         """
         operator, groups = self.system.operator, self.system.groups
-        vector: Floats = np.maximum(away, UNIT_ROUNDOFF * away.max(initial=LEAST))
+        least = max(UNIT_ROUNDOFF * float(away.max(initial=0.0)), LEAST)  # no ratio is 0 / 0
+        vector: Floats = np.maximum(away, least)
         rows = operator.multiply(vector) + (operator.longest + 6) * LEAST
         ratio = float((best_of_rows(rows, groups, Direction.MAX) / vector).max(initial=0.0))
         ratio *= 1.0 + (operator.longest + 8) * UNIT_ROUNDOFF + self.system.error

@@ -1,1 +1,1 @@
-"""Models from values in Python: a matrix, or a function that gives the successors of a state."""
+"""Models from Python: a matrix, a graph, a function that gives successors, modules and commands."""

@@ -114,21 +114,34 @@ class Expression:
         return Expression(ast.Unary(UnaryOperator.NOT, self.node))
 
 
-class BuiltModule:
-    """A module that is being built: its variables and commands. `ModelBuilder.module` begins it."""
+class _Variables:
+    """What declares variables: a module, or a model, whose variables every module can change."""
 
-    def __init__(self, name: str) -> None:
-        self.name = identifier("a module", name)
+    def __init__(self) -> None:
         self._variables: list[decl.VariableDeclaration] = []
-        self._commands: list[decl.Command] = []
 
     def integer(self, name: str, low: object, high: object, initial: object = None) -> Expression:
         """A variable with the values from low to high, and the initial value low by default."""
-        return _declared(self._variables, name, ast.Type.INT, low, high, initial)
+        return self._declared(name, ast.Type.INT, low, high, initial)
 
     def boolean(self, name: str, initial: object = None) -> Expression:
         """A variable that is true or false, and initially false by default."""
-        return _declared(self._variables, name, ast.Type.BOOL, None, None, initial)
+        return self._declared(name, ast.Type.BOOL, None, None, initial)
+
+    def _declared(self, name: str, kind: ast.Type, *values: object) -> Expression:
+        low, high, initial = (None if value is None else _node(value) for value in values)
+        identifier("a variable", name)
+        self._variables.append(decl.VariableDeclaration(name, kind, low, high, initial))
+        return Expression(ast.Name(name))
+
+
+class BuiltModule(_Variables):
+    """A module that is being built: its variables and commands. `ModelBuilder.module` begins it."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.name = identifier("a module", name)
+        self._commands: list[decl.Command] = []
 
     def command(
         self,
@@ -146,8 +159,8 @@ class BuiltModule:
         """
         if not updates:
             raise UsageError("a command has at least one update; one that changes nothing is {}")
-        name = None if action is None else identifier("an action", action)
-        self._commands.append(decl.Command(name, _node(guard), tuple(map(_update, updates))))
+        changes = tuple(map(_update, updates))
+        self._commands.append(decl.Command(_action(action), _node(guard), changes))
 
     @property
     def declared(self) -> decl.Module:
@@ -155,7 +168,7 @@ class BuiltModule:
         return decl.Module(self.name, tuple(self._variables), tuple(self._commands))
 
 
-class ModelBuilder:
+class ModelBuilder(_Variables):
     """A model that is being built. Its text in the PRISM language is `str(builder)`.
 
     Args:
@@ -187,13 +200,13 @@ class ModelBuilder:
     """
 
     def __init__(self, type: ast.ModelType | ModelTypeName = "dtmc") -> None:
+        super().__init__()
         self._type = model_type(type)
         self._constants: list[decl.Constant] = []
         self._formulas: list[decl.Formula] = []
         self._labels: list[decl.Label] = []
-        self._globals: list[decl.VariableDeclaration] = []
         self._modules: list[BuiltModule] = []
-        self._rewards: dict[str | None, list[decl.RewardItem]] = {}
+        self._rewards: dict[str, list[decl.RewardItem]] = {}
 
     def constant(self, name: str, value: object = None, *, type: str | None = None) -> Expression:
         """A constant. With no value, `build` needs one.
@@ -207,10 +220,8 @@ class ModelBuilder:
             UsageError: a type is needed: there is no value, or it is an expression.
         """
         node = None if value is None else _node(value)
-        if type is None and not isinstance(node, ast.Literal):
-            raise UsageError(f"constant {name}: type is 'int', 'double' or 'bool'")
         try:
-            kind = node.type if isinstance(node, ast.Literal) and type is None else ast.Type(type)
+            kind = ast.Type(type or _type_of(value))
         except ValueError:
             raise UsageError(f"constant {name}: type is 'int', 'double' or 'bool'") from None
         self._constants.append(decl.Constant(identifier("a constant", name), kind, node))
@@ -220,14 +231,6 @@ class ModelBuilder:
         """A name for an expression."""
         self._formulas.append(decl.Formula(identifier("a formula", name), _node(expression)))
         return Expression(ast.Name(name))
-
-    def integer(self, name: str, low: object, high: object, initial: object = None) -> Expression:
-        """A global variable (see `BuiltModule.integer`), which every module can change."""
-        return _declared(self._globals, name, ast.Type.INT, low, high, initial)
-
-    def boolean(self, name: str, initial: object = None) -> Expression:
-        """A global variable that is true or false (see `BuiltModule.boolean`)."""
-        return _declared(self._globals, name, ast.Type.BOOL, None, None, initial)
 
     def module(self, name: str) -> BuiltModule:
         """Begin a module."""
@@ -240,8 +243,7 @@ class ModelBuilder:
 
     def state_reward(self, name: str, value: object, guard: object = True) -> None:
         """Add a reward of the states that satisfy a guard to a structure with a name."""
-        item = decl.RewardItem(False, _node(guard), _node(value))
-        self._rewards.setdefault(identifier("a reward structure", name), []).append(item)
+        self._reward(name, decl.RewardItem(False, _node(guard), _node(value)))
 
     def action_reward(
         self, name: str, value: object, action: str | None = None, guard: object = True
@@ -249,7 +251,9 @@ class ModelBuilder:
         """Add a reward of the transitions with an action (None: without one) that leave the states
         that satisfy a guard.
         """
-        item = decl.RewardItem(action, _node(guard), _node(value))
+        self._reward(name, decl.RewardItem(_action(action), _node(guard), _node(value)))
+
+    def _reward(self, name: str, item: decl.RewardItem) -> None:
         self._rewards.setdefault(identifier("a reward structure", name), []).append(item)
 
     @staticmethod
@@ -285,7 +289,7 @@ class ModelBuilder:
             tuple(self._constants),
             tuple(self._formulas),
             tuple(self._labels),
-            tuple(self._globals),
+            tuple(self._variables),
             tuple(module.declared for module in self._modules),
             tuple(decl.RewardStructure(n, tuple(items)) for n, items in self._rewards.items()),
         )
@@ -336,19 +340,21 @@ def _call(function: Function, *values: object) -> Expression:
     return Expression(ast.Call(function, tuple(map(_node, values))))
 
 
-def _declared(
-    into: list[decl.VariableDeclaration],
-    name: str,
-    kind: ast.Type,
-    low: object,
-    high: object,
-    initial: object,
-) -> Expression:
-    low_node, high_node, first = (None if x is None else _node(x) for x in (low, high, initial))
-    into.append(
-        decl.VariableDeclaration(identifier("a variable", name), kind, low_node, high_node, first)
-    )
-    return Expression(ast.Name(name))
+def _action(name: str | None) -> str | None:
+    return None if name is None else identifier("an action", name)
+
+
+def _type_of(value: object) -> str:
+    """The word of a number's type; "" of an expression, or of nothing."""
+    match value:
+        case bool():
+            return "bool"
+        case Integral():
+            return "int"
+        case float() | Fraction():
+            return "double"
+        case _:
+            return ""
 
 
 def _update(given: object) -> decl.Update:

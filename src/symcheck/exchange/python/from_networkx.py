@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterable, Mapping
 from functools import partial
+from keyword import iskeyword
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
 from symcheck.api.arguments import model_type, takes_options
@@ -17,13 +18,6 @@ if TYPE_CHECKING:
     from networkx import DiGraph
 
 __all__ = ["from_networkx"]
-
-
-class _Edge(NamedTuple):
-    target: Hashable
-    weight: Weight
-    choice: object
-    action: str | None
 
 
 @takes_options
@@ -81,9 +75,13 @@ def from_networkx(
 
     def step(source: Hashable) -> Any:
         choices: dict[tuple[object, str | None], list[tuple[Weight, Hashable]]] = {}
-        for edge in _edges(graph, node_of[source], weight):
-            key = (edge.choice, edge.action) if kind.has_choices else (None, None)
-            choices.setdefault(key, []).append((edge.weight, states[edge.target]))
+        for _, target, given in graph.out_edges(node_of[source], data=True):
+            if weight not in given:
+                name = f"the edge from {node_of[source]!r} to {target!r}"
+                hint = f"weight= names the attribute; this edge has {', '.join(given) or 'none'}"
+                raise UsageError(f"{name} has no '{weight}'", hint=hint)
+            key = (given.get("choice"), given.get("action")) if kind.has_choices else (None, None)
+            choices.setdefault(key, []).append((given[weight], states[target]))
         if kind.has_choices:
             return [(action, moves) for (_, action), moves in choices.items()]
         return next(iter(choices.values()), None)
@@ -117,9 +115,7 @@ def _states(graph: Any, nodes: list[Hashable]) -> dict[Hashable, Hashable]:
     names = [
         name
         for name in attributes[0]
-        if isinstance(name, str)
-        and name.isidentifier()
-        and all(isinstance(given.get(name), int) for given in attributes)
+        if _is_field(name) and all(isinstance(given.get(name), int) for given in attributes)
     ]
     values = [tuple(given[name] for name in names) for given in attributes]
     if not names or len(set(values)) < len(values):
@@ -128,9 +124,7 @@ def _states(graph: Any, nodes: list[Hashable]) -> dict[Hashable, Hashable]:
     return {node: kind(*value) for node, value in zip(nodes, values, strict=True)}
 
 
-def _edges(graph: Any, source: Hashable, weight: str) -> Iterable[_Edge]:
-    for _, target, given in graph.out_edges(source, data=True):
-        if weight not in given:
-            hint = f"weight= names the attribute; this edge has {', '.join(given) or 'none'}"
-            raise UsageError(f"the edge from {source!r} to {target!r} has no '{weight}'", hint=hint)
-        yield _Edge(target, given[weight], given.get("choice"), given.get("action"))
+def _is_field(name: object) -> bool:
+    """Whether a name can be that of a field of a named tuple."""
+    plain = isinstance(name, str) and name.isidentifier() and not iskeyword(name)
+    return plain and not str(name).startswith("_")
