@@ -78,7 +78,7 @@ def test_attributes_are_variables_where_they_tell_nodes_apart() -> None:
 @pytest.mark.parametrize(
     ("graph", "keywords", "error", "message"),
     [
-        (networkx.Graph(), {}, UsageError, "no direction"),
+        (networkx.Graph(), {}, UsageError, "expected a directed graph"),
         (networkx.DiGraph(), {}, UsageError, "no nodes"),
         (networkx.DiGraph([(0, 1)]), {}, UsageError, "the edge from 0 to 1 has no 'probability'"),
         (networkx.DiGraph([(0, 0, {"p": 0.5})]), {"weight": "p"}, ModelFault, "0.5"),
@@ -88,6 +88,18 @@ def test_attributes_are_variables_where_they_tell_nodes_apart() -> None:
             UsageError,
             "initial: the graph has no node 3",
         ),
+        ({0: [0]}, {}, UsageError, "expected a directed graph of networkx, not {0: [0]}"),
+        (networkx.DiGraph([(0, 0, {1: 2})]), {}, UsageError, "those of this edge: 1"),
+        (networkx.DiGraph([(0, 0)]), {"initial": [0]}, UsageError, "no node [0]"),
+        (networkx.DiGraph([(0, 0)]), {"labels": [0]}, UsageError, "labels: expected a mapping"),
+        (networkx.DiGraph([(0, 0)]), {"labels": {"a": 0}}, UsageError, "a list of nodes, not 0"),
+        (
+            networkx.DiGraph([(0, 0)]),
+            {"rewards": {"r": 3}},
+            UsageError,
+            "mapping from nodes, not 3",
+        ),
+        (networkx.DiGraph([(0, 0)]), {"type": "pta"}, UsageError, "type='pta': such a model needs"),
         (networkx.DiGraph([(0, 0)]), {"labels": {"a": [7]}}, UsageError, "labels['a']: the graph"),
     ],
 )

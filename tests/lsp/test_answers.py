@@ -205,6 +205,11 @@ module third z : [0..1]; [a] z=0 -> (z'=1); endmodule
         ("(x'=x+1)", "(x'=x+)", ")"),
         ("endmodule\nlabel", "label", "]"),
         ("// module", "module", "comment"),
+        ("N = 2;", "N = module a endmodule 2;", "module"),
+        ("N;\nmodule third", "N\nmodule third", "N"),
+        ("= x=N;", "= module a endmodule x=N;", "module"),
+        ("label", "rewards true : 1; module a endmodule endrewards label", ";"),
+        ("module third", "formula f = 1 module third", "1"),
     ],
 )
 def test_faults_of_a_model_that_is_parsed_in_pieces(old: str, new: str, marked: str) -> None:

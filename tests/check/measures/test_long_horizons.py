@@ -122,6 +122,30 @@ def test_a_walk_reaches_its_target_in_far_more_steps_than_are_made(
         assert 0.0 <= missed.bounds[0] <= missed.bounds[1] <= 1e-6, missed
 
 
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_small_value_far_below_the_one_without_a_bound(engine: str) -> None:
+    """10^-16 at once, and hardly more after 10^12 steps, although 1 in the end: a distance from 1
+    that is rounded would give 1.1e-16 as a lower bound.
+    """
+    text = """mdp
+    module m
+      x : [0..2] init 0;
+      [] x=0 -> 1/10000000000000000:(x'=2) + 1-1/10000000000000000:(x'=1);
+      [] x=1 -> 1/1099511627776/1099511627776/1099511627776/1099511627776:(x'=2)
+              + 1-1/1099511627776/1099511627776/1099511627776/1099511627776:true;
+      [] x=1 -> true;
+    endmodule
+    """
+    model = symcheck.loads(text).with_options(engine=engine)
+    jump, later = Fraction(1, 10**16), Fraction(10**12 - 1, 2**160)
+    low, high = model.check(f"Pmax=? [ F<={10**12} x=2 ]").bounds
+    assert low <= jump + later
+    assert high >= jump
+    low, high = model.check(f"Pmin=? [ G<={10**12} x<2 ]").bounds
+    assert low <= 1 - jump
+    assert high >= 1 - jump - later
+
+
 def test_the_distribution_after_1e12_steps() -> None:
     model = symcheck.loads(NEARLY_DECOMPOSABLE.format(kind="dtmc"))
     found = model.transient(10**12)

@@ -9,9 +9,10 @@ and D the least and the greatest change T x - x:
   whatever the signs are;
 - if nothing is earned on the way, they lie between the least value or 0 and the greatest or 0;
 - probabilities of reaching a target only grow, and do not exceed those without a bound;
-- if A w <= r w for a vector w > 0, all rows A and a factor r < 1, and the values without a bound
-  are at most w away, then those after N steps are at most r^(N - k) w away (Collatz, 1942;
-  Wielandt, 1950): w is how far away x is.
+- the values u without a bound are a fixed point of T. If A w <= r w for a vector w >= |u - x| that
+  is positive, the matrix A of every choice of rows and a factor r < 1, the values after N steps are
+  at most r^(N - k) w from u (Collatz, 1942; Wielandt, 1950); they are at most w from u in any case,
+  because they only grow, or only fall.
 """
 
 from __future__ import annotations
@@ -205,7 +206,7 @@ class RestOfSteps:
     def _contracted(self, away: Floats, steps: int) -> Floats:
         """How far values are at most from those without a bound after some more steps.
 
-        away: how far they are at most now, float64[n].
+        away: how far they are at most now, float64[n], not above 1; it may be rounded.
         """
         operator, groups = self.system.operator, self.system.groups
         least = max(UNIT_ROUNDOFF * float(away.max(initial=0.0)), LEAST)  # no ratio is 0 / 0
@@ -213,10 +214,9 @@ class RestOfSteps:
         rows = operator.multiply(vector) + (operator.longest + 6) * LEAST
         ratio = float((best_of_rows(rows, groups, Direction.MAX) / vector).max(initial=0.0))
         ratio *= 1.0 + (operator.longest + 8) * UNIT_ROUNDOFF + self.system.error
-        if ratio >= 1.0:
-            return vector
-        factor = 1.01 * math.exp(steps * math.log(max(ratio, LEAST)))
-        return factor * vector + LEAST
+        # The hundredth is more than all roundings, that of `away` among them, whatever the ratio.
+        factor = 1.01 * math.exp(steps * math.log(min(max(ratio, LEAST), 1.0)))
+        return factor * vector + 4.0 * LEAST
 
     def _outward_bounds(
         self, before: list[Numbers], after: list[Numbers], rest: int

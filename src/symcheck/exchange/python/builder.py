@@ -7,15 +7,16 @@ from fractions import Fraction
 from numbers import Integral
 from typing import Any, Unpack
 
-from symcheck.api.arguments import ModelTypeName, model_type
+from symcheck.api.arguments import ModelTypeName
 from symcheck.api.loading import loads
 from symcheck.api.model import Model
 from symcheck.constant_values import GivenConstants
-from symcheck.errors import UsageError
-from symcheck.exchange.python.from_matrix import identifier
+from symcheck.errors import Diagnostic, NameFault, UsageError
+from symcheck.exchange.python.from_matrix import identifier, label, plain_type
 from symcheck.options import OptionValues
 from symcheck.syntax import ast
 from symcheck.syntax import declarations as decl
+from symcheck.syntax.grammars import load
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 from symcheck.syntax.printer import pretty
 
@@ -25,8 +26,8 @@ __all__ = ["BuiltModule", "Expression", "ModelBuilder"]
 class Expression:
     """An expression over variables and constants: operators of Python make larger ones.
 
-    `&`, `|` and `~` are and, or and not; comparisons stand in parentheses beside them. `%` is mod,
-    `**` is pow.
+    `&`, `|` and `~` are and, or and not. In Python they bind more tightly than comparisons:
+    `(x > 0) & (x < 3)`. `%` is mod, `**` is pow.
     """
 
     def __init__(self, node: ast.Expression) -> None:
@@ -39,7 +40,10 @@ class Expression:
         return f"<Expression: {self}>"
 
     def __bool__(self) -> bool:
-        raise TypeError(f"{self} has no value yet: write & | ~ for and, or, not")
+        raise TypeError(
+            f"{self} is an expression, which Python cannot decide: write & | ~ for and, or, not, "
+            "with comparisons in parentheses, as in (0 < x) & (x < 2)"
+        )
 
     __hash__ = object.__hash__
 
@@ -104,6 +108,12 @@ class Expression:
     def __mod__(self, other: object) -> Expression:
         return _call(Function.MOD, self, other)
 
+    def __rmod__(self, other: object) -> Expression:
+        return _call(Function.MOD, other, self)
+
+    def __rpow__(self, other: object) -> Expression:
+        return _call(Function.POW, other, self)
+
     def __pow__(self, other: object) -> Expression:
         return _call(Function.POW, self, other)
 
@@ -130,7 +140,7 @@ class _Variables:
 
     def _declared(self, name: str, kind: ast.Type, *values: object) -> Expression:
         low, high, initial = (None if value is None else _node(value) for value in values)
-        identifier("a variable", name)
+        _name("a variable", name)
         self._variables.append(decl.VariableDeclaration(name, kind, low, high, initial))
         return Expression(ast.Name(name))
 
@@ -140,7 +150,7 @@ class BuiltModule(_Variables):
 
     def __init__(self, name: str) -> None:
         super().__init__()
-        self.name = identifier("a module", name)
+        self.name = _name("a module", name)
         self._commands: list[decl.Command] = []
 
     def command(
@@ -155,7 +165,7 @@ class BuiltModule(_Variables):
             guard: the condition under which it can be taken.
             updates: each a mapping from variables to their next values, or a pair of a probability
                 (rate of a CTMC) and a mapping. Variables that are not in it keep their values.
-            action: on which modules synchronise; None: the module moves alone.
+            action: that on which it synchronises with other modules; None: none.
         """
         if not updates:
             raise UsageError("a command has at least one update; one that changes nothing is {}")
@@ -164,7 +174,7 @@ class BuiltModule(_Variables):
 
     @property
     def declared(self) -> decl.Module:
-        """The syntax tree."""
+        """The syntax tree of the module."""
         return decl.Module(self.name, tuple(self._variables), tuple(self._commands))
 
 
@@ -201,7 +211,7 @@ class ModelBuilder(_Variables):
 
     def __init__(self, type: ast.ModelType | ModelTypeName = "dtmc") -> None:
         super().__init__()
-        self._type = model_type(type)
+        self._type = plain_type(type)
         self._constants: list[decl.Constant] = []
         self._formulas: list[decl.Formula] = []
         self._labels: list[decl.Label] = []
@@ -223,13 +233,13 @@ class ModelBuilder(_Variables):
         try:
             kind = ast.Type(type or _type_of(value))
         except ValueError:
-            raise UsageError(f"constant {name}: type is 'int', 'double' or 'bool'") from None
-        self._constants.append(decl.Constant(identifier("a constant", name), kind, node))
+            raise UsageError(f"constant {name}: give its type, 'int', 'double' or 'bool'") from None
+        self._constants.append(decl.Constant(_name("a constant", name), kind, node))
         return Expression(ast.Name(name))
 
     def formula(self, name: str, expression: object) -> Expression:
         """A name for an expression."""
-        self._formulas.append(decl.Formula(identifier("a formula", name), _node(expression)))
+        self._formulas.append(decl.Formula(_name("a formula", name), _node(expression)))
         return Expression(ast.Name(name))
 
     def module(self, name: str) -> BuiltModule:
@@ -239,17 +249,17 @@ class ModelBuilder(_Variables):
 
     def label(self, name: str, condition: object) -> None:
         """Name the states that satisfy a condition."""
-        self._labels.append(decl.Label(identifier("a label", name), _node(condition)))
+        self._labels.append(decl.Label(label(name), _node(condition)))
 
     def state_reward(self, name: str, value: object, guard: object = True) -> None:
-        """Add a reward of the states that satisfy a guard to a structure with a name."""
+        """Add a reward of the states that satisfy a guard to the reward structure `name`."""
         self._reward(name, decl.RewardItem(False, _node(guard), _node(value)))
 
     def action_reward(
         self, name: str, value: object, action: str | None = None, guard: object = True
     ) -> None:
-        """Add a reward of the transitions with an action (None: without one) that leave the states
-        that satisfy a guard.
+        """Add a reward of the transitions with an action (None: with no action) from states that
+        satisfy a guard to the reward structure `name`.
         """
         self._reward(name, decl.RewardItem(_action(action), _node(guard), _node(value)))
 
@@ -283,7 +293,7 @@ class ModelBuilder(_Variables):
 
     @property
     def program(self) -> decl.Program:
-        """The syntax tree."""
+        """The syntax tree of the model."""
         return decl.Program(
             self._type,
             tuple(self._constants),
@@ -307,13 +317,14 @@ class ModelBuilder(_Variables):
             options: see `symcheck.Options`.
 
         Raises:
-            InputError: something is wrong in the model; the places are those in `str(builder)`.
+            InputError: syntax, names or types are wrong, at a place of `str(builder)`; other faults
+                show when the model is built or checked.
         """
         return loads(str(self), constants, **options)
 
 
 def _node(value: object) -> ast.Expression:
-    """The tree of an expression or number. A double is the number that its digits show."""
+    """The tree of an expression or number. A float is its shortest decimal: 0.1 is 1/10."""
     match value:
         case Expression():
             return value.node
@@ -328,7 +339,7 @@ def _node(value: object) -> ast.Expression:
                 pass
         case _:
             pass
-    raise UsageError(f"expected an expression or a number, not {value!r}")
+    raise UsageError(f"expected an expression or a finite number, not {value!r}")
 
 
 def _signed(value: Any, kind: ast.Type) -> ast.Expression:
@@ -340,8 +351,16 @@ def _call(function: Function, *values: object) -> Expression:
     return Expression(ast.Call(function, tuple(map(_node, values))))
 
 
+def _name(what: str, name: str) -> str:
+    """The name, if it is one in the PRISM language. Raises NameFault."""
+    if load("prism").reserves(identifier(what, name)):
+        hint = f"choose another name, such as {name}_"
+        raise NameFault(Diagnostic(f"'{name}' is a reserved word", code="name", hint=hint))
+    return name
+
+
 def _action(name: str | None) -> str | None:
-    return None if name is None else identifier("an action", name)
+    return None if name is None else _name("an action", name)
 
 
 def _type_of(value: object) -> str:
@@ -358,6 +377,8 @@ def _type_of(value: object) -> str:
 
 
 def _update(given: object) -> decl.Update:
+    if isinstance(given, tuple) and len(given) != 2:
+        raise UsageError(f"expected a pair of a probability and a mapping, not {given!r}")
     probability, changes = given if isinstance(given, tuple) else (None, given)
     if not isinstance(changes, Mapping):
         raise UsageError(f"expected a mapping from variables to values, not {changes!r}")

@@ -11,7 +11,7 @@ from typing import Any, TypeVar, Unpack
 
 import numpy as np
 
-from symcheck.api.arguments import model_type, takes_options
+from symcheck.api.arguments import takes_options
 from symcheck.api.model import Model
 from symcheck.errors import (
     Diagnostic,
@@ -25,7 +25,14 @@ from symcheck.errors import (
 )
 from symcheck.exchange.api_io import explicit_model
 from symcheck.exchange.explicit_data import ExplicitData, reward_structure
-from symcheck.exchange.python.from_matrix import identifier, label, number_array, numbered_actions
+from symcheck.exchange.python.from_matrix import (
+    identifier,
+    label,
+    named,
+    number_array,
+    numbered_actions,
+    plain_type,
+)
 from symcheck.explicit.explored import RACE
 from symcheck.matrices.rows import Int64s, SparseMatrix, starts_of
 from symcheck.options import OptionValues, make_options
@@ -90,7 +97,7 @@ def from_function(
         0.25
     """
     settings = make_options(options)
-    model_kind = model_type(type)
+    model_kind = plain_type(type)
     start = initial if isinstance(initial, list) else [initial]
     has_rates = model_kind is not None and model_kind.continuous_time
     mixed = model_kind is not None and model_kind.immediate_choices
@@ -127,7 +134,7 @@ def from_function(
     )
     states = [explored[i] for i in order.tolist()]
     structures = []
-    for name, given in (rewards or {}).items():
+    for name, given in named("rewards", rewards).items():
         what = f"rewards[{name!r}]"
         of_states, of_moves = given if isinstance(given, tuple) else (given, None)
         state_rewards = [_call(what, of_states, s) if of_states else 0 for s in states]
@@ -143,7 +150,7 @@ def from_function(
         )
     members = {
         label(name): np.array([bool(_call(f"labels[{name!r}]", holds, s)) for s in states])
-        for name, holds in (labels or {}).items()
+        for name, holds in named("labels", labels).items()
     }
     members["init"] = order < len(set(start))
     names, codes = numbered_actions(actions, matrix)

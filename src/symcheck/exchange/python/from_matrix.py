@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from numbers import Real
-from typing import TYPE_CHECKING, Any, Unpack, cast
+from typing import TYPE_CHECKING, Any, TypeVar, Unpack, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,7 +29,17 @@ if TYPE_CHECKING:
 
     Matrix: TypeAlias = ArrayLike | sparray | spmatrix
 
-__all__ = ["from_matrix", "identifier", "label", "number_array", "numbered_actions"]
+T = TypeVar("T")
+
+__all__ = [
+    "from_matrix",
+    "identifier",
+    "label",
+    "named",
+    "number_array",
+    "numbered_actions",
+    "plain_type",
+]
 
 
 @takes_options
@@ -72,14 +82,12 @@ def from_matrix(
         2.0
     """
     settings = make_options(options)
-    kind = model_type(type) or ModelType.with_properties(has_choices=groups is not None)
+    kind = plain_type(type) or ModelType.with_properties(has_choices=groups is not None)
     rows, columns, data, shape = _entries(matrix if upper is None else upper)
     lower = None if upper is None else _lower_ends(matrix, rows, columns, shape)
     n = shape[1]
     starts = np.arange(n + 1) if groups is None else np.asarray(groups, np.int64)
-    for what, given in (("labels", labels), ("rewards", rewards)):
-        if given is not None and not isinstance(cast(object, given), Mapping):
-            raise UsageError(f"{what}: expected a mapping from names, not {given!r}")
+    labels, rewards = named("labels", labels), named("rewards", rewards)
     if (
         not n
         or (groups is not None and not kind.has_choices)
@@ -110,13 +118,28 @@ def from_matrix(
             [("s", Type.INT, np.arange(n))],
             sparse,
             *numbered_actions(actions, sparse),
-            {label(name): _members(name, given, n) for name, given in (labels or {}).items()}
+            {label(name): _members(name, given, n) for name, given in labels.items()}
             | {"init": _members("init", np.atleast_1d(initial), n)},
-            [_rewards(name, given, kind, sparse, rows) for name, given in (rewards or {}).items()],
+            [_rewards(name, given, kind, sparse, rows) for name, given in rewards.items()],
             lower=lower,
         ),
         settings,
     )
+
+
+def named(what: str, given: Mapping[str, T] | None) -> Mapping[str, T]:
+    """The mapping from names that an argument is. Raises UsageError."""
+    if given is not None and not isinstance(cast(object, given), Mapping):
+        raise UsageError(f"{what}: expected a mapping from names, not {given!r}")
+    return given or {}
+
+
+def plain_type(given: ModelType | str | None) -> ModelType | None:
+    """The type of a model without players, clocks and observations. Raises UsageError."""
+    kind = model_type(given)
+    if kind and (kind.has_clocks or kind.partially_observed or kind.players > 1):
+        raise UsageError(f"type={kind.value!r}: such a model needs a text", hint="symcheck.loads")
+    return kind
 
 
 def _entries(given: Any) -> tuple[Int64s, Int64s, Numbers, tuple[int, int]]:

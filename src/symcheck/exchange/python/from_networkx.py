@@ -7,12 +7,14 @@ from functools import partial
 from keyword import iskeyword
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
-from symcheck.api.arguments import model_type, takes_options
+from symcheck.api.arguments import takes_options
 from symcheck.api.model import Model
 from symcheck.errors import UsageError
 from symcheck.exchange.python.from_function import Weight, from_function
+from symcheck.exchange.python.from_matrix import named, plain_type
 from symcheck.options import OptionValues
 from symcheck.syntax.ast import ModelType
+from symcheck.tables import optional_package
 
 if TYPE_CHECKING:
     from networkx import DiGraph
@@ -34,16 +36,18 @@ def from_networkx(
     """A model of the nodes of a directed graph that can be reached from the initial one.
 
     Attributes that all nodes have, with integers or truth values, are the variables if they tell
-    the nodes apart; otherwise, the variable `s` is the number of the node in the graph.
+    the nodes apart. Otherwise all of them are ignored, and the variable `s` is the number of the
+    node in the graph.
 
     Args:
-        graph: a `DiGraph`, or for an MDP a `MultiDiGraph`: the edges of a node with the same
-            attributes `choice` and `action` (either may be missing) are one of its choices.
+        graph: a `DiGraph`, or for an MDP a `MultiDiGraph`: the edges that leave a node and agree in
+            `action` and `choice` (either may be missing) form one distribution. `choice` tells
+            choices with the same action apart.
         weight: the attribute of the edges with their probability (rate of a CTMC).
         labels: name to the nodes that have the label.
         rewards: name to the rewards of nodes; others have 0.
-        initial: the initial node; None: those in the attribute `initial` of the graph, or its first
-            one.
+        initial: the initial node; None: those in the list
+            `graph.graph["initial"]`, or the first node.
         type: 'dtmc', 'ctmc' or 'mdp'; None: an MDP if the graph is a multigraph, else a DTMC.
         options: see `symcheck.Options`.
 
@@ -59,9 +63,10 @@ def from_networkx(
         >>> symcheck.from_networkx(graph, labels={"off": ["off"]}).check('T=? [ F "off" ]').value
         10.0
     """
-    if not graph.is_directed():
-        raise UsageError("the edges of the graph have no direction: expected a DiGraph")
-    kind = model_type(type) or ModelType.with_properties(has_choices=graph.is_multigraph())
+    networkx = optional_package("networkx", "frames")
+    if not isinstance(graph, networkx.Graph) or not graph.is_directed():
+        raise UsageError(f"expected a directed graph of networkx, not {graph!r}")
+    kind = plain_type(type) or ModelType.with_properties(has_choices=graph.is_multigraph())
     nodes = list(graph.nodes)
     if not nodes:
         raise UsageError("the graph has no nodes")
@@ -69,16 +74,18 @@ def from_networkx(
     node_of = {state: node for node, state in states.items()}
 
     def state(node: Hashable, what: str) -> Hashable:
-        if node not in states:
-            raise UsageError(f"{what}: the graph has no node {node!r}")
-        return states[node]
+        try:
+            return states[node]
+        except (KeyError, TypeError):  # TypeError: a list, say, which cannot be a node
+            raise UsageError(f"{what}: the graph has no node {node!r}") from None
 
     def step(source: Hashable) -> Any:
         choices: dict[tuple[object, str | None], list[tuple[Weight, Hashable]]] = {}
         for _, target, given in graph.out_edges(node_of[source], data=True):
             if weight not in given:
                 name = f"the edge from {node_of[source]!r} to {target!r}"
-                hint = f"weight= names the attribute; this edge has {', '.join(given) or 'none'}"
+                known = ", ".join(map(str, given)) or "none"
+                hint = f"weight= names the attribute; those of this edge: {known}"
                 raise UsageError(f"{name} has no '{weight}'", hint=hint)
             key = (given.get("choice"), given.get("action")) if kind.has_choices else (None, None)
             choices.setdefault(key, []).append((given[weight], states[target]))
@@ -86,14 +93,17 @@ def from_networkx(
             return [(action, moves) for (_, action), moves in choices.items()]
         return next(iter(choices.values()), None)
 
-    members = {
-        name: {state(node, f"labels[{name!r}]") for node in given}
-        for name, given in (labels or {}).items()
-    }
-    earned = {
-        name: {state(node, f"rewards[{name!r}]"): x for node, x in given.items()}
-        for name, given in (rewards or {}).items()
-    }
+    members, earned = {}, {}
+    for name, of_label in named("labels", labels).items():
+        what = f"labels[{name!r}]"
+        if isinstance(of_label, str) or not isinstance(of_label, Iterable):
+            raise UsageError(f"{what}: expected a list of nodes, not {of_label!r}")
+        members[name] = {state(node, what) for node in of_label}
+    for name, of_nodes in named("rewards", rewards).items():
+        what = f"rewards[{name!r}]"
+        if not isinstance(of_nodes, Mapping):
+            raise UsageError(f"{what}: expected a mapping from nodes, not {of_nodes!r}")
+        earned[name] = {state(node, what): x for node, x in of_nodes.items()}
     starts = graph.graph.get("initial", nodes[:1]) if initial is None else [initial]
     return from_function(
         [state(node, "initial") for node in starts],
