@@ -20,7 +20,7 @@ SOURCE = Path(symcheck.__file__).parent
 ENGINES = {"engines", "symbolic", "kernels", "dd"}
 """Packages that engines are made of."""
 WORDS = ("engine", "matrix", "system", "graph")
-"""What a name ends with that stands for an engine or a part of one."""
+"""What a name ends with that stands for an engine or a part of one (a graph of networkx is none)."""
 
 
 def side_doors(text: str) -> Iterator[str]:
@@ -30,7 +30,7 @@ def side_doors(text: str) -> Iterator[str]:
             continue
         if node.func.id in ("getattr", "hasattr", "isinstance", "issubclass", "type", "vars"):
             subject = ast.unparse(node.args[0]).lower()
-            if subject.endswith(WORDS):
+            if subject.endswith(WORDS) and not ast.unparse(node.args[-1]).startswith("networkx."):
                 yield ast.unparse(node)
 
 
