@@ -15,6 +15,7 @@ import pytest
 pytest.importorskip("pygls", reason="the extra lsp is not installed")
 
 from lsprotocol import types as lsp
+from pygls.exceptions import JsonRpcException
 from pygls.lsp.client import LanguageClient
 
 MODELS = Path(__file__).parents[2] / "models"
@@ -62,9 +63,11 @@ class Editor(LanguageClient):
 
 
 @asynccontextmanager
-async def editing() -> AsyncIterator[Editor]:
+async def editing(log: Path | None = None) -> AsyncIterator[Editor]:
     editor = Editor()
     command = "from symcheck.lsp.server import main; main()"
+    if log is not None:
+        command = f"import sys; sys.stderr = open({str(log)!r}, 'w', buffering=1); {command}"
     await editor.start_io(sys.executable, "-c", command)
     workspace = lsp.WorkspaceClientCapabilities(
         code_lens=lsp.CodeLensWorkspaceClientCapabilities(refresh_support=True)
@@ -162,6 +165,22 @@ def test_a_property_is_checked_by_its_lens(folder: Path) -> None:
         assert lens.command.title == answer
 
     run(story)
+
+
+def test_a_refused_renaming_is_answered_and_is_no_error_of_the_server(
+    folder: Path, tmp_path: Path
+) -> None:
+    path, log = folder / "office.sm", tmp_path / "log"
+
+    async def story() -> None:
+        async with editing(log) as editor:
+            document = editor.open(path, "prism")
+            asked = lsp.RenameParams(document, place(path, "queue<places"), "endmodule")
+            with pytest.raises(JsonRpcException, match="'endmodule' is a word of the language"):
+                await editor.text_document_rename_async(asked)
+
+    asyncio.run(story())
+    assert log.read_text() == ""
 
 
 def test_navigation_renaming_outline_formatting_and_colours(folder: Path) -> None:

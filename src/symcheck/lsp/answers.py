@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -19,6 +19,7 @@ from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.binding.bind_model import undefined_constants
 from symcheck.semantics.binding.bind_properties import bind_properties
+from symcheck.semantics.binding.kept_modules import KeptModules
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.model_warnings import model_warnings
@@ -67,12 +68,14 @@ class Document:
         text: its characters.
         language: 'prism', or 'properties'.
         model: the document of the model, of properties; None if none is known.
+        kept: the modules of the version before.
     """
 
     uri: str
     text: str
     language: str
     model: Document | None = None
+    kept: KeptModules = field(default_factory=KeptModules)
 
     @property
     def name(self) -> str:
@@ -119,7 +122,7 @@ class Document:
             c.name: "true" if c.type.value == "bool" else "1" for c in undefined_constants(program)
         }
         try:
-            bound = bind(program, given)
+            bound = bind(program, given, kept=self.kept)
         except InputError as error:
             return None, list(error.diagnostics)
         except SymcheckError as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -16,6 +17,7 @@ from symcheck.errors import Diagnostic
 from symcheck.lsp.answers import COLOURS, MODELS, Document, Place, formatted, quick_fixes
 from symcheck.lsp.checks import Fault, Verdict, check, explore
 from symcheck.lsp.symbols import Kind, Symbol
+from symcheck.semantics.binding.kept_modules import KeptModules
 from symcheck.version import __version__
 
 __all__ = ["SymcheckServer", "main", "make_server"]
@@ -69,7 +71,8 @@ class SymcheckServer(LanguageServer):
         model = None if language == "prism" else self.model_of(uri)
         known = self.documents.get(uri)
         if known is None or known.text != source.source or known.model is not model:
-            known = self.documents[uri] = Document(uri, source.source, language, model)
+            kept = KeptModules() if known is None else known.kept
+            known = self.documents[uri] = Document(uri, source.source, language, model, kept)
         return known
 
     def model_of(self, uri: str) -> Document | None:
@@ -355,4 +358,10 @@ def make_server() -> SymcheckServer:
 
 def main() -> None:
     """Serve an editor over standard input and output."""
+    # What an editor asks for in vain is answered, and is no error of the server.
+    logging.getLogger("pygls.protocol.json_rpc").addFilter(_is_no_refusal)
     make_server().start_io()
+
+
+def _is_no_refusal(record: logging.LogRecord) -> bool:
+    return record.exc_info is None or not isinstance(record.exc_info[1], JsonRpcInvalidParams)

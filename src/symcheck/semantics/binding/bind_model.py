@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -40,6 +40,7 @@ from symcheck.syntax.ast import WITHOUT_KEYWORD, Expression, Literal, ModelType,
 from symcheck.syntax.declarations import Command, Constant, Program, RewardStructure, Update
 
 if TYPE_CHECKING:
+    from symcheck.semantics.binding.kept_modules import KeptModules
     from symcheck.semantics.binding.parameters import Ranges
 
 __all__ = ["bind", "check_constant_names", "exactly_bound", "undefined_constants"]
@@ -68,6 +69,7 @@ def bind(
     exact: bool = False,
     normalise: bool | None = None,
     parameters: Ranges | None = None,
+    kept: KeptModules | None = None,
 ) -> BoundModel:
     """Evaluate the constants of a program, expand its formulas, and check names and types.
 
@@ -81,6 +83,8 @@ def bind(
         normalise: divide probabilities that almost sum to 1 by their sum, with a warning; by
             default unless `exact`, because the engine for rationals refuses them.
         parameters: the range of each constant that is left open; then numbers are exact.
+        kept: the modules of the program before, for programs that differ in few modules. The
+            result and the faults are the same.
 
     Raises:
         UnsupportedError: nothing is offered for models of this type.
@@ -104,17 +108,18 @@ def bind(
         table.parameters = parameters.keys()
     set_constants(table, program.constants, constants or {})
     check_values_given(table, program.constants)
-    checked = check_program(program, table)
-    report.raise_all()
     kind = model_type or program.type or WITHOUT_KEYWORD
+    divides = not exact if normalise is None else normalise and not parameters
+    settings = (kind, exact, divides, dict(constants or {}), dict(parameters or {}))
+    checked = check_program(program, table, kept, settings)
+    report.raise_all()
     require_type(kind)
     if program.players or kind.players > 1:
         from symcheck.semantics.binding.player_declarations import check_players
 
         check_players(checked, kind)
         report.raise_all()
-    divides = not exact if normalise is None else normalise and not parameters
-    bound = _Builder(checked, constants or {}).build(kind, divides)
+    bound = _Builder(checked, constants or {}, kept).build(kind, divides)
     if not parameters:
         return bound
     if bound.weights is not Weights.NUMBERS:
@@ -127,8 +132,14 @@ def bind(
 class _Builder:
     """Builds the bound model of a checked program; collects evaluation faults and raises them."""
 
-    def __init__(self, checked: CheckedProgram, given: Mapping[str, ConstantValue]) -> None:
+    def __init__(
+        self,
+        checked: CheckedProgram,
+        given: Mapping[str, ConstantValue],
+        kept: KeptModules | None,
+    ) -> None:
         self.program = checked.program
+        self.kept = kept
         self.given = given
         self.checked = checked
         self.table = checked.table
@@ -163,10 +174,17 @@ class _Builder:
         self.report.raise_all()
         self._check_clocks(kind, variables, modules)
         warnings: tuple[str, ...] = ()
-        unchecked = False
+        right: Set[int] = frozenset()
+        unchecked, as_written = False, modules
         if normalise and kind.has_probabilities:
-            modules, warnings, unchecked = normalised_modules(modules, variables)
-            composed = events(modules, self.program.system)
+            known_right = self.kept.sums_to_one if self.kept is not None else right
+            found = normalised_modules(modules, variables, known_right)
+            modules, warnings, unchecked = found.modules, found.warnings, found.gave_up
+            right = found.right
+            if modules is not as_written:
+                composed = events(modules, self.program.system)
+        if self.kept is not None:
+            self.kept.keep((instance for instance, _ in self.checked.modules), as_written, right)
         return BoundModel(
             program=self.program,
             type=kind,
@@ -283,6 +301,8 @@ class _Builder:
     # -------------------------------------------------------------------------- modules and rewards
 
     def _module(self, number: int, instance: ModuleInstance, scope: Scope) -> BoundModule:
+        if self.kept is not None and (known := self.kept.bound(number, instance)) is not None:
+            return known
         declared = self.checked.declared
         local = (i for name, i in self.index.items() if declared[name].module == instance.name)
         commands = (self._command(number, scope, c) for c in instance.base_module.commands)

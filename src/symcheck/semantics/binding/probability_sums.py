@@ -9,16 +9,18 @@ report a sum that is almost 1, and the model is built again (`normalised_at`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from fractions import Fraction
 from functools import reduce
 from math import prod
+from operator import is_not
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symcheck.errors import InputError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.expressions.evaluate import evaluate, evaluate_closely
 from symcheck.semantics.expressions.literals import to_float
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns, open_mesh
@@ -41,7 +43,7 @@ from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Type
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import conjuncts, names
 
-__all__ = ["normalised_at", "normalised_modules"]
+__all__ = ["NormalisedModules", "normalised_at", "normalised_modules"]
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -55,26 +57,56 @@ _RATIONAL_VALUATIONS = 1000
 _ONE = Literal(Fraction(1), Type.DOUBLE)
 
 
+@dataclass(frozen=True, slots=True)
+class NormalisedModules:
+    """Modules whose probabilities sum to 1.
+
+    Attributes:
+        modules: the modules; the given ones, if nothing was divided.
+        warnings: one for each command that was divided, and differs by more than rounding.
+        gave_up: whether there are commands with too many valuations to know.
+        right: the ids of the given modules whose sums are right in every valuation of the
+            variables, and were found without looking at any.
+    """
+
+    modules: tuple[BoundModule, ...]
+    warnings: tuple[str, ...]
+    gave_up: bool
+    right: frozenset[int]
+
+
 def normalised_modules(
-    modules: Sequence[BoundModule], variables: Sequence[Variable]
-) -> tuple[tuple[BoundModule, ...], tuple[str, ...], bool]:
-    """The modules with the probabilities of such commands divided by their sum, the warnings, and
-    whether there are commands with too many valuations to know.
+    modules: tuple[BoundModule, ...], variables: Sequence[Variable], right: Set[int] = frozenset()
+) -> NormalisedModules:
+    """The modules with the probabilities of such commands divided by their sum.
 
     Args:
         modules: the modules of a DTMC or MDP.
         variables: those of the model.
+        right: the ids of modules that are known to have none (`NormalisedModules.right`).
     """
     search = _Search({v.name: v for v in variables})
-    result = tuple(
-        replace(m, commands=tuple(search.normalised(c) for c in m.commands)) for m in modules
+    found = set()
+
+    def normalised(module: BoundModule) -> BoundModule:
+        if id(module) not in right:
+            before = search.budget, search.gave_up
+            commands = tuple(map(search.normalised, module.commands))
+            if any(map(is_not, commands, module.commands)):
+                return replace(module, commands=commands)
+            if before != (search.budget, search.gave_up):
+                return module
+        found.add(id(module))
+        return module
+
+    result = tuple(map(normalised, modules))
+    changed = any(map(is_not, result, modules))
+    return NormalisedModules(
+        result if changed else modules,
+        tuple(search.warnings),
+        bool(search.gave_up),
+        frozenset(found),
     )
-    changed = any(
-        a is not b
-        for m, r in zip(modules, result, strict=True)
-        for a, b in zip(m.commands, r.commands, strict=True)
-    )
-    return (result if changed else tuple(modules)), tuple(search.warnings), search.gave_up
 
 
 def normalised_at(model: BoundModel, fault: AlmostOne) -> BoundModel:
@@ -108,7 +140,7 @@ class _Search:
         self.variables = variables
         self.warnings: list[str] = []
         self.budget = _ALL_VALUATIONS
-        self.gave_up = False
+        self.gave_up = 0  # how many commands have too many valuations
 
     def normalised(self, command: BoundCommand) -> BoundCommand:
         """The command, with probabilities that sum to 1 where they almost do."""
@@ -122,7 +154,7 @@ class _Search:
             return self._constant(command, probabilities)
         table = self._tabulate(command.guard, probabilities, read)
         if table is None:
-            self.gave_up = True
+            self.gave_up += 1
             return command
         columns, sums, holds = table
         near = np.abs(sums - 1) <= SUM_TOLERANCE

@@ -6,6 +6,7 @@ They check names, types, and which modules and commands write which variables.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from symcheck.errors import NO_SPAN, NameFault, Span
 from symcheck.lazy_dataclass import dataclass
@@ -29,6 +30,9 @@ from symcheck.syntax.declarations import (
     VariableDeclaration,
 )
 from symcheck.syntax.traversal import Tree, nodes
+
+if TYPE_CHECKING:
+    from symcheck.semantics.binding.kept_modules import KeptModules
 
 __all__ = [
     "RESERVED_LABELS",
@@ -71,8 +75,19 @@ class CheckedProgram:
     declared: Mapping[str, DeclaredVariable]
 
 
-def check_program(program: Program, table: SymbolTable) -> CheckedProgram:
+def check_program(
+    program: Program,
+    table: SymbolTable,
+    kept: KeptModules | None = None,
+    settings: tuple[object, ...] = (),
+) -> CheckedProgram:
     """Add the declarations of a program to the table, and report its faults to the table's report.
+
+    Args:
+        program: the program.
+        table: an empty table.
+        kept: the modules that are known from the program before.
+        settings: all besides the program that decides what it is bound to.
 
     Raises:
         InputError: definitions are circular, so that expressions that use them cannot be checked.
@@ -90,7 +105,9 @@ def check_program(program: Program, table: SymbolTable) -> CheckedProgram:
     if "cycle" in table.report.codes:
         table.report.raise_all()
     checked = CheckedProgram(program, table, root, modules, declared)
-    _check(checked)
+    if kept is not None:
+        kept.begin(program, instances, settings)
+    _check(checked, kept)
     return checked
 
 
@@ -106,7 +123,7 @@ def _declared(
             yield scope.renamed(declaration.name), variable, span
 
 
-def _check(checked: CheckedProgram) -> None:
+def _check(checked: CheckedProgram, kept: KeptModules | None) -> None:
     program, report, typer = checked.program, checked.table.report, checked.root.typer()
     if not program.modules:
         hint = "" if program.span.source.text.strip() else "the text is empty"
@@ -118,7 +135,9 @@ def _check(checked: CheckedProgram) -> None:
             checked.root.type(node)
     for variable in checked.declared.values():
         _check_variable(checked, variable)
-    for instance, scope in checked.modules:
+    for number, (instance, scope) in enumerate(checked.modules):
+        if kept is not None and kept.has(number, instance):
+            continue
         if instance.base_module.invariant is not None:
             scope.typer().boolean(instance.base_module.invariant, "an invariant")
         for command in instance.base_module.commands:
