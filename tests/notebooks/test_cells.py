@@ -155,3 +155,14 @@ def test_warnings_of_states_are_shown() -> None:
     )
     assert "a fair coin decides" in html(checked)
     assert "deadlocks were given self-loops in 1 state, such as (x=3)" in html(checked)
+
+
+def test_warnings_of_a_model_are_shown_once_its_constants_have_values() -> None:
+    model, unused, again = ran(
+        "%%prism m\nmdp const int N; module m x:[0..3]; [] x>N->(x'=0); [] x<=3->true; endmodule",
+        "%%pctl m N=5\nPmax=? [ F x=3 ]",
+        "%%pctl m N=2\nPmax=? [ F x=3 ]",
+    )
+    assert "guard" not in html(model)
+    assert "guard" in html(unused)
+    assert "guard" not in html(again)

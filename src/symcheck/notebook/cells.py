@@ -192,7 +192,9 @@ def _one_by_one(
             except InputError as error:
                 faults.append(_with_hint(asked.name, error))
         built = prepared.model
-        warnings = [d.message for d in built.state_warnings] if built.is_built else []
+        of_states = built.state_warnings if built.is_built else []
+        of_text = model.warnings if split.of_model else []  # else %%prism has told them
+        warnings = [d.message for d in (*of_text, *of_states)]
         found = Results(texts, results, [*(d.message for d in split.warnings), *warnings])
     except (SymcheckError, KeyboardInterrupt) as error:
         if results:
