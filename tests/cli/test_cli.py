@@ -423,3 +423,20 @@ def test_compiled_modules_of_another_version_are_named(monkeypatch, capsys):
     monkeypatch.setattr("symcheck.engines.registry.build", broken)
     assert main([DIE]) == 1
     assert "build again (pip install -e ." in capsys.readouterr().err
+
+
+def test_a_small_run_imports_nothing_large_that_it_does_not_need() -> None:
+    """Each of these takes as long as the check itself."""
+    program = (
+        "import sys\n"
+        "from symcheck.cli import main\n"
+        f"status = main({[DIE, DIE_PCTL]!r})\n"
+        "print(*sorted(sys.modules), file=sys.stderr)\n"
+        "sys.exit(status)\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=120
+    )
+    imported = set(run.stderr.split())
+    assert "symcheck.check.checker" in imported
+    assert not imported & {"dd", "matplotlib", "networkx", "numpy.ma", "numpy.random", "scipy"}

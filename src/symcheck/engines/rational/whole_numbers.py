@@ -179,9 +179,10 @@ def _unit(items: Sequence[BoundReward]) -> int | None:
 
 def _divided(whole: Int64s, unit: int) -> Rationals:
     """Whole numbers divided by one, as rationals."""
-    quotient = {v: Fraction(v, unit) for v in np.unique(whole).tolist()}
+    values = whole.tolist()
+    quotient = {v: Fraction(v, unit) for v in set(values)}  # np.unique would import numpy.ma
     out = np.empty(len(whole), object)
-    out[:] = [quotient[v] for v in whole.tolist()]
+    out[:] = [quotient[v] for v in values]
     return out
 
 
