@@ -29,9 +29,22 @@ def test_commands_that_synchronise_have_one_factor(kind: str) -> None:
     assert_same(SMALL.replace("dtmc", kind), expected=True)
 
 
-def test_rewards_of_choices_are_those_of_their_actions() -> None:
-    items = 'rewards "s" [t] y>0 : 1/3; [] true : 2; endrewards'
-    assert_same(SMALL.replace("dtmc", "mdp") + items, expected=True)
+@pytest.mark.parametrize("kind", ["dtmc", "ctmc", "mdp"])
+def test_rewards_of_choices_are_those_of_their_actions(kind: str) -> None:
+    """In a chain, commands of several actions are enabled at once, and some states are deadlocks."""
+    items = 'rewards "s" [t] y>0 : 1/3; [] true : 2; [t] x=0 : y; endrewards'
+    assert_same(SMALL.replace("dtmc", kind) + items, expected=True)
+    assert_same(SMALL.replace("[] y=3 -> true;", "").replace("dtmc", kind) + items, expected=True)
+
+
+def test_rows_of_a_chain_are_those_of_its_commands_together() -> None:
+    """Commands lead to the same state, and one action is that of the row only if all have it."""
+    text = """ctmc module m x:[0..2];
+    [a] x=0 -> 1/3:(x'=1) + 2:(x'=2); [a] x=0 -> 1/7:(x'=1); [b] x=1 -> 5:(x'=0);
+    [] x=1 -> 1:(x'=0) + 1/2:(x'=1); endmodule
+    rewards [a] true : 1/2; [b] true : 3; [] true : 5; x=2 : 1; endrewards"""
+    assert_same(text, expected=True)
+    assert_same(text.replace("ctmc", "ctmc const double k = 1/11;"), expected=True)
 
 
 def test_probabilities_that_depend_on_the_state_are_left_to_the_interpreter() -> None:

@@ -12,9 +12,11 @@ from fractions import Fraction
 import numpy as np
 
 from symcheck.engines.base import Engine
+from symcheck.engines.rational.whole_numbers import commands_in_whole_numbers
 from symcheck.engines.transition_actions import commands_apart
-from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.numbers import Numbers, Rationals, full
 from symcheck.matrices.rows import Floats, Int64s, SparseMatrix
+from symcheck.options import Options
 from symcheck.semantics.interpreter import State, choices
 from symcheck.semantics.model import BoundModel, Value
 
@@ -73,6 +75,30 @@ def _means(entry: Int64s, weights: Floats, rewards: Floats, entries: int) -> Flo
 
 
 def _rational(engine: Engine, matrix: SparseMatrix) -> list[Numbers]:
+    found = commands_in_whole_numbers(engine.model, Options())
+    if found is None or len(found[0].states) != engine.states:
+        return _interpreted(engine, matrix)
+    commands, rewards = found[0].matrix, found[1]
+    row = commands.row_of_entry
+    entry, _ = matrix.find(commands.state_of_row[row], commands.indices)
+    weights = commands.data.astype(np.int64).astype(object)
+    return [_rational_means(entry, weights, r[row], matrix.entries) for r in rewards]
+
+
+def _rational_means(entry: Int64s, weights: Rationals, rewards: Rationals, entries: int) -> Numbers:
+    """The weighted mean of the rewards per entry; only those of commands that earn are summed."""
+    mean = full(entries, 0, rational=True)
+    earning = np.zeros(entries, np.bool_)
+    earning[entry[rewards != 0]] = True
+    mine = earning[entry]
+    totals = full(entries, 0, rational=True)
+    np.add.at(totals, entry[mine], weights[mine])
+    np.add.at(mean, entry[mine], weights[mine] * rewards[mine])
+    mean[earning] = mean[earning] / totals[earning]
+    return mean
+
+
+def _interpreted(engine: Engine, matrix: SparseMatrix) -> list[Numbers]:
     states = {state: i for i, state in enumerate(engine.valuations(engine.all))}
     result = [np.full(matrix.entries, Fraction(0), dtype=object) for _ in engine.model.rewards]
     for i, means in enumerate(_means_of_states(engine.model, tuple(states))):

@@ -20,15 +20,15 @@ from symcheck.errors import UnsupportedError
 from symcheck.explicit.build import explore
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import StateTable
-from symcheck.matrices.numbers import Numbers, Rationals, full, rationals
-from symcheck.matrices.rows import Int64s
+from symcheck.matrices.numbers import Numbers, Rationals, full, rationals, sum_segments
+from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix, per_row
 from symcheck.options import Options
 from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.interpreter import value
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, Event
 from symcheck.syntax.ast import Expression, Literal, ModelType, Type
 
-__all__ = ["CompiledModel", "explore_in_whole_numbers"]
+__all__ = ["CompiledModel", "commands_in_whole_numbers", "explore_in_whole_numbers"]
 
 _WHOLE = 2.0**53
 
@@ -54,21 +54,21 @@ def explore_in_whole_numbers(model: BoundModel, options: Options) -> RationalMod
         options: limits of the search.
 
     Returns:
-        None if a probability is no constant, a number exceeds 2**53, or transition rewards depend
-        on which commands a row of a chain comes from.
+        None if a probability is no constant, or a number exceeds 2**53.
 
     Raises:
         ModelFault, ResourceError: see `symcheck.explicit.build.explore`.
     """
-    if not model.type.has_choices and _earns_by_transitions(model):
+    searched = _search(model, options)
+    if searched is None:
         return None
-    scaled = _with_whole_weights(model)
-    if scaled is None:
-        return None
-    whole, factor = scaled
-    found = explore(whole, replace(options, check_sums=False))
-    matrix, starts = found.matrix, found.matrix.indptr[:-1]
-    sums = np.add.reduceat(matrix.data, starts) if matrix.rows else matrix.data
+    found, factor = searched
+    earned = [_choice_rewards(model, found, r.items) for r in model.rewards]
+    matrix, actions = found.matrix, found.choice_actions
+    choices = None if model.type.has_choices else matrix.groups
+    if choices is not None:
+        matrix, actions = _merged(found)
+    sums = matrix.row_sums()
     if not (sums < _WHOLE).all():
         return None
     divisors = np.full(matrix.rows, factor, object)
@@ -77,6 +77,11 @@ def explore_in_whole_numbers(model: BoundModel, options: Options) -> RationalMod
     elif len(found.deadlocks):  # their loop has the rate 1
         divisors[found.deadlocks] = 1
     quotient = cache(Fraction)
+    if choices is not None:
+        weights = found.matrix.row_sums().tolist()
+        pairs = zip(weights, per_row(choices, divisors).tolist(), strict=True)
+        shares = rationals(quotient(int(w), int(d)) for w, d in pairs)
+        earned = [sum_segments(shares * rewards, choices) for rewards in earned]
     each = np.repeat(divisors, matrix.lengths).tolist()
     pairs = zip(matrix.data.astype(np.int64).tolist(), each, strict=True)
     data = np.empty(matrix.entries, object)
@@ -85,12 +90,54 @@ def explore_in_whole_numbers(model: BoundModel, options: Options) -> RationalMod
         model,
         found.states,
         replace(matrix, data=data),
-        found.choice_actions,
+        actions,
         found.initial,
         found.deadlocks,
         [_rewards(model, found, [i for i in r.items if i.on_states]) for r in model.rewards],
-        [_choice_rewards(model, found, r.items) for r in model.rewards],
+        earned,
     )
+
+
+def commands_in_whole_numbers(
+    model: BoundModel, options: Options
+) -> tuple[ExplicitModel, list[Rationals]] | None:
+    """The commands of a chain as choices, with whole weights, and the reward of each per structure.
+
+    Args:
+        model: a chain that was bound with `exact`, in which commands earn rewards.
+        options: limits of the search.
+
+    Returns:
+        None if a probability is no constant, or a number exceeds 2**53.
+
+    Raises:
+        ModelFault, ResourceError: see `symcheck.explicit.build.explore`.
+    """
+    searched = _search(model, options)
+    if searched is None or not (searched[0].matrix.row_sums() < _WHOLE).all():
+        return None
+    return searched[0], [_choice_rewards(model, searched[0], r.items) for r in model.rewards]
+
+
+def _search(model: BoundModel, options: Options) -> tuple[ExplicitModel, int] | None:
+    """The states and rows with whole weights, and the factor by which weights were multiplied."""
+    scaled = _with_whole_weights(model)
+    if scaled is None:
+        return None
+    whole, factor = scaled
+    return explore(whole, replace(options, check_sums=False)), factor
+
+
+def _merged(found: ExplicitModel) -> tuple[SparseMatrix, Int32s]:
+    """One row for each state in place of its choices, and the action that all of them have."""
+    matrix, groups = found.matrix, found.matrix.groups
+    assert groups is not None
+    rows = SparseMatrix(matrix.indptr[groups], matrix.indices, matrix.data, matrix.columns)
+    order = np.lexsort((rows.indices, rows.row_of_entry))
+    rows = replace(rows, indices=rows.indices[order], data=rows.data[order])
+    least, most = (f.reduceat(found.choice_actions, groups[:-1]) for f in (np.minimum, np.maximum))
+    columns = np.arange(matrix.columns, dtype=np.int32)
+    return rows.merge(columns, matrix.columns), np.where(least == most, least, -1).astype(np.int32)
 
 
 def _earns_by_transitions(model: BoundModel) -> bool:
@@ -100,7 +147,8 @@ def _earns_by_transitions(model: BoundModel) -> bool:
 def _with_whole_weights(model: BoundModel) -> tuple[BoundModel, int] | None:
     """The model with all weights multiplied by one factor, and the factor; None if it has none.
 
-    A chain becomes one of rates, whose rows are sums of the weights of commands.
+    A chain becomes one of rates, whose rows are sums of the weights of commands, or a decision
+    process if the transitions of commands earn rewards.
     """
     weights = [
         update.probability
@@ -121,8 +169,10 @@ def _with_whole_weights(model: BoundModel) -> tuple[BoundModel, int] | None:
     if not continuous and not all(map(_sums_to_one, model.events)):
         return None
     events = tuple(_whole(event, unit, most) for event in model.events)
-    rates = ModelType.with_properties(continuous_time=True)
-    kind = model.type if model.type.has_choices else rates
+    kind = model.type
+    if not kind.has_choices:
+        apart = _earns_by_transitions(model)
+        kind = ModelType.with_properties(continuous_time=not apart, has_choices=apart)
     return replace(model, type=kind, events=events, is_rational=False, rewards=()), factor
 
 
@@ -195,7 +245,7 @@ def _number(found: bool | int | float | Fraction) -> Fraction:
 def _choice_rewards(
     model: BoundModel, found: ExplicitModel, items: Sequence[BoundReward]
 ) -> Rationals:
-    """The transition reward of each row of an MDP; 0 in a chain, which has none here."""
+    """The transition reward of each choice; 0 in a chain without choices, which has none here."""
     rows: Rationals | None = None
     owner = found.matrix.state_of_row
     loops = np.zeros(len(found.states), np.bool_)
