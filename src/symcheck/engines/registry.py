@@ -47,16 +47,15 @@ def _exact(model: BoundModel, options: Options, _: Observer | None) -> Engine:
     from symcheck.engines.explicit.engine import ExplicitEngine
     from symcheck.engines.rational.explore import explore_exactly
 
-    if model.clocks is not None:  # digital clocks have many states
-        from symcheck.engines.rational.whole_numbers import explore_in_whole_numbers
-
-        compiled = explore_in_whole_numbers(model, options)
-        if compiled is not None:
-            return erased(ExplicitEngine(compiled, "exact"))
     if model.parameters:
         from symcheck.engines.parametric.build import explore_parametric
 
         return erased(ExplicitEngine(explore_parametric(model, options), "parametric"))
+    from symcheck.engines.rational.whole_numbers import explore_in_whole_numbers
+
+    compiled = explore_in_whole_numbers(model, options)
+    if compiled is not None:
+        return erased(ExplicitEngine(compiled, "exact"))
     explored = explore_exactly(
         model,
         fix_deadlocks=options.fix_deadlocks,

@@ -16,7 +16,7 @@ from math import lcm
 import numpy as np
 
 from symcheck.engines.rational.explore import RationalModel
-from symcheck.errors import UnsupportedError
+from symcheck.errors import ModelFault, UnsupportedError
 from symcheck.explicit.build import explore
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import StateTable
@@ -54,7 +54,8 @@ def explore_in_whole_numbers(model: BoundModel, options: Options) -> RationalMod
         options: limits of the search.
 
     Returns:
-        None if a probability is no constant, or a number exceeds 2**53.
+        None if a probability is no constant, a number exceeds 2**53, or a reward has no value
+        where its guard holds: the interpreter finds whether a step earns it.
 
     Raises:
         ModelFault, ResourceError: see `symcheck.explicit.build.explore`.
@@ -63,7 +64,12 @@ def explore_in_whole_numbers(model: BoundModel, options: Options) -> RationalMod
     if searched is None:
         return None
     found, factor = searched
-    earned = [_choice_rewards(model, found, r.items) for r in model.rewards]
+    try:
+        earned = [_choice_rewards(model, found, r.items) for r in model.rewards]
+        on_states = [[i for i in r.items if i.on_states] for r in model.rewards]
+        of_states = [_rewards(model, found, items) for items in on_states]
+    except (ModelFault, UnsupportedError):
+        return None
     matrix, actions = found.matrix, found.choice_actions
     choices = None if model.type.has_choices else matrix.groups
     if choices is not None:
@@ -93,7 +99,7 @@ def explore_in_whole_numbers(model: BoundModel, options: Options) -> RationalMod
         actions,
         found.initial,
         found.deadlocks,
-        [_rewards(model, found, [i for i in r.items if i.on_states]) for r in model.rewards],
+        of_states,
         earned,
     )
 
@@ -165,11 +171,15 @@ def _with_whole_weights(model: BoundModel) -> tuple[BoundModel, int] | None:
     factor = unit**most
     if factor >= _WHOLE or any(v < 0 for v in values):
         return None
-    continuous = model.type.continuous_time
-    if not continuous and not all(map(_sums_to_one, model.events)):
+    kind = model.type
+    at_once = [
+        e
+        for e in model.events
+        if not (e.is_markovian if kind.immediate_choices else kind.continuous_time)
+    ]
+    if not all(map(_sums_to_one, at_once)):
         return None
     events = tuple(_whole(event, unit, most) for event in model.events)
-    kind = model.type
     if not kind.has_choices:
         apart = _earns_by_transitions(model)
         kind = ModelType.with_properties(continuous_time=not apart, has_choices=apart)
