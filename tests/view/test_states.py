@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,8 @@ from symcheck.errors import UnsupportedError, UsageError
 from symcheck.explicit.model import ExplicitModel
 from symcheck.options import Options
 from symcheck.syntax.parse import parse_expression
+from symcheck.view.picture import WINDOW, Picture
+from symcheck.view.states import neighbourhood
 
 MDP = """mdp
 module m
@@ -174,12 +178,62 @@ def test_labels_inside_a_rank_do_not_end_graphviz() -> None:
     assert picture.svg.count('class="node"') == 41
 
 
-def test_a_crowded_picture_is_drawn_in_its_layers_without_labels_within_them():
-    """Graphviz took minutes for the labels of a ring in which every state is initial."""
-    ring = symcheck.load(Path(__file__).parents[2] / "models/herman/herman7.pm", engine="explicit")
-    picture = view.state_graph(ring)
-    within = [line for line in picture.dot.splitlines() if "->" in line and "label=" in line]
+def size(picture: Picture) -> tuple[float, float]:
+    """Width and height in points."""
+    found = re.search(r'viewBox="0.00 0.00 ([\d.]+) ([\d.]+)"', picture.svg)
+    assert found
+    return float(found[1]), float(found[2])
+
+
+MODELS = Path(__file__).parents[2] / "models"
+
+
+def test_a_crowded_picture_is_no_column_of_its_states() -> None:
+    """All states of the ring are initial, hence in one layer; Graphviz took minutes for labels."""
+    picture = view.state_graph(symcheck.load(MODELS / "herman/herman7.pm", engine="explicit"))
     assert len(picture.edges) > 2000
-    assert len(within) < 10  # loops
-    assert "rank=same" in picture.dot
-    assert picture.svg.startswith("<?xml")
+    assert not any("->" in line and "label=" in line for line in picture.dot.splitlines())
+    assert "rank=same" not in picture.dot
+    width, height = size(picture)
+    assert 1 < width / height < 3
+
+
+def test_a_picture_has_its_layers_in_the_direction_that_fits() -> None:
+    def line(n: int) -> Picture:
+        text = f"dtmc module m x:[0..{n}]; [] true -> (x'=min(x+1,{n})); endmodule"
+        return view.state_graph(symcheck.loads(text))
+
+    assert line(9).sideways  # a line of ten is too high for a window
+    assert "rankdir=LR" in line(9).dot
+    room = min(WINDOW.width / size(line(9))[0], WINDOW.height / size(line(9))[1])
+    down = size(replace(line(9), sideways=False))
+    assert room > min(WINDOW.width / down[0], WINDOW.height / down[1])
+    assert not line(1).free
+
+
+def test_grids_of_many_steps_are_drawn_without_layers() -> None:
+    """Graphviz took more than a minute for the layers."""
+    tandem = symcheck.load(MODELS / "tandem/tandem.sm", {"c": 7})
+    picture = view.state_graph(tandem)
+    assert picture.free
+    assert len(re.findall('class="node"', picture.svg)) == 120
+
+
+@pytest.mark.parametrize(
+    ("name", "around"),
+    [("herman/herman7.pm", "x1+x2+x3+x4+x5+x6+x7=0"), ("dining/dining.nm", "p1+p2+p3=0")],
+)
+def test_the_states_near_others_are_as_many_as_fit_a_window(name: str, around: str) -> None:
+    model = symcheck.load(MODELS / name, engine="explicit")
+    picture, radius = neighbourhood(model, around)
+    states = [n for n in picture.nodes if n.name.startswith("s")]
+    assert 6 <= len(states) <= 24
+    assert radius >= 1
+    assert [n.name for n in states if n.kind == "marked"] == [
+        f"s{s.number}" for s in model.where(around)
+    ]
+    width, height = size(picture)
+    assert width <= WINDOW.width
+    assert height <= WINDOW.height + 40  # and the legend
+    dots = [n.name for n in picture.nodes if n.label == "…"]
+    assert len(dots) == len(set(dots)) <= len(states)  # one for the choices of a state

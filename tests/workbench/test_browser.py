@@ -103,7 +103,7 @@ def test_a_neighbourhood_of_10_000_states_is_drawn(bench: Workbench) -> None:
     bench.until(lambda: "10,000 reachable" in bench.at("state").text)
     bench.at("simulator-tab").click()
     bench.click("sim-start", "sim-step", "sim-graph")
-    assert 20 < len(bench.until_drawn(lambda: bench.all("g.node"))) < 150
+    assert 6 <= len(bench.until_drawn(lambda: bench.all("g.node"))) <= 48  # 24 states, and dots
     bench.click("draw")
     bench.until_drawn(
         lambda: "60 states of 10,000" in bench.at("note").text or "60" in bench.at("caption").text

@@ -6,6 +6,7 @@ const graphs = data.graphs ?? [], shows = data.shows ?? [], model = data.model;
 const at = (id) => document.getElementById(id);
 const PLAY_MS = 900;
 const LEAST_SCALE = 0.55; // below it, labels are too small to read
+const PART_SCALE = 0.85; // of a graph of which a part is seen
 
 // ------------------------------------------------------------------------------- small helpers
 
@@ -58,16 +59,16 @@ class Pane {
     this.watch();
   }
 
-  /** The whole graph if its labels can be read; otherwise a part that is as wide as the pane. A
-   * pane reaches down to the end of the window, or takes a share of it if another one follows. */
+  /** The whole graph if its labels can be read; otherwise a part, in letters that are read easily.
+   * A pane reaches down to the end of the window, or takes a share of it if another one follows. */
   start(share = 1) {
     const { width, height } = this.size;
     const room = this.box.clientWidth || 600;
     const above = share === 1 ? this.box.getBoundingClientRect().top + scrollY + 60 : 0; // and the key
     const most = Math.max(240, Math.min(innerHeight * share - above, (height * 4) / 3 + 8));
-    const scale = Math.min(4 / 3, room / width, Math.max(most / height, LEAST_SCALE));
-    this.box.style.height = `${Math.min(most, Math.max(height * Math.max(scale, LEAST_SCALE), 90))}px`;
-    this.scale = Math.max(scale, Math.min(LEAST_SCALE, 4 / 3));
+    const whole = Math.min(4 / 3, room / width, most / height);
+    this.scale = whole < LEAST_SCALE ? PART_SCALE : whole;
+    this.box.style.height = `${Math.min(most, Math.max(height * this.scale, 90))}px`;
     const tall = this.box.clientHeight / this.scale, wide = room / this.scale;
     this.view = { x: (width - wide) / 2, y: tall > height ? (height - tall) / 2 : 0, wide, tall };
     this.draw();

@@ -17,7 +17,8 @@ from symcheck.semantics.rewards import Structure
 from symcheck.symbolic.encoding.enumerate_states import enumerate_states
 from symcheck.view.choice_graph import ChoiceGraph, GivenModel
 from symcheck.view.diagrams import shared_picture
-from symcheck.view.states import draw_states
+from symcheck.view.picture import Picture
+from symcheck.view.states import draw_states, nearest_that_fit
 
 if TYPE_CHECKING:
     from symcheck.dd.manager import Bdd, DiagramManager, Mtbdd
@@ -44,7 +45,7 @@ _MOST_EDGES = 2500
 _MOST_DRAWN = 60
 """States of a model that is drawn as a whole; in more, nobody finds anything."""
 _NEAREST = 24
-"""States of a larger model that are drawn: they fit a window."""
+"""States of a larger model that are drawn at most, as many as fit a window."""
 _MOST_LISTED = 500
 """States that a simulator knows, at least as many as are drawn."""
 MOST_FRAMES = 150
@@ -84,7 +85,7 @@ class Board:
     Attributes:
         engine: whose states are drawn; None for none.
         max_states: the most states that are drawn: those nearest to the initial states. None: all
-            states up to 60, and 24 of more.
+            states up to 60, and of more as many as fit a window, up to 24.
         numbers: a text in each state that leaves room for values; '' for no values.
         graphs: the pictures as SVG.
     """
@@ -110,12 +111,28 @@ class Board:
     def _distances(self) -> Int64s:
         return self.graph.distances(self.graph.initial, None, 1 << 62, back=False)
 
-    @cached_property
+    @property
     def drawn(self) -> Int64s:
         """The numbers of the states that are drawn, ascending."""
-        if self.max_states is not None:
-            return self._nearest(self.max_states)
-        return self._nearest(_NEAREST if len(self._distances) > _MOST_DRAWN else _MOST_DRAWN)
+        return self._states[0]
+
+    @cached_property
+    def _states(self) -> tuple[Int64s, Picture]:
+        """The numbers of the states that are drawn, and their picture."""
+        if self.max_states is None and len(self._distances) > _MOST_DRAWN:
+            return nearest_that_fit(self._order, self._draw, _NEAREST)
+        most = _MOST_DRAWN if self.max_states is None else self.max_states
+        drawn = self._nearest(most)
+        return drawn, self._draw(drawn).fitted()
+
+    def _draw(self, drawn: Int64s) -> Picture:
+        numbers = [self.numbers] * self.graph.engine.states if self.numbers else None
+        return draw_states(self.graph, drawn, self._distances, numbers=numbers)
+
+    @cached_property
+    def _order(self) -> Int64s:
+        """The numbers of all states, the nearest to the initial ones first."""
+        return np.argsort(self._distances, kind="stable")
 
     @cached_property
     def listed(self) -> Int64s:
@@ -123,7 +140,7 @@ class Board:
         return self._nearest(max(self.max_states or 0, _MOST_LISTED))
 
     def _nearest(self, most: int) -> Int64s:
-        nearest = np.argsort(self._distances, kind="stable")[:most]
+        nearest = self._order[:most]
         entries = np.cumsum(self.graph.successor_counts[nearest])
         return np.sort(nearest[: max(1, int((entries <= _MOST_EDGES).sum()))])
 
@@ -132,9 +149,7 @@ class Board:
         """The number of the state graph, drawn when it is first used; none without states."""
         if self.engine is None:
             return []
-        numbers = [self.numbers] * self.engine.states if self.numbers else None
-        picture = draw_states(self.graph, self.drawn, self._distances, numbers=numbers)
-        self.graphs.append(picture.svg)
+        self.graphs.append(self._states[1].svg)
         return [len(self.graphs) - 1]
 
     def nodes(self, states: Bdd, manager: DiagramManager, encoding: Encoding) -> list[str]:

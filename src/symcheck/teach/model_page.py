@@ -115,7 +115,8 @@ def model_page(
         properties: a text or texts, a file (a Path), or a parsed file.
         constants: one value for each constant that the properties leave open.
         max_states: the most states that are drawn, those nearest to the initial states; None: all
-            states up to 60, and 24 of more. The simulator knows 500, or as many as are drawn.
+            states up to 60, and of more as many as fit a window, up to 24. The simulator knows 500,
+            or as many as are drawn.
         title: the heading; '' for the names of the modules.
 
     Raises:

@@ -254,17 +254,19 @@ class ChoiceGraph:
             return mask
         return self.engine.to_bools(set_of(self.engine, states))
 
-    def numbers(self, values: Result | Sequence[float]) -> Sequence[float | Fraction | bool]:
-        """A number for each state.
+    def numbers(
+        self, values: Result | Sequence[float] | Sequence[str]
+    ) -> Sequence[float | Fraction | bool | str]:
+        """A number or a text for each state.
 
         Args:
-            values: a result with values or with a set of states, or a number for each state.
+            values: a result with values or with a set of states, or one value for each state.
 
         Raises:
             UsageError: there are none, or they belong to other states.
         """
         if not isinstance(values, Result):
-            result: list[float | Fraction | bool] = list(values)
+            result: list[float | Fraction | bool | str] = list(values)
             if len(result) == self.engine.states:
                 return result
             raise UsageError(f"{self.engine.states:,} values are expected, not {len(result):,}")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
-from symcheck.errors import UsageError
+from symcheck.errors import UnsupportedError, UsageError
 from symcheck.page.document import fragment
 from symcheck.tables import optional_package
 from symcheck.whole_file import write_whole
@@ -19,7 +19,7 @@ from symcheck.whole_file import write_whole
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["Edge", "Emphasis", "Kind", "Node", "Picture"]
+__all__ = ["WINDOW", "Edge", "Emphasis", "Kind", "Node", "Picture", "Room"]
 
 Kind = Literal["row", "column", "pair", "leaf", "root", "state", "initial", "marked", "choice"]
 Emphasis = Literal["", "chosen", "other", "path"]
@@ -27,6 +27,26 @@ Format = Literal["svg", "png", "pdf"]
 
 _MOST_LABELS_WITHIN_LAYERS = 150
 """With more of them, Graphviz would take minutes to rank the nodes, and nobody could read them."""
+_MOST_LAYERED = 100
+"""Edges up to which layers are tried where a picture has to fit; `dot` takes seconds for more."""
+_MOST_LABELS = 250
+"""Edges up to which they have labels in a picture without layers; more would cover each other."""
+_SMALL = 0.65
+"""A share of the size that fits, below which letters cannot be read when all is seen."""
+_LAYERS_COUNT = 1.25
+"""So much larger a picture without layers has to be than one with layers, which shows the steps."""
+
+
+class Room(NamedTuple):
+    """The room for a picture, in the points (1/72 inch) of its labels' sizes."""
+
+    width: float
+    height: float
+
+
+WINDOW = Room(1060, 580)
+"""Where a picture fits, its labels can be read in a pane of a page: a window of 1280 x 720 pixels
+leaves 850 x 460, on which letters of 11 points are then 9 pixels high."""
 
 _STATE = 'shape=box, style="rounded,filled", margin="0.09,0.04", width=0.4, height=0.3'
 _STYLES: dict[Kind, str] = {
@@ -96,6 +116,7 @@ class Picture:
         legend: what nodes and edges mean, written below the picture.
         keys: colours and what they stand for, drawn above the legend.
         sideways: layers go from left to right instead of from top to bottom.
+        free: nodes have no layers: edges are springs (Graphviz' `sfdp`).
     """
 
     title: str
@@ -105,6 +126,41 @@ class Picture:
     legend: str = ""
     keys: tuple[tuple[str, str], ...] = ()
     sideways: bool = False
+    free: bool = False
+
+    def fitted(self, room: Room = WINDOW) -> Picture:
+        """The picture as it fits best: with layers downwards or to the right, or without layers.
+
+        Without Graphviz, it is the picture itself.
+        """
+        try:
+            return self.sized(room)[0]
+        except UnsupportedError:
+            return self
+
+    def sized(self, room: Room = WINDOW) -> tuple[Picture, float]:
+        """The picture as it fits best, and how many times larger it may be drawn: it fits from 1.
+
+        Raises UnsupportedError without pygraphviz.
+        """
+        best, most = self, -1.0
+        layered = len(self.edges) <= _MOST_LAYERED
+        for sideways in (False, True) if layered else ():
+            turned = replace(self, sideways=sideways, free=False)
+            share = turned._share(room)
+            if share > most:
+                best, most = turned, share
+        if most < _SMALL:
+            free = replace(self, sideways=False, free=True)
+            share = free._share(room)
+            if share > most * _LAYERS_COUNT:
+                best, most = free, share
+        return best, most
+
+    def _share(self, room: Room) -> float:
+        """How many times larger the picture may be drawn."""
+        _, _, width, height = self._drawn("plain").split(maxsplit=4)[:4]
+        return min(room.width / (72 * float(width)), room.height / (72 * float(height)))
 
     @property
     def dot(self) -> str:
@@ -114,7 +170,10 @@ class Picture:
             '  node [fontname="sans-serif", fontsize=11];',
             '  edge [fontname="sans-serif", fontsize=9, color="#404040"];',
         ]
-        if self.sideways:
+        if self.free:
+            roomy = " K=1.1; splines=true;" if len(self.edges) <= _MOST_LABELS else ""
+            lines.append(f"  layout=sfdp; overlap=prism;{roomy}")
+        elif self.sideways:
             lines.append("  rankdir=LR; nodesep=0.12;")
         if self.legend or self.keys:
             lines.append(f'  label={self._label}; fontname="sans-serif"; fontsize=9;')
@@ -132,8 +191,10 @@ class Picture:
             if e.label and e.source != e.target and layer[e.source] == layer[e.target]
         }
         crowded = within if len(within) > _MOST_LABELS_WITHIN_LAYERS else set[Edge]()
+        if self.free:
+            crowded = set(self.edges) if len(self.edges) > _MOST_LABELS else set()
         loose = {layer[e.source] for e in within - crowded}
-        for number, name in enumerate(self.layers):
+        for number, name in enumerate(() if self.free else self.layers):
             members = " ".join(f"{_quoted(n.name)};" for n in self.nodes if n.layer == number)
             if members and number not in loose:
                 lines.append(f"  {{ rank=same; {members} }}" + (f" // {name}" if name else ""))
@@ -174,9 +235,13 @@ class Picture:
                 f"format={format!r}: expected one of {', '.join(get_args(Format))}",
                 hint="save(path) writes a file, and its extension names the format",
             )
+        return self._drawn(format)
+
+    def _drawn(self, format: str) -> bytes:
+        """What Graphviz draws. Raises UnsupportedError without pygraphviz."""
         graph = optional_package("pygraphviz", "view").AGraph(string=self.dot)
         with _silent_standard_error():
-            drawn: bytes = graph.draw(format=format, prog="dot")
+            drawn: bytes = graph.draw(format=format, prog="sfdp" if self.free else "dot")
         return drawn
 
     @property

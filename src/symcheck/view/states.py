@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, cast
 
@@ -29,7 +29,7 @@ from symcheck.view.picture import Edge, Emphasis, Kind, Node, Picture
 if TYPE_CHECKING:
     from symcheck.engines.explicit.strategy import Strategy
 
-__all__ = ["draw_states", "neighbourhood", "state_graph"]
+__all__ = ["draw_states", "nearest_that_fit", "neighbourhood", "state_graph"]
 
 _COLOURS = ("#fbe3a2", "#f6c6bd", "#c9e4c5", "#d9cdec", "#bfe3ea", "#e6d3b8")
 _NAMED = 40
@@ -38,6 +38,12 @@ _MOST_TRANSITIONS = 4000
 """Transitions that are drawn: Graphviz takes seconds for more, and lines cover each other."""
 _MANY_VARIABLES = 6
 """With more variables than this, those with one value in all drawn states are in the legend."""
+_FEWEST = 6
+"""States near others that are drawn even if they do not fit a window."""
+_MOST_DRAWN_EDGES = 60
+"""Edges of a picture that fits a window; more cover each other."""
+_MOST_MARKED = 120
+"""States around which others are drawn."""
 _MOST_LISTED = 200_000
 """States of a model of which a neighbourhood is drawn: their valuations are listed."""
 PathTransition = tuple[int, int, str | None]
@@ -48,7 +54,7 @@ _WIDE = 9
 def state_graph(
     model: Source,
     *,
-    values: Result | Sequence[float] | None = None,
+    values: Result | Sequence[float] | Sequence[str] | None = None,
     strategy: Strategy | Result | None = None,
     sets: Mapping[str, States] | None = None,
     path: StatesOnPath | Counterexample | None = None,
@@ -63,7 +69,8 @@ def state_graph(
 
     Args:
         model: a model, an explored model or an engine.
-        values: numbers that are written into the states: a result, or one per state, float64[n].
+        values: what is written into the states: a result, or a number (float64[n]) or a text for
+            each.
         strategy: a strategy, or a result that has one; its choices are bold. A strategy with memory
             is drawn on the product of the model with its memory.
         sets: sets of states by name, each in a colour of its own: formulas such as "d=6", sets of
@@ -114,11 +121,11 @@ def state_graph(
         marked=None if marked is None else graph.members(marked),
         names=names,
         title=title,
-    )
+    ).fitted()
 
 
 def neighbourhood(
-    model: Source, around: States, *, max_states: int = 120, radius: int = 3
+    model: Source, around: States, *, max_states: int = 24, radius: int = 3
 ) -> tuple[Picture, int]:
     """The states near some states, as many as can be read.
 
@@ -129,28 +136,64 @@ def neighbourhood(
         radius: the largest distance, in steps forward or backward.
 
     Returns:
-        The picture, and the distance up to which states are drawn.
+        The picture, and the largest distance of a state that is drawn.
 
     Raises:
-        UnsupportedError: the model has more than 200 000 states, or those in the middle are too
-            many.
+        UnsupportedError: the model has more than 200 000 states, those in the middle are too many,
+            or pygraphviz is not installed.
     """
     engine = engine_of(model)
     if engine.states > _MOST_LISTED:
         raise UnsupportedError(
             f"{engine.states:,} states are too many for a picture of some of them"
         )
+    graph = ChoiceGraph(engine)
+    start = _members(graph, around)
+    if int(start.sum()) > _MOST_MARKED:
+        raise refuse(int(start.sum()), _MOST_MARKED)
+    near = graph.distances(start, radius, 0, back=True)
+    forward = graph.distances(start, radius, 0, back=False)
+    order = np.lexsort((forward < 0, near))
+    order = order[near[order] >= 0]
+    least = max(_FEWEST, int(start.sum()))
+
+    def draw(drawn: Int64s) -> Picture:
+        return draw_states(graph, drawn, forward, marked=start)
+
+    drawn, picture = nearest_that_fit(order, draw, max(max_states, least), least)
+    return picture, int(near[drawn].max())
+
+
+def nearest_that_fit(
+    order: Int64s,
+    draw: Callable[[Int64s], Picture],
+    most: int,
+    fewest: int = _FEWEST,
+) -> tuple[Int64s, Picture]:
+    """The first states of an order whose picture fits a window, as many as there can be.
+
+    Args:
+        order: the numbers of the states, the nearest ones first.
+        draw: the picture of some states, ascending.
+        most: the most states.
+        fewest: so many are drawn even if they do not fit.
+
+    Returns:
+        The numbers of the states, ascending, and their picture.
+
+    Raises:
+        UnsupportedError: pygraphviz is not installed.
+    """
+    count = min(most, len(order))
     while True:
-        try:
-            drawn = state_graph(
-                engine, around=around, marked=around, radius=radius, max_states=max_states
-            )
-        except UnsupportedError:
-            if radius == 0:
-                raise
-            radius -= 1
-        else:
-            return drawn, radius
+        drawn = np.sort(order[:count])
+        last = count <= fewest
+        picture = draw(drawn)
+        if last or len(picture.edges) <= _MOST_DRAWN_EDGES:
+            picture, share = picture.sized()
+            if last or share >= 1:
+                return drawn, picture
+        count = max(fewest, count * 3 // 4)
 
 
 def _part(
@@ -162,13 +205,19 @@ def _part(
         if engine.states > max_states:
             raise refuse(engine.states, max_states)
         return np.arange(engine.states), graph.distances(graph.initial, None, 1 << 62, back=False)
-    start = graph.members(around)
-    if not start.any():
-        raise UsageError(f"around={around!r}: no state is in this set, and nothing would be drawn")
+    start = _members(graph, around)
     drawn = np.flatnonzero(graph.distances(start, radius, 0, back=True) >= 0)
     if len(drawn) > max_states:
         raise refuse(len(drawn), max_states)
     return drawn, graph.distances(start, radius, 0, back=False)
+
+
+def _members(graph: ChoiceGraph, around: States) -> Bools:
+    """The states around which others are drawn. Raises UsageError if there are none."""
+    start = graph.members(around)
+    if not start.any():
+        raise UsageError(f"around={around!r}: no state is in this set, and nothing would be drawn")
+    return start
 
 
 def _emphases(graph: ChoiceGraph, strategy: Strategy) -> Sequence[Emphasis]:
@@ -201,6 +250,8 @@ def _varying(states: Sequence[Sequence[bool | int]]) -> Sequence[int] | None:
 
 
 def _value(value: object) -> str:
+    if isinstance(value, str):
+        return value
     if isinstance(value, bool | np.bool_):
         return str(bool(value)).lower()
     return number_text(value)  # type: ignore[arg-type]
@@ -243,7 +294,8 @@ def draw_states(
     spread = 2 if has_choices else 1
     layer = {s: spread * int(distance[s]) for s in drawn.tolist()}
     keys = _colours(sets or {})
-    nodes, edges, outside = [], [], 0
+    nodes, edges = [], []
+    outside: list[int] = []
     taken: dict[tuple[int, int], set[str | None]] = {}
     for s, t, action_taken in steps:
         taken.setdefault((s, t), set()).add(action_taken)
@@ -283,10 +335,11 @@ def draw_states(
                 kind: Emphasis = "path" if on_path(s, t, choice.action) else emphasis
                 edges.append(Edge(source, f"s{t}", text, False, kind, f"{row} t{t}"))
             if rest:
-                outside += 1
-                nodes.append(Node(f"m{choice.row}", "…", -1, "root"))
+                if outside[-1:] != [s]:
+                    outside.append(s)
+                    nodes.append(Node(f"m{s}", "…", -1, "root"))
                 text = action if has_choices and source == f"s{s}" else number_text(rest)
-                edges.append(Edge(source, f"m{choice.row}", text, True, emphasis, row))
+                edges.append(Edge(source, f"m{s}", text, True, emphasis, row))
     widest = max(np.unique([d for d in layer.values() if d >= 0], return_counts=True)[1], default=0)
     depth = max(layer.values(), default=0) + spread
     return Picture(
@@ -298,7 +351,7 @@ def draw_states(
             graph,
             drawn,
             named=named,
-            outside=outside,
+            outside=bool(outside),
             strategy=choices is not None,
             shown=shown,
             path=bool(steps),
@@ -326,7 +379,7 @@ def _legend(
     drawn: Int64s,
     *,
     named: bool,
-    outside: int,
+    outside: bool,
     strategy: bool,
     shown: Sequence[int] | None,
     path: bool,
