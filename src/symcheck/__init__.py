@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from symcheck.exchange.python.from_function import from_function as from_function
     from symcheck.exchange.python.from_matrix import from_matrix as from_matrix
     from symcheck.exchange.python.from_networkx import from_networkx as from_networkx
+    from symcheck.exchange.quotient import quotient as quotient
     from symcheck.exchange.strategies.induced_chain import induced_chain as induced_chain
     from symcheck.exchange.strategies.reader import load_strategy as load_strategy
     from symcheck.experiments.many import Check as Check
@@ -65,6 +66,7 @@ _MODULES = {
     "exchange.python.from_function": "from_function",
     "exchange.python.from_networkx": "from_networkx",
     "exchange.python.from_matrix": "from_matrix",
+    "exchange.quotient": "quotient",
     "exchange.strategies.induced_chain": "induced_chain",
     "exchange.strategies.reader": "load_strategy",
     "experiments.many": "Check check_many",

@@ -88,6 +88,7 @@ CELLS = [
     ("loads('module m x : [0..1]; endmodule').type.value", "'mdp'"),
     ("m.page(5)", "UsageError: properties are texts or a file, not 5"),
     ("m.page(['x=1', 5])", "UsageError: properties are texts or a file, not"),
+    ("symcheck.quotient(m, rewards=['step'])", "UsageError: .*'step' hint: did you mean steps"),
     ("symcheck.induced_chain(m, None)", "UsageError: a strategy is expected, .*, not None"),
     ("symcheck.induced_chain(m, m.check('x'))", "NoStrategyError: the result has no strategy"),
     ("s[{'x': 0}], s[0], s[GAME.states[0]], s[(0,)]", r"\('go', 'go', 'go', 'go'\)"),

@@ -43,16 +43,66 @@ def test_commands_print_what_the_page_says(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Each line of the block begins or ends a line of the output, in this order; between them others may stand."""
+    """A block without output shows none; others show all of it but what "…" stands for."""
     (tmp_path / "models").symlink_to(ROOT / "models")
     monkeypatch.chdir(tmp_path)
     command, *shown = block.splitlines()
     assert command.startswith("$ symcheck ")
     main(shlex.split(command)[2:])
     printed = capsys.readouterr()
-    lines = iter((printed.out + printed.err).splitlines())
-    for line in filter(str.strip, shown):
-        assert any(other.startswith(line) or other.endswith(line) for other in lines), line
+    if shown:
+        assert re.fullmatch(
+            output_pattern(shown), text_of((printed.out + printed.err).splitlines())
+        )
+
+
+def output_pattern(shown: list[str]) -> str:
+    """What is printed if a block shows these lines.
+
+    A line "…" stands for one or more lines, "…" at an end of a line for a part of it, and each
+    other line for itself. Empty lines are not compared.
+    """
+    return "".join(
+        r"(?:.*\n)+"
+        if line.strip() == "…"
+        else ".+" * line.startswith("…")
+        + re.escape(line.removeprefix("…").removesuffix("…"))
+        + ".+" * line.endswith("…")
+        + r"\n"
+        for line in filter(str.strip, shown)
+    )
+
+
+def text_of(lines: list[str]) -> str:
+    return "".join(f"{line}\n" for line in lines if line.strip())
+
+
+@pytest.mark.parametrize(
+    ("shown", "said"),
+    [
+        (["a", "b", "c"], True),
+        (["…", "c"], True),
+        (["a", "", "…"], True),
+        (["a", "…", "c"], True),
+        (["b", "c"], False),
+        (["a", "b"], False),
+        (["a", "c"], False),
+        (["…", "a", "b", "c"], False),
+        (["a", "…", "b", "c"], False),
+        (["a", "b", "c", "…"], False),
+        (["…", "b…"], False),
+    ],
+)
+def test_left_out_lines_have_an_ellipsis_and_no_others(shown: list[str], said: bool) -> None:
+    assert bool(re.fullmatch(output_pattern(shown), text_of(["a", "", "b", "c"]))) == said
+
+
+@pytest.mark.parametrize(
+    ("shown", "said"),
+    [("x=0.25", True), ("x=0.2…", True), ("…0.25", True), ("x=0.2", False), ("x=0.25…", False)],
+)
+def test_left_out_parts_of_lines_have_an_ellipsis(shown: str, said: bool) -> None:
+    assert bool(re.fullmatch(output_pattern([shown]), text_of(["x=0.25"]))) == said
 
 
 @pytest.mark.parametrize(

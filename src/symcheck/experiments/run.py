@@ -39,7 +39,15 @@ from symcheck.syntax.parse import (
 from symcheck.syntax.printer import pretty
 from symcheck.version import __version__
 
-__all__ = ["Progress", "experiment", "experiment_description", "is_file", "row_key"]
+__all__ = [
+    "Progress",
+    "experiment",
+    "experiment_description",
+    "given_model",
+    "given_properties",
+    "is_file",
+    "row_key",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +122,8 @@ def experiment(
     """
     if jobs < 1:
         raise UsageError(f"jobs={jobs}: expected a number of processes from 1")
-    whole = _model(model, options)
-    file = _properties(properties)
+    whole = given_model(model, options)
+    file = given_properties(properties)
     values = value_lists(constants)
     split = split_constants(whole.program, file, dict.fromkeys(values, ""))
     if split.warnings:
@@ -177,14 +185,16 @@ def experiment(
     return Experiment(tuple(finished[p] for p in rows if p in finished), varying, complete)
 
 
-def _model(model: Model | str | Path, options: OptionValues) -> Model:
+def given_model(model: Model | str | Path, options: OptionValues) -> Model:
+    """A loaded model with options, a file, or a text. Raises SyntaxFault, UsageError."""
     if isinstance(model, Model):
         return replace(model, options=make_options(options, model.options), observer=None)
     program = parse_model_file(model) if is_file(model) else parse_model(str(model))
     return Model(program, {}, make_options(options))
 
 
-def _properties(properties: PropertiesFile | str | Path) -> PropertiesFile:
+def given_properties(properties: PropertiesFile | str | Path) -> PropertiesFile:
+    """Parsed properties, a file, or a text. Raises SyntaxFault, UsageError."""
     if isinstance(properties, PropertiesFile):
         return properties
     if not isinstance(cast(object, properties), str | Path):

@@ -1,4 +1,4 @@
-"""Notebooks: cells of models and properties, and a widget to look around in a model.
+"""Notebooks: cells of models and properties, a widget to look around in a model, and sliders.
 
 `%load_ext symcheck.notebook` makes the cells `%%prism` and `%%pctl` known.
 """
@@ -12,9 +12,18 @@ from symcheck.tables import optional_package
 if TYPE_CHECKING:
     from IPython.core.interactiveshell import InteractiveShell
 
+    from symcheck.notebook.constant_sliders import Sliders as Sliders
+    from symcheck.notebook.constant_sliders import sliders as sliders
     from symcheck.notebook.explorer import Explorer as Explorer
 
-__all__ = ["Explorer", "load_ipython_extension"]
+_MODULES = {
+    "Explorer": "explorer",
+    "Sliders": "constant_sliders",
+    "sliders": "constant_sliders",
+}
+"""The module of each name; it is imported when the name is used."""
+
+__all__ = ["Explorer", "Sliders", "load_ipython_extension", "sliders"]
 
 
 def load_ipython_extension(shell: InteractiveShell) -> None:
@@ -25,9 +34,10 @@ def load_ipython_extension(shell: InteractiveShell) -> None:
 
 
 def __getattr__(name: str) -> object:
-    if name != "Explorer":
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     optional_package("anywidget", "notebook")
-    from symcheck.notebook.explorer import Explorer
+    from importlib import import_module
 
-    return Explorer
+    found: object = getattr(import_module(f"symcheck.notebook.{_MODULES[name]}"), name)
+    return found

@@ -20,7 +20,7 @@ from symcheck.kernels.partition.row_signatures import row_signatures
 from symcheck.matrices.rows import Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.numerics.graph import Incidence
 
-__all__ = ["Lumping", "lump"]
+__all__ = ["Lumping", "distinct_rows", "lump"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +74,23 @@ def lump(
         block, known, changed = _split(block, known, hashes, dirty)
         dirty = _predecessors(edges, changed)
     return _quotient(matrix, edges, block, rounds)
+
+
+def distinct_rows(matrix: SparseMatrix, row_colours: Sequence[Floats] = ()) -> Int64s:
+    """The numbers of the rows without those that repeat a row of the same state, ascending.
+
+    Args:
+        matrix: the model.
+        row_colours: arrays with a value per row, which tell rows apart too.
+    """
+    hashes = np.empty((matrix.rows, 2), dtype=np.uint64)
+    each, rows = (np.arange(n, dtype=np.int64) for n in (matrix.rows + 1, matrix.rows))
+    states = np.arange(matrix.columns, dtype=np.int32)
+    seeds = _seeds(row_colours, matrix.rows)
+    row_signatures(*matrix.arrays, each, seeds, states, matrix.columns, rows, hashes)
+    keys = np.column_stack((matrix.state_of_row.astype(np.uint64), hashes))
+    _, first = np.unique(keys, axis=0, return_index=True)
+    return np.sort(first).astype(np.int64)
 
 
 def _numbered(columns: Sequence[NDArray[np.generic]], n: int) -> Int32s:
