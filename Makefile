@@ -1,8 +1,9 @@
 # make demo: check two real models. make study: the cell-injection study, into study-output/.
 # make growth: time and memory against states, into benchmarks/results/. make test: the test suite.
 # make check: everything that CI runs on one version of Python. make coverage: the test suite, with
-# the lines that it executes. make docs: the site of the documentation, into build/site. make
-# editors: the extension for VS Code with its tests, and the workbench's bundle against its sources.
+# the lines that it executes. make lessons: the notebooks, from lessons/. make docs: the site of the
+# documentation with the executed lessons, into build/site. make editors: the extension for VS Code
+# with its tests, and the workbench's bundle against its sources.
 # Each target sets up a virtual environment in .venv; it needs python3, make, gcc and a package index.
 PYTHON ?= python3
 VENV := .venv
@@ -11,7 +12,7 @@ COMPILED := $(shell find src -name '*.pyx' -o -name '*.pxd' -o -name '*.pxi')
 STAMP := $(VENV)/.stamp
 SOURCES := src tests benchmarks docs verify models/*/*.py setup.py stubs.py
 
-.PHONY: demo study growth test check coverage docs editors format clean
+.PHONY: demo study growth test check coverage lessons docs editors format clean
 
 demo: $(STAMP)-base
 	$(BIN)/symcheck models/crowds/crowds.pm models/crowds/crowds.pctl -const TotalRuns=5,CrowdSize=10
@@ -29,10 +30,10 @@ test: $(STAMP)-test
 	$(BIN)/python -m pytest -n auto -q
 
 check: $(STAMP)-check
-	$(BIN)/ruff check $(SOURCES) notebooks
+	$(BIN)/ruff check $(SOURCES) lessons
 	$(BIN)/ruff format --check $(SOURCES)
 	$(BIN)/mypy
-	$(BIN)/mypy verify/symcheck_verify.py verify/symcheck_verify_derived.py
+	$(BIN)/mypy verify/symcheck_verify.py verify/symcheck_verify_derived.py docs/make_lessons.py
 	$(BIN)/lint-imports
 	$(BIN)/zensical build --clean --strict
 	$(BIN)/python -m pytest -n auto -q
@@ -41,8 +42,12 @@ check: $(STAMP)-check
 coverage: $(STAMP)-check
 	$(BIN)/python -m pytest -n auto -q --cov --cov-report=term:skip-covered
 
+lessons: $(STAMP)-test
+	$(BIN)/python docs/make_lessons.py
+
 docs: $(STAMP)-check
 	$(BIN)/zensical build --clean --strict
+	$(BIN)/python docs/make_lessons.py build/site
 
 # These need Node 20 and its package index too.
 editors: $(STAMP)-test
