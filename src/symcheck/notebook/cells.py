@@ -228,8 +228,8 @@ def _with_hint(name: str, error: InputError) -> InputError:
 
 def _model_html(about: str, document: Document, warnings: Sequence[str]) -> str:
     """A line about a model, its warnings, and its text to be unfolded."""
-    told = "".join(f"<pre>{escape(warning)}</pre>" for warning in warnings)
-    style = "margin:0.3em 0;line-height:1.3"
+    style = "margin:0.3em 0;line-height:1.3;font-family:var(--jp-code-font-family,monospace)"
+    told = "".join(f'<pre style="{style}">{escape(warning)}</pre>' for warning in warnings)
     return (
         f"<details><summary>{escape(about)}</summary>"
         f'<pre style="{style}">{_coloured(document)}</pre></details>{told}'

@@ -197,6 +197,9 @@ def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
         or _unclosed(fault, source, expected)
         or _keyword(found, expected, language)
     )
+    words = {word for word in language.spelling.values() if word.isidentifier()}
+    if hint is None and expected == {"NAME"} and found in words and not found.startswith("end"):
+        hint = f"'{found}' is a reserved word: choose another name, such as {found}_"
     return Diagnostic(message, _span(source, fault), "syntax", hint)
 
 
