@@ -106,6 +106,7 @@ def test_constants_are_given_when_the_model_is_built() -> None:
         (lambda b, x: b.constant("c"), UsageError, "constant c: give its type"),
         (lambda b, x: b.constant("c", x + 1), UsageError, "constant c: give its type"),
         (lambda b, x: b.constant("c", type="real"), UsageError, "constant c: give its type"),
+        (lambda b, x: b.module("m").integer("y", 0, None), UsageError, "give both bounds"),
         (lambda b, x: b.module("a b"), NameFault, "'a b' cannot be the name of a module"),
         (lambda b, x: b.module("module"), NameFault, "'module' is a reserved word"),
         (lambda b, x: b.label("init", x > 0), NameFault, "predefined"),

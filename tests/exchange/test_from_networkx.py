@@ -6,6 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import networkx
+import numpy as np
 import pytest
 
 import symcheck
@@ -70,6 +71,8 @@ def test_attributes_are_variables_where_they_tell_nodes_apart() -> None:
     assert [v.name for v in model.bound.variables] == ["level", "open"]
     for node in graph:  # no names of fields
         graph.nodes[node].update({"class": 1, "_hidden": 2, "no name": 3, 4: 5})
+    assert [v.name for v in symcheck.from_networkx(graph).bound.variables] == ["level", "open"]
+    graph.nodes["a"]["level"] = np.int64(3)
     assert [v.name for v in symcheck.from_networkx(graph).bound.variables] == ["level", "open"]
     graph.nodes["b"]["level"] = 3
     assert [v.name for v in symcheck.from_networkx(graph).bound.variables] == ["s"]

@@ -131,7 +131,15 @@ class _Variables:
         self._variables: list[decl.VariableDeclaration] = []
 
     def integer(self, name: str, low: object, high: object, initial: object = None) -> Expression:
-        """A variable with the values from low to high, and the initial value low by default."""
+        """A variable with the values from low to high, and the initial value low by default.
+
+        Without bounds, both are None, and the initial value is 0 by default.
+
+        Raises:
+            UsageError: one bound is missing.
+        """
+        if (low is None) != (high is None):
+            raise UsageError(f"variable {name}: give both bounds, or None for both")
         return self._declared(name, ast.Type.INT, low, high, initial)
 
     def boolean(self, name: str, initial: object = None) -> Expression:

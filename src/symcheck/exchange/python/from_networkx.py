@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Mapping
 from functools import partial
 from keyword import iskeyword
+from numbers import Integral
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
 from symcheck.api.arguments import takes_options
@@ -125,7 +126,7 @@ def _states(graph: Any, nodes: list[Hashable]) -> dict[Hashable, Hashable]:
     names = [
         name
         for name in attributes[0]
-        if _is_field(name) and all(isinstance(given.get(name), int) for given in attributes)
+        if _is_field(name) and all(isinstance(given.get(name), Integral) for given in attributes)
     ]
     values = [tuple(given[name] for name in names) for given in attributes]
     if not names or len(set(values)) < len(values):
