@@ -379,7 +379,7 @@ assert 2.5 < float(found[0]) / six.check('S=? [ "full" ]').value < 3
 # - `P` asks for a probability, `R` for an expected reward, `S` for a share of the time in the long
 #   run; `F`, `F<=k` and `X` describe paths.
 # - Errors stop you; warnings do not, so read them.
-# - The language is that of PRISM; `docs/modelling.md` in this repository has all of it. (M.
+# - The language is that of PRISM; `docs/modelling.md` in this repository has more of it. (M.
 #   Kwiatkowska, G. Norman, D. Parker: PRISM 4.0: Verification of probabilistic real-time systems.
 #   CAV 2011, LNCS 6806, pp. 585–591).
 #

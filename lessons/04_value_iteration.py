@@ -87,7 +87,8 @@ print("largest error / change:", round(np.max(truth - x) / change, 1))
 assert np.isclose(largest, np.cos(np.pi / 20))
 
 # %% [markdown]
-# The theory says 40, and the largest error is close to that. $1 - \lambda$ is the part of the games
+# The theory says 40. The largest error is a little above, because the last change is not yet as
+# small as the slowest part makes it. $1 - \lambda$ is the part of the games
 # still going on that end in a step, in the long run. The slower the chain, the closer $\lambda$ is
 # to 1, and the worse the rule. And you cannot correct for it without $\lambda$, which is no easier
 # to compute than the values. (This rule is the *absolute* criterion, which textbooks and tools

@@ -185,7 +185,7 @@ for formula, probability in expected.items():
 # %% [markdown]
 # `G F x=1` needs *some* state with `x=1` in the BSCC, `F G x=1` needs that *all* are. The first
 # acceptance condition is that of Büchi, the second its dual. Combined, "avoid these from some time
-# on, and visit those again and again", is a Rabin pair. Deterministic automata need such pairs: no
+# on, and visit those again and again", is a Rabin pair. Deterministic automata need more than Büchi's condition: no
 # deterministic Büchi automaton accepts exactly the words of `F G a` (Baier & Katoen 2008, 4.3.3).
 # symcheck translates LTL into deterministic automata with generalised Rabin acceptance.
 #

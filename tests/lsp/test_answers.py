@@ -128,6 +128,16 @@ def test_a_new_name_must_be_one(name: str, why: str) -> None:
         document.renamed(at(document, "queue : [0..places]"), name)
 
 
+def test_a_new_name_is_taken_in_the_model_or_in_properties_of_it() -> None:
+    office = model(OFFICE)
+    asked = Document("file:///m.csl", "const int k; P=? [ F<=k queue=k ]", "properties", office)
+    with pytest.raises(ValueError, match=r"already a variable in m\.sm"):
+        asked.renamed(at(asked, "k;"), "queue", [office, asked])
+    with pytest.raises(ValueError, match=r"already a constant in m\.csl"):
+        office.renamed(at(office, "places = 4"), "k", [office, asked])
+    assert office.renamed(at(office, "places = 4"), "n", [office, asked])
+
+
 def test_completions_depend_on_the_place() -> None:
     def offered(document: Document, offset: int) -> set[str]:
         return {item.word for item in document.completions(offset)}

@@ -166,3 +166,22 @@ def test_warnings_of_a_model_are_shown_once_its_constants_have_values() -> None:
     assert "guard" not in html(model)
     assert "guard" in html(unused)
     assert "guard" not in html(again)
+
+
+def test_results_of_a_run_before_are_no_results_of_this_one() -> None:
+    commands = "[] x=0 -> p:(x'=1)+1-p:(x'=2); [] x>0 -> true;"
+    model = f"dtmc const double p; module m x:[0..2]; {commands} endmodule"
+    values = "print([round(float(v), 9) for v in found])"
+    _, _, first, _, _, second, _, third = ran(
+        f"%%prism m p=0.3\n{model}",
+        "%%pctl m -r found\nP=? [ F x=1 ];\nP=? [ F x=2 ]",
+        values,
+        f"%%prism m p=0.9\n{model}",
+        "%%pctl m -r found\nP=? [ F x=1 ];\nP=? [ F y=2 ]",
+        values,
+        "%%pctl m -r found\nP=? [ F y=2 ]",
+        values,
+    )
+    assert first[0].text == "[0.3, 0.7]\n"
+    assert second[0].text == "[0.9]\n"
+    assert "NameError" in error_of(third)

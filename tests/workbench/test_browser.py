@@ -213,6 +213,29 @@ def test_unsaved_text_is_there_after_reloading(bench: Workbench, folder: Path) -
     bench.until(lambda: len(bench.values) == 2)
 
 
+def test_a_new_model_is_open_again_after_saving_and_reloading(bench: Workbench) -> None:
+    bench.choose("model-file", "")
+    bench.until(lambda: bench.at("model-tab").text == "model")
+    bench.type_at_end("dtmc module m x:[0..1]; endmodule ")
+    bench.with_control("s")
+    prompt = bench.browser.switch_to.alert
+    prompt.send_keys("mine.pm")
+    prompt.accept()
+    bench.until(lambda: bench.at("model-tab").text == "mine.pm")
+    bench.type_at_end("// not saved")
+    bench.browser.refresh()
+    bench.until(lambda: "// not saved" in bench.at("model").text)
+    assert bench.at("model-tab").text == "● mine.pm"
+
+
+def test_facts_of_another_text_are_gone(bench: Workbench) -> None:
+    given(bench, "3")
+    bench.click("build")
+    bench.until(lambda: "4" in bench.at("facts").text)
+    bench.type_at_end("// another text")
+    bench.until(lambda: bench.at("facts").text == "")
+
+
 @pytest.mark.parametrize("width", [1280, 420])
 def test_nothing_is_wider_than_the_window(bench: Workbench, width: int) -> None:
     bench.size(width, 720)

@@ -334,6 +334,7 @@ def test_a_wrong_job_leaves_its_worker_alive(user: Client, job: dict[str, object
         (["a.pm", "b.pctl", "c"], "unrecognized arguments: c"),
         (["a/m.pm", "b/m.pctl"], "have to stand in one folder"),
         (["--port", "99999"], "cannot use 99999"),
+        (["m.jani"], "edits models in the PRISM language, not JANI"),
     ],
 )
 def test_a_wrong_command_is_refused(words: list[str], message: str) -> None:

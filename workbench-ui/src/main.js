@@ -11,7 +11,7 @@ const values = {}; // of constants, as texts
 const ranges = {};
 const options = {};
 const results = new Map(); // by the text of a property
-let list = [], constants = [], known = {}, seenFaults = [];
+let list = [], constants = [], ofModel = [], known = {}, seenFaults = [];
 
 // ------------------------------------------------------------------------------------------- log
 
@@ -92,7 +92,19 @@ async function open(part, name) {
   choose(part);
   marks();
   later();
+  address();
+}
+
+/** The address names the files, so that they are open again after a reload. */
+function address() {
   history.replaceState(null, "", `#${encodeURIComponent(files.model.name)},${encodeURIComponent(files.properties.name)}`);
+}
+
+async function openModel(name) {
+  await open("model", name);
+  const stem = (name) => name.replace(/\.\w+$/, "");
+  const own = known.files.properties.find((name) => stem(name) === stem(files.model.name));
+  if (own && own !== files.properties.name && !isDirty("properties")) await open("properties", own);
 }
 
 async function saveAll() {
@@ -115,9 +127,14 @@ async function saveAll() {
       else if (!file.version) file.name = "";
     }
   }
-  known = await ask("project");
+  try {
+    known = await ask("project");
+  } catch (error) {
+    return fail(error, "saving");
+  }
   PARTS.forEach(choose);
   marks();
+  address();
 }
 
 const conflictOf = (part) => at("conflict").querySelector(`[data-part=${part}]`);
@@ -200,11 +217,12 @@ async function analyse() {
   seenFaults = found.model.faults;
   if (found.list) list = found.list;
   constants = found.constants ?? constants; // the fields stay while a text is faulty
+  ofModel = found.of_model ?? ofModel;
   showConstants();
   showList();
   const errors = faults.filter((f) => f.severity === "error").length;
   tell(faults.length ? `${faults[0].part}: ${faults[0].message}` : "", errors > 0);
-  if (!errors && now.model.trim() && constants.every((c) => values[c.name])) timer = setTimeout(explore, 500);
+  if (!errors && now.model.trim() && ofModel.every((name) => values[name])) timer = setTimeout(explore, 500);
 }
 
 /** Faults that only the states show. */
@@ -241,19 +259,19 @@ const job = () => ({ ...texts(), constants: { ...values }, options: { ...options
 
 const lanes = {}; // a worker does one job at a time: the jobs that wait, and the one that runs
 
-/** Whether each constant has a value; if not, its field gets the focus. */
-function complete() {
-  const open = constants.find((c) => !values[c.name]);
+/** Whether each of these constants has a value; if not, its field gets the focus. */
+function complete(needed) {
+  const open = needed.find((name) => !values[name]);
   if (!open) return true;
-  trouble("constants", `${open.name} has no value: write one into its field`);
+  trouble("constants", `${open} has no value: write one into its field`);
   showTool("check");
-  at("constants").querySelector(`[name="${open.name}"]`)?.focus();
+  at("constants").querySelector(`[name="${open}"]`)?.focus();
   return false;
 }
 
-/** Do a job that needs a value of each constant. */
-function queue(worker, asked, what) {
-  return complete() ? enqueue(worker, asked, what) : Promise.resolve({ error: { name: "AbortError" }, incomplete: true });
+/** Do a job that needs a value of each constant of the model, or that a property needs. */
+function queue(worker, asked, what, needed = ofModel) {
+  return complete(needed) ? enqueue(worker, asked, what) : Promise.resolve({ error: { name: "AbortError" }, incomplete: true });
 }
 
 /** Do a job after those that wait for the same worker. Its progress and a button are on the page. */
@@ -325,6 +343,7 @@ function show(box, what, children) {
 function showList() {
   const now = JSON.stringify(job());
   const seen = list.map((p) => ({ ...results.get(keyOf(p)) })).map(({ of, ...seen }) => ({ ...seen, isOld: of !== undefined && of !== now }));
+  forget();
   at("no-properties").hidden = list.length > 0;
   show(at("list"), [list, seen], () => list.map((p, number) => listed(p, number, seen[number])));
   for (const id of ["experiment-property", "sim-property"]) {
@@ -357,7 +376,7 @@ async function check(number) {
     of = JSON.stringify(job());
     return { do: "check", ...job(), property: property.text };
   };
-  const found = await queue("check", asked, nameOf(property));
+  const found = await queue("check", asked, nameOf(property), property.constants);
   if (found.incomplete) return;
   results.set(keyOf(property), found.error ? { error: found.error.name === "AbortError" ? "cancelled" : found.error.message, of } : { result: found, of });
   if (!found.error) warn(found.warnings);
@@ -370,16 +389,30 @@ function warn(warnings) {
   show(at("warnings"), warnings, () => warnings.map((text) => make("li", {}, text)));
 }
 
+let factsOf = "";
+const stateOf = () => JSON.stringify([editors.model.text, values, options]);
+
+/** Facts of another text or of other values are no longer those of the model. */
+function forget() {
+  if (factsOf && factsOf !== stateOf()) factsOf = "", at("facts").replaceChildren(), warn([]);
+}
+
 async function build() {
-  const found = await queue("check", () => ({ do: "build", ...job() }), "building the model");
+  let of = "";
+  const asked = () => {
+    of = stateOf();
+    return { do: "build", ...job() };
+  };
+  const found = await queue("check", asked, "building the model");
   if (found.error) return;
+  factsOf = of;
   at("facts").replaceChildren(...found.facts.flatMap(([name, text]) => [make("dt", {}, name), make("dd", {}, text)]));
   warn(found.warnings);
   log(`built: ${found.facts.map((f) => f.join(" ")).join(", ")}, ${found.seconds.toFixed(3)} s`);
 }
 
 async function explain(what, number) {
-  const found = await queue("check", () => ({ do: what, ...job(), property: list[number].text }), `${what === "explain" ? "explaining" : "strategy of"} ${nameOf(list[number])}`);
+  const found = await queue("check", () => ({ do: what, ...job(), property: list[number].text }), `${what === "explain" ? "explaining" : "strategy of"} ${nameOf(list[number])}`, list[number].constants);
   if (found.error) return;
   log(found.text);
   draw(found);
@@ -508,12 +541,7 @@ const showText = tabs(at("text-tabs"));
 const showTool = tabs(at("tool-tabs"), (id) => id === "experiment" && chart.draw());
 
 at("properties-file").addEventListener("change", (e) => open("properties", e.target.value));
-at("model-file").addEventListener("change", async (e) => {
-  await open("model", e.target.value);
-  const stem = (name) => name.replace(/\.\w+$/, "");
-  const own = known.files.properties.find((name) => stem(name) === stem(files.model.name));
-  if (own && own !== files.properties.name && !isDirty("properties")) await open("properties", own);
-});
+at("model-file").addEventListener("change", (e) => openModel(e.target.value));
 const clicks = {
   save: saveAll, build, "check-all": () => list.forEach((_, i) => check(i)), "experiment-run": experiment,
   "sim-start": () => move({ do: "start", seed: at("sim-seed").value }, "new path"), "sim-step": () => step({ move: "step" }),
@@ -550,6 +578,12 @@ project.then(async (found) => {
     return make("label", { title: o.about }, `${o.name} `, field);
   }));
   const [model, properties] = location.hash.slice(1).split(",").map(decodeURIComponent);
-  await open("model", model || found.start.model || "");
-  await open("properties", properties || found.start.properties || "");
+  const { start } = found;
+  if (location.hash) {
+    await open("model", model ?? "");
+    await open("properties", properties ?? "");
+  } else {
+    await (start.properties ? open("model", start.model ?? "") : openModel(start.model ?? ""));
+    if (!files.properties.name) await open("properties", start.properties ?? "");
+  }
 }).catch((error) => fail(error, "start"));

@@ -8,7 +8,10 @@ export class Failure extends Error {
 }
 
 async function post(path, body, signal) {
-  return fetch(path, { method: "POST", body: JSON.stringify(body), headers: { "Content-Type": "application/json" }, signal });
+  return fetch(path, { method: "POST", body: JSON.stringify(body), headers: { "Content-Type": "application/json" }, signal }).catch((error) => {
+    if (error.name === "AbortError") throw error;
+    throw new Failure({ message: "the workbench has ended: start it again; the browser keeps unsaved texts" });
+  });
 }
 
 /** A question that is answered at once. */

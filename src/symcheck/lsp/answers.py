@@ -214,6 +214,11 @@ class Document:
                 return declared.kind is symbol.kind
         return False
 
+    def related(self, others: Sequence[Document]) -> list[Document]:
+        """The document itself, its model, and those of the others that hold properties of it."""
+        of_it = [d for d in others if d.model is not None and d.model.uri == self.uri]
+        return [*self._family, *(d for d in of_it if d.uri != self.uri)]
+
     def renamed(self, offset: int, name: str, others: Sequence[Document] = ()) -> list[Edit]:
         """The edits that rename what stands at an offset.
 
@@ -228,9 +233,11 @@ class Document:
         if symbol.kind not in QUOTED:
             if load("prism").reserves(name) or load("properties").reserves(name):
                 raise ValueError(f"'{name}' is a word of the language")
-        taken = place.document.names.declared(name, (symbol.kind, *_LIKE.get(symbol.kind, ())))
-        if taken is not None and taken.name != symbol.name:
-            raise ValueError(f"'{name}' is already a {taken.kind.value}")
+        kinds = (symbol.kind, *_LIKE.get(symbol.kind, ()))
+        for document in place.document.related(others):
+            taken = document.names.declared(name, kinds)
+            if taken is not None and taken.name != symbol.name:
+                raise ValueError(f"'{name}' is already a {taken.kind.value} in {document.name}")
         return [Edit(use, name) for use in self.uses(offset, others)]
 
     # ----------------------------------------------------------------------------------------- help

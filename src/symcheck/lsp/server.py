@@ -22,6 +22,9 @@ from symcheck.version import __version__
 
 __all__ = ["SymcheckServer", "main", "make_server"]
 
+SETTLES = 0.02
+"""Seconds without a change after which faults are told."""
+
 PAUSE = 0.4
 """Seconds without typing after which a model is explored."""
 
@@ -61,6 +64,7 @@ class SymcheckServer(LanguageServer):
         self.states: WeakKeyDictionary[Document, int | None] = WeakKeyDictionary()
         self.verdicts: dict[tuple[str, str, str], Verdict] = {}
         self.timers: dict[str, asyncio.Task[None]] = {}
+        self.typing: dict[str, asyncio.Task[None]] = {}
 
     # ------------------------------------------------------------------------------------ documents
 
@@ -114,6 +118,18 @@ class SymcheckServer(LanguageServer):
         self.text_document_publish_diagnostics(
             lsp.PublishDiagnosticsParams(uri, [*known, *further], version)
         )
+
+    def typed(self, uri: str) -> None:
+        """Tell the faults of a changed document, unless it changes again meanwhile: a text that is
+        typed faster than it is read has an answer at its end, not one for each key.
+        """
+        if uri in self.typing:
+            self.typing.pop(uri).cancel()
+        self.typing[uri] = asyncio.ensure_future(self._changed_soon(uri))
+
+    async def _changed_soon(self, uri: str) -> None:
+        await asyncio.sleep(SETTLES)
+        self.changed(uri)
 
     def changed(self, uri: str) -> None:
         """Tell the faults of a changed document and of its properties; later, what takes longer."""
@@ -185,11 +201,13 @@ def make_server() -> SymcheckServer:
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_CHANGE)
     def changed(ls: SymcheckServer, params: lsp.DidChangeTextDocumentParams) -> None:
-        ls.changed(params.text_document.uri)
+        ls.typed(params.text_document.uri)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
     def closed(ls: SymcheckServer, params: lsp.DidCloseTextDocumentParams) -> None:
         uri = params.text_document.uri
+        if uri in ls.typing:
+            ls.typing.pop(uri).cancel()
         ls.documents.pop(uri, None)
         ls.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, []))
 
@@ -350,8 +368,8 @@ def make_server() -> SymcheckServer:
 
     @server.feature(lsp.SHUTDOWN)
     def ended(ls: SymcheckServer, _: None) -> None:
-        for timer in ls.timers.values():
-            timer.cancel()
+        for waiting in (*ls.timers.values(), *ls.typing.values()):
+            waiting.cancel()
 
     return server
 

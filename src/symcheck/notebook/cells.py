@@ -41,7 +41,12 @@ _COLOURS = {
 
 
 class _CellError(Exception):
-    """What is wrong in a cell. It is shown as it is, without the lines of Python behind it."""
+    """What is wrong in a cell. It is shown as it is, without the lines of Python behind it.
+
+    finished: the results of the other properties.
+    """
+
+    finished: Results | None = None
 
     def _render_traceback_(self) -> list[str]:
         return str(self).splitlines()
@@ -132,7 +137,14 @@ class Cells:
             model = self._shell.user_ns.get(asked.name)
             if not isinstance(model, Model):
                 raise UsageError(f"{asked.name} is no model", hint="%%prism NAME makes one")
-            found = _checked(model, asked, "\n" + cell)
+            if asked.results:  # those of the run before are no results of this one
+                self._shell.user_ns.pop(asked.results, None)
+            try:
+                found = _checked(model, asked, "\n" + cell)
+            except _CellError as error:
+                if asked.results and error.finished is not None:
+                    self._shell.user_ns[asked.results] = error.finished
+                raise
         if asked.results:
             self._shell.user_ns[asked.results] = found
         return found
@@ -205,9 +217,11 @@ def _one_by_one(
             raise
         raise UsageError(f"interrupted after {counted(len(results), 'property')}") from None
     if faults:
+        told = _CellError("\n".join(dict.fromkeys(map(str, faults))))
         if results:
             display(found)
-        raise _CellError("\n".join(dict.fromkeys(map(str, faults))))
+            told.finished = found
+        raise told
     return found
 
 

@@ -3,23 +3,45 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import socket
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from threading import Timer
+from zlib import crc32
 
 from symcheck.errors import UsageError
 from symcheck.tables import optional_package
 
 __all__ = ["serve"]
 
+_FIRST_PORT = 49152
+"""The first port that is free for everybody (IANA)."""
 _ABOUT = "Opens models and properties in the browser: editor, checks, experiments, simulator."
 
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> None:  # type: ignore[override]
         raise UsageError(message, hint="symcheck workbench --help")
+
+
+def _bind(listener: socket.socket, port: int, folder: Path) -> None:
+    """Bind to a port: that of the folder, if none is given and it is free. A browser keeps unsaved
+    texts for an address, and shows them again when the workbench of the folder is started again.
+
+    Raises OSError, OverflowError.
+    """
+    if os.name == "posix":  # elsewhere it would take a port that is in use
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    if port == 0:
+        port = _FIRST_PORT + crc32(str(folder).encode()) % (2**16 - _FIRST_PORT)
+        with suppress(OSError):
+            listener.bind(("127.0.0.1", port))
+            return
+        port = 0
+    listener.bind(("127.0.0.1", port))
 
 
 def serve(words: Sequence[str]) -> int:
@@ -32,7 +54,7 @@ def serve(words: Sequence[str]) -> int:
     parser = _Parser("symcheck workbench", description=_ABOUT)
     parser.add_argument("model", nargs="?", metavar="MODEL", help="model file")
     parser.add_argument("properties", nargs="?", metavar="PROPERTIES", help="properties file")
-    parser.add_argument("--port", type=int, default=0, help="of this machine (default: a free one)")
+    parser.add_argument("--port", type=int, default=0, help="default: the same one for a folder")
     parser.add_argument("--no-browser", action="store_true", help="print the address only")
     arguments = parser.parse_args(words)
     uvicorn = optional_package("uvicorn", "workbench")
@@ -46,10 +68,12 @@ def serve(words: Sequence[str]) -> int:
         raise UsageError("the model and its properties have to stand in one folder")
     project = Project(folders.pop(), [path.name for path in given.values()])
     for path in given.values():
+        if path.suffix.lower() == ".jani":
+            raise UsageError(f"{path}: the workbench edits models in the PRISM language, not JANI")
         project.read(path.name)
     with socket.socket() as listener:
         try:
-            listener.bind(("127.0.0.1", arguments.port))
+            _bind(listener, arguments.port, project.folder)
             listener.listen(64)  # a browser that comes early waits
         except (OSError, OverflowError) as error:
             raise UsageError(f"--port: cannot use {arguments.port}: {error}") from None

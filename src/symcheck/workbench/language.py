@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.errors import Diagnostic
 from symcheck.lsp.answers import Document
-from symcheck.semantics.binding.bind import undefined_constants
+from symcheck.semantics.binding.bind import needed_constants, undefined_constants
 from symcheck.syntax.declarations import Program, PropertiesFile
 
 __all__ = ["Texts", "analysis", "completions", "faults", "hover"]
@@ -88,6 +88,10 @@ def analysis(texts: Texts) -> dict[str, Any]:
             of_properties = (c for c in properties.constants if c.value is None)
             constants = [*undefined_constants(model), *of_properties]
             found["constants"] = [{"name": c.name, "type": c.type.value} for c in constants]
+            found["of_model"] = [c.name for c in undefined_constants(model)]
+            needed = needed_constants(model, properties)
+            for listed, names in zip(found["list"], needed, strict=True):
+                listed["constants"] = names
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 
 from symcheck.semantics.binding.names import SymbolTable
 from symcheck.semantics.binding.static_checks import RESERVED_LABELS
@@ -100,7 +101,7 @@ class PropertyReferences:
                 return node
             if node.name not in self._inlined:
                 self._inlined[node.name] = self.inlined(self._properties[node.name])
-            return self._inlined[node.name]
+            return replace(self._inlined[node.name], span=node.span)  # a fault of its use is here
 
         return transform(formula, put)
 
