@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symcheck.check.context import Context
 from symcheck.check.result import Result
@@ -255,7 +256,7 @@ class ChoiceGraph:
         return self.engine.to_bools(set_of(self.engine, states))
 
     def numbers(
-        self, values: Result | Sequence[float] | Sequence[str]
+        self, values: Result | Sequence[float] | Sequence[str] | NDArray[np.generic]
     ) -> Sequence[float | Fraction | bool | str]:
         """A number or a text for each state.
 

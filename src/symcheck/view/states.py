@@ -7,6 +7,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symcheck.check.counterexample import Counterexample
 from symcheck.check.result import Result
@@ -54,7 +55,7 @@ _WIDE = 9
 def state_graph(
     model: Source,
     *,
-    values: Result | Sequence[float] | Sequence[str] | None = None,
+    values: Result | Sequence[float] | Sequence[str] | NDArray[np.generic] | None = None,
     strategy: Strategy | Result | None = None,
     sets: Mapping[str, States] | None = None,
     path: StatesOnPath | Counterexample | None = None,
