@@ -47,6 +47,20 @@ def test_rows_of_a_chain_are_those_of_its_commands_together() -> None:
     assert_same(text.replace("ctmc", "ctmc const double k = 1/11;"), expected=True)
 
 
+def test_deadlocks_of_a_markov_automaton() -> None:
+    """A state has several rows, so that a deadlock is found by its row and not by its number."""
+    text = """ma
+    module m x:[0..3]; [a] x=0 -> 0.25:(x'=1) + 0.75:(x'=2); [b] x=0 -> 1/3:(x'=2) + 2/3:(x'=3);
+    <> x=1 -> 1/2:(x'=2) + 3:(x'=3); endmodule
+    rewards [a] true : 1/2; x=1 : 1/7; endrewards"""
+    assert_same(text, expected=True)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_automata_without_rates_are_the_same(seed: int) -> None:
+    assert_same(random_model(Random(seed), "mdp").text.replace("mdp", "ma", 1))
+
+
 def test_probabilities_that_depend_on_the_state_are_left_to_the_interpreter() -> None:
     text = (
         "dtmc module m x:[1..3]; [] x<3 -> 1/x:(x'=x+1) + 1-1/x:(x'=1); [] x=3 -> true; endmodule"

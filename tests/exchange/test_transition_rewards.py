@@ -75,3 +75,10 @@ def test_several_commands_with_rewards_of_their_own_lead_to_one_state(
 
 def test_weights_that_are_computed() -> None:
     assert_right(explored(MEETING.replace("0.1:", "1/(y+2):").replace("0.9:", "1-1/(y+2):")))
+
+
+def test_a_reward_without_a_value_that_no_step_earns() -> None:
+    """The guard holds in a deadlock, and the interpreter finds that it earns nothing there."""
+    text = """dtmc module m x:[0..2]; [a] x<2 -> 1/3:(x'=2) + 2/3:(x'=1); endmodule
+    rewards [a] true : 1/(2-x); endrewards"""
+    assert_right(explored(text))

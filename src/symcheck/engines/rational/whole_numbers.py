@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
 from math import lcm
+from typing import NamedTuple
 
 import numpy as np
 
@@ -63,13 +64,7 @@ def explore_in_whole_numbers(model: BoundModel, options: Options) -> RationalMod
     searched = _search(model, options)
     if searched is None:
         return None
-    found, factor = searched
-    try:
-        earned = [_choice_rewards(model, found, r.items) for r in model.rewards]
-        on_states = [[i for i in r.items if i.on_states] for r in model.rewards]
-        of_states = [_rewards(model, found, items) for items in on_states]
-    except (ModelFault, UnsupportedError):
-        return None
+    found, factor, of_states, earned = searched
     matrix, actions = found.matrix, found.choice_actions
     choices = None if model.type.has_choices else matrix.groups
     if choices is not None:
@@ -80,8 +75,9 @@ def explore_in_whole_numbers(model: BoundModel, options: Options) -> RationalMod
     divisors = np.full(matrix.rows, factor, object)
     if not model.type.continuous_time:
         divisors = sums.astype(object)
-    elif len(found.deadlocks):  # their loop has the rate 1
-        divisors[found.deadlocks] = 1
+    else:  # the loop of a deadlock has the rate 1
+        first = np.arange(matrix.rows) if matrix.groups is None else matrix.groups
+        divisors[first[found.deadlocks]] = 1
     quotient = cache(Fraction)
     if choices is not None:
         weights = found.matrix.row_sums().tolist()
@@ -114,24 +110,45 @@ def commands_in_whole_numbers(
         options: limits of the search.
 
     Returns:
-        None if a probability is no constant, or a number exceeds 2**53.
+        None as for `explore_in_whole_numbers`.
 
     Raises:
         ModelFault, ResourceError: see `symcheck.explicit.build.explore`.
     """
     searched = _search(model, options)
-    if searched is None or not (searched[0].matrix.row_sums() < _WHOLE).all():
+    if searched is None or not (searched.model.matrix.row_sums() < _WHOLE).all():
         return None
-    return searched[0], [_choice_rewards(model, searched[0], r.items) for r in model.rewards]
+    return searched.model, searched.choice_rewards
 
 
-def _search(model: BoundModel, options: Options) -> tuple[ExplicitModel, int] | None:
-    """The states and rows with whole weights, and the factor by which weights were multiplied."""
+class _Searched(NamedTuple):
+    """What the search in whole numbers finds, and the rewards as rationals.
+
+    Attributes:
+        model: its weights are those of the text multiplied by `factor`.
+        state_rewards, choice_rewards: per structure; of a chain whose commands are not apart, the
+            second are 0.
+    """
+
+    model: ExplicitModel
+    factor: int
+    state_rewards: list[Rationals]
+    choice_rewards: list[Rationals]
+
+
+def _search(model: BoundModel, options: Options) -> _Searched | None:
     scaled = _with_whole_weights(model)
     if scaled is None:
         return None
     whole, factor = scaled
-    return explore(whole, replace(options, check_sums=False)), factor
+    found = explore(whole, replace(options, check_sums=False))
+    on_states = [[item for item in r.items if item.on_states] for r in model.rewards]
+    try:
+        of_states = [_rewards(model, found, items) for items in on_states]
+        of_choices = [_choice_rewards(model, found, r.items) for r in model.rewards]
+    except (ModelFault, UnsupportedError):
+        return None
+    return _Searched(found, factor, of_states, of_choices)
 
 
 def _merged(found: ExplicitModel) -> tuple[SparseMatrix, Int32s]:
