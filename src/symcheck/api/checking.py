@@ -274,6 +274,9 @@ class CheckedModel(Stages):
         """
         return property_instances(self.program, file, values, indices)
 
+    def _require_answerable(self, instance: PropertyInstance) -> None:
+        """Raise UnsupportedError if the model does not tell what a property asks for."""
+
     @limited
     def check_instance(
         self,
@@ -294,6 +297,7 @@ class CheckedModel(Stages):
         Raises:
             SymcheckError: see `check`.
         """
+        self._require_answerable(instance)
         timed = self.deciding(instance)
         if timed is not None:
             from symcheck.api.timed import check_timed

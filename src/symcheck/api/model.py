@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from symcheck.check.parametric import Search
     from symcheck.check.regions import Extremum
     from symcheck.check.state_distributions import Distribution
+    from symcheck.engines.base import Engine
     from symcheck.engines.transition_table import TransitionTable
     from symcheck.parallel.dask import Cluster
     from symcheck.parallel.workers import Workers
@@ -337,6 +338,11 @@ class Model(CheckedModel):
         with Workers(jobs, executor) as workers:
             return self.estimate_instance(instance, plan, workers)
 
+    @property
+    def _table(self) -> Engine | None:
+        """The explicit engine of a model without commands."""
+        return None
+
     @limited
     def estimate_instance(
         self,
@@ -348,6 +354,7 @@ class Model(CheckedModel):
         """Estimate a property from random paths, sampled as planned. Raises SymcheckError."""
         from symcheck.simulate.check import check_by_sampling
 
+        self._require_answerable(instance)
         bound, labels = instance.bind(self.bound)
         fixed = self.options.fix_deadlocks
         return check_by_sampling(
@@ -356,6 +363,7 @@ class Model(CheckedModel):
             plan,
             labels=labels,
             fix_deadlocks=fixed,
+            table=self._table,
             workers=workers,
             observer=observer,
         )

@@ -32,10 +32,6 @@ from symcheck.syntax.declarations import PropertiesFile
 
 if TYPE_CHECKING:
     from symcheck.check.property_instance import PropertyInstance
-    from symcheck.check.result import Result
-    from symcheck.parallel.workers import Workers
-    from symcheck.simulate.check import SamplesObserver
-    from symcheck.simulate.statistics import Plan
     from symcheck.simulate.steps import CommandSuccessors
 
 __all__ = [
@@ -82,27 +78,6 @@ class ImportedModel(Model):
         from symcheck.simulate.steps import TableSuccessors
 
         return TableSuccessors(self._table)
-
-    def estimate_instance(
-        self,
-        instance: PropertyInstance,
-        plan: Plan,
-        workers: Workers | None = None,
-        observer: SamplesObserver | None = None,
-    ) -> Result:
-        """Estimate a property from random paths along the rows. Raises SymcheckError."""
-        from symcheck.simulate.check import check_by_sampling
-
-        bound, labels = instance.bind(self.bound)
-        return check_by_sampling(
-            self.bound,
-            bound.formula,
-            plan,
-            labels=labels,
-            table=self._table,
-            workers=workers,
-            observer=observer,
-        )
 
 
 @converts_memory_error()

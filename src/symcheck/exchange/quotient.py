@@ -28,8 +28,6 @@ from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, impor
 from symcheck.exchange.python.from_matrix import label
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, starts_of
 from symcheck.numerics.bisimulation import Lumping, distinct_rows, lump
-from symcheck.numerics.linear.problem import Observer as IterationObserver
-from symcheck.options import Options
 from symcheck.semantics.diagnostics import suggest
 from symcheck.semantics.features import Feature, require
 from symcheck.semantics.rewards import Structure, bounded_reward
@@ -50,12 +48,7 @@ from symcheck.syntax.traversal import Tree, names, nodes
 from symcheck.tables import counted
 
 if TYPE_CHECKING:
-    from symcheck.check.bisimulation.on_quotient import SharedQuotient
-    from symcheck.check.result import Result
     from symcheck.engines.base import Engine
-    from symcheck.parallel.workers import Workers
-    from symcheck.simulate.check import SamplesObserver
-    from symcheck.simulate.statistics import Plan
 
 __all__ = ["QuotientModel", "quotient"]
 
@@ -131,45 +124,12 @@ class QuotientModel(ImportedModel):
             listed.append("\n".join([*map(str, states[:most]), *[f"and {more} more"] * (more > 0)]))
         return listed
 
-    def check_instance(
-        self,
-        instance: PropertyInstance,
-        *,
-        options: Options | None = None,
-        shared: SharedQuotient | None = None,
-        observer: IterationObserver | None = None,
-    ) -> Result:
-        """Check a property, as `Model.check_instance`.
-
-        Raises:
-            UnsupportedError: states of one block differ in the property.
-            SymcheckError: see `check`.
-        """
-        self._require_kept(instance)
-        return super().check_instance(instance, options=options, shared=shared, observer=observer)
-
-    def estimate_instance(
-        self,
-        instance: PropertyInstance,
-        plan: Plan,
-        workers: Workers | None = None,
-        observer: SamplesObserver | None = None,
-    ) -> Result:
-        """Estimate a property from random paths, as `Model.estimate_instance`.
-
-        Raises:
-            UnsupportedError: states of one block differ in the property.
-            SymcheckError: see `estimate`.
-        """
-        self._require_kept(instance)
-        return super().estimate_instance(instance, plan, workers, observer)
-
     @property
     def _original(self) -> Model:
         assert self.original is not None
         return self.original
 
-    def _require_kept(self, instance: PropertyInstance) -> None:
+    def _require_answerable(self, instance: PropertyInstance) -> None:
         """Refuse a property in which the states of a block may differ. Raises UnsupportedError."""
         bound, labels = instance.bind(self.bound)
         for operator in nodes(bound.formula):

@@ -63,8 +63,7 @@ class SymcheckServer(LanguageServer):
         self.documents: dict[str, Document] = {}
         self.states: WeakKeyDictionary[Document, int | None] = WeakKeyDictionary()
         self.verdicts: dict[tuple[str, str, str], Verdict] = {}
-        self.timers: dict[str, asyncio.Task[None]] = {}
-        self.typing: dict[str, asyncio.Task[None]] = {}
+        self.following: dict[str, asyncio.Task[None]] = {}
 
     # ------------------------------------------------------------------------------------ documents
 
@@ -119,36 +118,35 @@ class SymcheckServer(LanguageServer):
             lsp.PublishDiagnosticsParams(uri, [*known, *further], version)
         )
 
-    def typed(self, uri: str) -> None:
-        """Tell the faults of a changed document, unless it changes again meanwhile: a text that is
-        typed faster than it is read has an answer at its end, not one for each key.
+    def changed(self, uri: str, settles: float = 0.0) -> None:
+        """Follow a document: tell its faults and those of its properties, and after a pause what
+        its states show. If it changes again meanwhile, this begins anew: a text that is typed
+        faster than it is read has an answer at its end, not one for each key.
+
+        Args:
+            uri: the document.
+            settles: seconds to wait for another change.
         """
-        if uri in self.typing:
-            self.typing.pop(uri).cancel()
-        self.typing[uri] = asyncio.ensure_future(self._changed_soon(uri))
+        self.leave(uri)
+        self.following[uri] = asyncio.ensure_future(self._follow(uri, settles))
 
-    async def _changed_soon(self, uri: str) -> None:
-        await asyncio.sleep(SETTLES)
-        self.changed(uri)
+    def leave(self, uri: str) -> None:
+        """Follow a document no longer."""
+        if uri in self.following:
+            self.following.pop(uri).cancel()
 
-    def changed(self, uri: str) -> None:
-        """Tell the faults of a changed document and of its properties; later, what takes longer."""
+    async def _follow(self, uri: str, settles: float) -> None:
+        await asyncio.sleep(settles)
         self.publish(uri)
         document = self.document(uri)
         for other in self.others():
             if other.model is not None and other.model.uri == uri:
                 self.publish(other.uri)
-        if uri in self.timers:
-            self.timers.pop(uri).cancel()
         if document.language == "prism" and document.bound is not None and not document.bound.given:
-            self.timers[uri] = asyncio.ensure_future(self._explore_later(document))
-
-    async def _explore_later(self, document: Document) -> None:
-        await asyncio.sleep(PAUSE)
-        found = await explore(document.text)
-        if self.documents.get(document.uri) is document:
+            await asyncio.sleep(PAUSE)
+            found = await explore(document.text)
             self.states[document] = found.states
-            self.publish(document.uri, (*document.warnings, *found.faults))
+            self.publish(uri, (*document.warnings, *found.faults))
 
 
 def _is_model(uri: str, language: str | None) -> bool:
@@ -201,13 +199,12 @@ def make_server() -> SymcheckServer:
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_CHANGE)
     def changed(ls: SymcheckServer, params: lsp.DidChangeTextDocumentParams) -> None:
-        ls.typed(params.text_document.uri)
+        ls.changed(params.text_document.uri, SETTLES)
 
     @server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
     def closed(ls: SymcheckServer, params: lsp.DidCloseTextDocumentParams) -> None:
         uri = params.text_document.uri
-        if uri in ls.typing:
-            ls.typing.pop(uri).cancel()
+        ls.leave(uri)
         ls.documents.pop(uri, None)
         ls.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(uri, []))
 
@@ -368,8 +365,8 @@ def make_server() -> SymcheckServer:
 
     @server.feature(lsp.SHUTDOWN)
     def ended(ls: SymcheckServer, _: None) -> None:
-        for waiting in (*ls.timers.values(), *ls.typing.values()):
-            waiting.cancel()
+        for uri in [*ls.following]:
+            ls.leave(uri)
 
     return server
 

@@ -41,12 +41,7 @@ _COLOURS = {
 
 
 class _CellError(Exception):
-    """What is wrong in a cell. It is shown as it is, without the lines of Python behind it.
-
-    finished: the results of the other properties.
-    """
-
-    finished: Results | None = None
+    """What is wrong in a cell. It is shown as it is, without the lines of Python behind it."""
 
     def _render_traceback_(self) -> list[str]:
         return str(self).splitlines()
@@ -61,13 +56,20 @@ def _shown_errors() -> Iterator[None]:
 
 
 class Results(Sequence[Result]):
-    """The results of the properties of a cell, in order. It draws itself as a table."""
+    """The results of the properties of a cell, in order. It draws itself as a table.
+
+    faults: of the properties that have no result.
+    """
 
     def __init__(
-        self, texts: Sequence[str], results: Sequence[Result], warnings: Sequence[str] = ()
+        self,
+        texts: Sequence[str],
+        results: Sequence[Result],
+        warnings: Sequence[str] = (),
+        faults: Sequence[InputError] = (),
     ) -> None:
         self._texts, self._results = tuple(texts), tuple(results)
-        self._warnings = tuple(warnings)
+        self._warnings, self.faults = tuple(warnings), tuple(faults)
 
     @overload
     def __getitem__(self, index: int) -> Result: ...
@@ -139,14 +141,14 @@ class Cells:
                 raise UsageError(f"{asked.name} is no model", hint="%%prism NAME makes one")
             if asked.results:  # those of the run before are no results of this one
                 self._shell.user_ns.pop(asked.results, None)
-            try:
-                found = _checked(model, asked, "\n" + cell)
-            except _CellError as error:
-                if asked.results and error.finished is not None:
-                    self._shell.user_ns[asked.results] = error.finished
-                raise
-        if asked.results:
+            found = _checked(model, asked, "\n" + cell)
+        faults = found.faults if isinstance(found, Results) else ()
+        if asked.results and (found or not faults):
             self._shell.user_ns[asked.results] = found
+        if faults:
+            if found:
+                display(found)
+            raise _CellError("\n".join(dict.fromkeys(map(str, faults))))
         return found
 
 
@@ -207,7 +209,8 @@ def _one_by_one(
         of_states = built.state_warnings if built.is_built else []
         of_text = model.warnings if split.of_model else []  # else %%prism has told them
         warnings = [d.message for d in (*of_text, *of_states)]
-        found = Results(texts, results, [*(d.message for d in split.warnings), *warnings])
+        told = [*(d.message for d in split.warnings), *warnings]
+        return Results(texts, results, told, faults)
     except (SymcheckError, KeyboardInterrupt) as error:
         if results:
             display(Results(texts, results))  # what is finished is kept
@@ -216,13 +219,6 @@ def _one_by_one(
         if isinstance(error, SymcheckError):
             raise
         raise UsageError(f"interrupted after {counted(len(results), 'property')}") from None
-    if faults:
-        told = _CellError("\n".join(dict.fromkeys(map(str, faults))))
-        if results:
-            display(found)
-            told.finished = found
-        raise told
-    return found
 
 
 def _with_hint(name: str, error: InputError) -> InputError:

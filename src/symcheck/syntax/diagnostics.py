@@ -196,10 +196,8 @@ def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
         meant(fault, source, language)
         or _unclosed(fault, source, expected)
         or _keyword(found, expected, language)
+        or _not_a_name(found, expected, language)
     )
-    words = {word for word in language.spelling.values() if word.isidentifier()}
-    if hint is None and expected == {"NAME"} and found in words and not found.startswith("end"):
-        hint = f"'{found}' is a reserved word: choose another name, such as {found}_"
     return Diagnostic(message, _span(source, fault), "syntax", hint)
 
 
@@ -250,6 +248,14 @@ def _keyword(found: str, expected: set[str], language: Language) -> str | None:
     keywords = [word for t, word in language.spelling.items() if t in expected and word.isalpha()]
     near = get_close_matches(found, keywords, 1, 0.75) if found.isidentifier() else []
     return f"did you mean '{near[0]}'?" if near else None
+
+
+def _not_a_name(found: str, expected: set[str], language: Language) -> str | None:
+    """A hint that a name may not be a word of the language, unless the name was forgotten."""
+    words = {word for word in language.spelling.values() if word.isidentifier()}
+    if expected != {"NAME"} or found not in words or found.startswith("end"):
+        return None
+    return f"'{found}' is a reserved word: choose another name, such as {found}_"
 
 
 # --------------------------------------------------------------------------------- typical mistakes

@@ -36,11 +36,10 @@ def _bind(listener: socket.socket, port: int, folder: Path) -> None:
     if os.name == "posix":  # elsewhere it would take a port that is in use
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     if port == 0:
-        port = _FIRST_PORT + crc32(str(folder).encode()) % (2**16 - _FIRST_PORT)
+        of_folder = _FIRST_PORT + crc32(str(folder).encode()) % (2**16 - _FIRST_PORT)
         with suppress(OSError):
-            listener.bind(("127.0.0.1", port))
+            listener.bind(("127.0.0.1", of_folder))
             return
-        port = 0
     listener.bind(("127.0.0.1", port))
 
 

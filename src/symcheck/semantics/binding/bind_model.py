@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
@@ -12,7 +12,7 @@ from symcheck.semantics.binding.composition import events
 from symcheck.semantics.binding.label_references import inline_labels
 from symcheck.semantics.binding.module_renaming import ModuleInstance
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable
-from symcheck.semantics.binding.probability_sums import normalised_modules
+from symcheck.semantics.binding.probability_sums import NormalisedModules, normalised_modules
 from symcheck.semantics.binding.static_checks import (
     CheckedProgram,
     DeclaredVariable,
@@ -110,8 +110,10 @@ def bind(
     check_values_given(table, program.constants)
     kind = model_type or program.type or WITHOUT_KEYWORD
     divides = not exact if normalise is None else normalise and not parameters
-    settings = (kind, exact, divides, dict(constants or {}), dict(parameters or {}))
-    checked = check_program(program, table, kept, settings)
+    if kept is not None:
+        settings = (kind, exact, divides, dict(constants or {}), dict(parameters or {}))
+        kept.begin(program, settings)
+    checked = check_program(program, table, kept)
     report.raise_all()
     require_type(kind)
     if program.players or kind.players > 1:
@@ -173,23 +175,20 @@ class _Builder:
         self._check_markovian(kind, composed)
         self.report.raise_all()
         self._check_clocks(kind, variables, modules)
-        warnings: tuple[str, ...] = ()
-        right: Set[int] = frozenset()
-        unchecked, as_written = False, modules
+        sums = NormalisedModules(modules)
         if normalise and kind.has_probabilities:
-            known_right = self.kept.sums_to_one if self.kept is not None else right
-            found = normalised_modules(modules, variables, known_right)
-            modules, warnings, unchecked = found.modules, found.warnings, found.gave_up
-            right = found.right
-            if modules is not as_written:
-                composed = events(modules, self.program.system)
+            right = frozenset() if self.kept is None else self.kept.sums_to_one
+            sums = normalised_modules(modules, variables, right)
+            if sums.modules is not modules:
+                composed = events(sums.modules, self.program.system)
         if self.kept is not None:
-            self.kept.keep((instance for instance, _ in self.checked.modules), as_written, right)
+            instances = (instance for instance, _ in self.checked.modules)
+            self.kept.keep(instances, modules, sums.right)
         return BoundModel(
             program=self.program,
             type=kind,
             variables=variables,
-            modules=modules,
+            modules=sums.modules,
             events=composed,
             initial=initial,
             labels=labels,
@@ -202,9 +201,9 @@ class _Builder:
             ),
             given=dict(self.given),
             system=self.program.system,
-            warnings=warnings,
-            sums_divided=bool(warnings),
-            unchecked_sums=unchecked,
+            warnings=sums.warnings,
+            sums_divided=bool(sums.warnings),
+            unchecked_sums=sums.gave_up,
             observables=observables,
             definitions={name: self.table.expression(name) for name in constants},
             weights=weights,

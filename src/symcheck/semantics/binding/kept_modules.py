@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence, Set
+from collections.abc import Iterable, Iterator, Set
 
 from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.binding.module_renaming import ModuleInstance
@@ -33,20 +33,17 @@ class KeptModules:
         self._same = False
         self._kept: tuple[_Kept, ...] = ()
 
-    def begin(
-        self, program: Program, instances: Sequence[ModuleInstance], settings: tuple[object, ...]
-    ) -> None:
+    def begin(self, program: Program, settings: tuple[object, ...]) -> None:
         """Begin with a program.
 
         Args:
             program: the program.
-            instances: its modules after renaming.
             settings: all else that decides what its modules are bound to.
         """
         self._context = (
             *(*settings, program.type, program.globals, program.initial is None),
             *_definitions((*program.constants, *program.formulas)),
-            *((m.name, tuple(m.renaming.items()), m.base_module.variables) for m in instances),
+            *((m.name, m.variables) if isinstance(m, Module) else m for m in program.modules),
         )
         self._same = self._context == self._known
 

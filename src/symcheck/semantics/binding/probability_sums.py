@@ -70,9 +70,9 @@ class NormalisedModules:
     """
 
     modules: tuple[BoundModule, ...]
-    warnings: tuple[str, ...]
-    gave_up: bool
-    right: frozenset[int]
+    warnings: tuple[str, ...] = ()
+    gave_up: bool = False
+    right: frozenset[int] = frozenset()
 
 
 def normalised_modules(

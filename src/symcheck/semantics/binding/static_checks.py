@@ -76,10 +76,7 @@ class CheckedProgram:
 
 
 def check_program(
-    program: Program,
-    table: SymbolTable,
-    kept: KeptModules | None = None,
-    settings: tuple[object, ...] = (),
+    program: Program, table: SymbolTable, kept: KeptModules | None = None
 ) -> CheckedProgram:
     """Add the declarations of a program to the table, and report its faults to the table's report.
 
@@ -87,7 +84,6 @@ def check_program(
         program: the program.
         table: an empty table.
         kept: the modules that are known from the program before.
-        settings: all besides the program that decides what it is bound to.
 
     Raises:
         InputError: definitions are circular, so that expressions that use them cannot be checked.
@@ -105,8 +101,6 @@ def check_program(
     if "cycle" in table.report.codes:
         table.report.raise_all()
     checked = CheckedProgram(program, table, root, modules, declared)
-    if kept is not None:
-        kept.begin(program, instances, settings)
     _check(checked, kept)
     return checked
 
