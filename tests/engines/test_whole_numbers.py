@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from random import Random
 
 import pytest
@@ -73,6 +74,15 @@ def test_weights_beyond_the_whole_doubles_are_left_to_the_interpreter() -> None:
         "dtmc module m x:[0..1]; [] x=0 -> 1e-17:(x'=1) + 1-1e-17:true; [] x=1 -> true; endmodule"
     )
     assert explore_in_whole_numbers(exact(text), symcheck.Options()) is None
+
+
+def test_rates_beyond_the_doubles_are_left_to_the_interpreter() -> None:
+    text = (
+        "ctmc module m x:[0..2]; [a] x=0 -> 1e305:(x'=1) + 1e-7:(x'=2); [] x>0 -> 1:true; endmodule"
+    )
+    assert explore_in_whole_numbers(exact(text), symcheck.Options()) is None
+    found = symcheck.loads(text, exact=True).check("P=? [ F x=2 ]").value
+    assert found == 1 / (1 + Fraction(10) ** 312)
 
 
 def exact(text: str) -> symcheck.BoundModel:

@@ -1,8 +1,10 @@
 """Exploration in rational arithmetic by the compiled search, where weights are whole numbers.
 
-If all probabilities (rates) are constants, they are multiplied by a common denominator. Doubles add
-and multiply whole numbers below 2**53 without error, so the compiled search finds each row exactly,
-and dividing by the sum of the row, or by the factor, gives the rationals.
+If all probabilities or rates are constants, they are multiplied by a common denominator. Doubles
+add and multiply whole numbers without error where the result is below 2**53, so the compiled search
+finds each row exactly; dividing by the sum of the row in discrete time, and by the factor in
+continuous time, gives the rationals. It is enough to look at the sums of rows: weights are not
+negative and rounding is monotone, so that a number from 2**53 on is never rounded below it.
 """
 
 from __future__ import annotations
@@ -55,8 +57,9 @@ def explore_in_whole_numbers(model: BoundModel, options: Options) -> RationalMod
         options: limits of the search.
 
     Returns:
-        None if a probability is no constant, a number exceeds 2**53, or a reward has no value
-        where its guard holds: the interpreter finds whether a step earns it.
+        None if this is left to the interpreter: a probability or rate is no constant, or negative;
+        those of a command do not sum to 1; a factor, a weight or the sum of a row is 2**53 or more;
+        or a reward has no finite value where its guard holds, and perhaps no step earns it.
 
     Raises:
         ModelFault, ResourceError: see `symcheck.explicit.build.explore`.
@@ -103,10 +106,11 @@ def explore_in_whole_numbers(model: BoundModel, options: Options) -> RationalMod
 def commands_in_whole_numbers(
     model: BoundModel, options: Options
 ) -> tuple[ExplicitModel, list[Rationals]] | None:
-    """The commands of a chain as choices, with whole weights, and the reward of each per structure.
+    """The commands of a chain as choices with whole weights, and their rewards per structure.
 
     Args:
-        model: a chain that was bound with `exact`, in which commands earn rewards.
+        model: a chain that was bound with `exact` and has transition rewards, so that each command
+            is a choice.
         options: limits of the search.
 
     Returns:
@@ -126,8 +130,8 @@ class _Searched(NamedTuple):
 
     Attributes:
         model: its weights are those of the text multiplied by `factor`.
-        state_rewards, choice_rewards: per structure; of a chain whose commands are not apart, the
-            second are 0.
+        state_rewards, choice_rewards: per structure; the second are 0 in a chain whose commands
+            are merged, because it has no transition rewards.
     """
 
     model: ExplicitModel
@@ -152,7 +156,9 @@ def _search(model: BoundModel, options: Options) -> _Searched | None:
 
 
 def _merged(found: ExplicitModel) -> tuple[SparseMatrix, Int32s]:
-    """One row for each state in place of its choices, and the action that all of them have."""
+    """One row for each state in place of its choices, and the action that all of them have; -1 if
+    they differ, or have none.
+    """
     matrix, groups = found.matrix, found.matrix.groups
     assert groups is not None
     rows = SparseMatrix(matrix.indptr[groups], matrix.indices, matrix.data, matrix.columns)
@@ -168,10 +174,10 @@ def _earns_by_transitions(model: BoundModel) -> bool:
 
 
 def _with_whole_weights(model: BoundModel) -> tuple[BoundModel, int] | None:
-    """The model with all weights multiplied by one factor, and the factor; None if it has none.
+    """The model with all weights multiplied by one factor, and the factor; None if there is none.
 
-    A chain becomes one of rates, whose rows are sums of the weights of commands, or a decision
-    process if the transitions of commands earn rewards.
+    A chain is searched as a CTMC, in which the weights of commands add up, or as an MDP if their
+    transitions earn rewards.
     """
     weights = [
         update.probability
@@ -186,15 +192,15 @@ def _with_whole_weights(model: BoundModel) -> tuple[BoundModel, int] | None:
     unit = lcm(*(v.denominator for v in values))
     most = max((len(e.participants) for e in model.events), default=1)
     factor = unit**most
-    if factor >= _WHOLE or any(v < 0 for v in values):
+    if any(v < 0 for v in values) or max((factor, *(v * factor for v in values))) >= _WHOLE:
         return None
     kind = model.type
-    at_once = [
+    with_probabilities = [
         e
         for e in model.events
         if not (e.is_markovian if kind.immediate_choices else kind.continuous_time)
     ]
-    if not all(map(_sums_to_one, at_once)):
+    if not all(map(_sums_to_one, with_probabilities)):
         return None
     events = tuple(_whole(event, unit, most) for event in model.events)
     if not kind.has_choices:
@@ -213,7 +219,9 @@ def _sums_to_one(event: Event) -> bool:
 
 
 def _whole(event: Event, unit: int, most: int) -> Event:
-    """The event with weights times unit**most: each participant has one factor, the first more."""
+    """The event with weights times unit**most: each participant is multiplied by `unit`, and the
+    first also by what is missing.
+    """
     more = unit ** (most - len(event.participants) + 1)
     first, *others = event.participants
     scaled = [tuple(_times(c, more) for c in first)]
@@ -248,14 +256,14 @@ def _rewards(model: BoundModel, found: ExplicitModel, items: Sequence[BoundRewar
 
 
 def _unit(items: Sequence[BoundReward]) -> int | None:
-    """A common denominator of the constants; None if the sums in it may be large."""
+    """A common denominator of the constants; None if a sum over it may reach 2**53."""
     constants = [Fraction(i.value.value) for i in items if isinstance(i.value, Literal)]
     unit = lcm(*(c.denominator for c in constants))
     return unit if sum(abs(c) for c in constants) * unit < _WHOLE else None
 
 
 def _divided(whole: Int64s, unit: int) -> Rationals:
-    """Whole numbers divided by one, as rationals."""
+    """Whole numbers divided by `unit`, as rationals."""
     values = whole.tolist()
     quotient = {v: Fraction(v, unit) for v in set(values)}  # np.unique would import numpy.ma
     out = np.empty(len(whole), object)
@@ -272,7 +280,7 @@ def _number(found: bool | int | float | Fraction) -> Fraction:
 def _choice_rewards(
     model: BoundModel, found: ExplicitModel, items: Sequence[BoundReward]
 ) -> Rationals:
-    """The transition reward of each choice; 0 in a chain without choices, which has none here."""
+    """The transition reward of each choice."""
     rows: Rationals | None = None
     owner = found.matrix.state_of_row
     loops = np.zeros(len(found.states), np.bool_)
