@@ -175,6 +175,7 @@ async function outside() {
       continue;
     }
     const { text } = await ask("read", { name: file.name });
+    if (files[part] !== file || file.version === version) continue; // opened or settled meanwhile
     const same = text === editors[part].text;
     if (!same && isDirty(part)) conflict(part, text, version);
     else {
