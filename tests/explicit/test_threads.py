@@ -206,7 +206,7 @@ def test_the_time_limit_ends_threads():
     before, started = threading.active_count(), time.monotonic()
     with pytest.raises(TimeLimitError):
         model.check("Rmax=? [ C<=99999 ]")
-    assert time.monotonic() - started < 3
+    assert time.monotonic() - started < 30  # at once on an idle machine, and not hours
     assert threading.active_count() == before
 
 

@@ -177,7 +177,9 @@ def test_movements_that_come_together_are_checked_once() -> None:
         for n in range(2, 10):
             widget.inputs["N"].value = str(n)
             await asyncio.sleep(0)
-        await asyncio.sleep(0.5)
+        while not seen:
+            await asyncio.sleep(0.1)
+        await asyncio.sleep(0.5)  # and not again
         return seen, widget
 
     seen, widget = asyncio.run(moved())

@@ -67,8 +67,15 @@ def address(folder: Path) -> Iterator[str]:
     assert process.stdout is not None
     yield process.stdout.readline().split()[-1]
     process.terminate()
-    process.wait(10)
+    process.wait(60)
     process.stdout.close()
+
+
+def put(file: Path, text: str) -> None:
+    """Write a file as an editor does: at no time is a part of the text there."""
+    new = file.with_suffix(".new")
+    new.write_text(text)
+    new.replace(file)
 
 
 class Workbench:
@@ -164,6 +171,16 @@ class Workbench:
 
         chain = ActionChains(self.browser).key_down(Keys.CONTROL).send_keys(key)
         chain.key_up(Keys.CONTROL).perform()
+
+    def answer(self, text: str) -> None:
+        """Write an answer into the question of the browser."""
+        from selenium.common.exceptions import NoAlertPresentException
+        from selenium.webdriver.support.wait import WebDriverWait
+
+        wait = WebDriverWait(self.browser, 30, 0.05, ignored_exceptions=[NoAlertPresentException])
+        prompt = wait.until(lambda browser: browser.switch_to.alert)
+        prompt.send_keys(text)
+        prompt.accept()
 
     def downloaded(self, name: str) -> bytes:
         path = self.downloads / name

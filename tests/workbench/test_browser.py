@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,7 +14,11 @@ pytest.importorskip("selenium", reason="selenium is not installed")
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
-from workbench.conftest import MODEL, Workbench
+from workbench.conftest import MODEL, Workbench, put
+
+
+def texts(rows: list[Any]) -> list[list[str]]:
+    return [row.text.split() for row in rows]
 
 
 def given(bench: Workbench, n: str) -> None:
@@ -34,10 +39,10 @@ def test_a_check_has_its_value_accuracy_and_verdict(bench: Workbench) -> None:
 def test_an_error_is_seen_while_typing_and_mended(bench: Workbench, folder: Path) -> None:
     bench.type_at_end('label "far" = y>3;')
     bench.until(lambda: "unknown name y" in bench.at("state").text)
-    assert [e.text for e in bench.all("#model .cm-lintRange-error")] == ["y"]
+    bench.until(lambda: [e.text for e in bench.all("#model .cm-lintRange-error")] == ["y"])
     bench.type_at_end(Keys.BACKSPACE * 4 + "x>3;")
     bench.until(lambda: not bench.all("#model .cm-lintRange-error"))
-    assert bench.at("model-tab").text == "● walk.nm"
+    bench.until(lambda: bench.at("model-tab").text == "● walk.nm")
     assert (folder / "walk.nm").read_text() == MODEL
     bench.with_control("s")
     bench.until(lambda: bench.at("model-tab").text == "walk.nm")
@@ -48,7 +53,7 @@ def test_a_fault_that_only_states_show_is_underlined(bench: Workbench) -> None:
     given(bench, "4")
     bench.type_at_end("module n z : [0..1]; [] true -> 0.5 : (z'=1); endmodule")
     bench.until(lambda: "sum" in bench.at("state").text)
-    assert bench.all("#model .cm-lintRange-error")
+    bench.until(lambda: bench.all("#model .cm-lintRange-error"))
 
 
 def test_words_are_completed_and_explained(bench: Workbench) -> None:
@@ -74,7 +79,7 @@ def test_a_check_is_cancelled_while_text_is_typed(bench: Workbench) -> None:
     bench.type_at_end(Keys.BACKSPACE * 14)
     bench.until(lambda: "10,000 reachable" in bench.at("state").text)
     bench.click("build")  # by a new process
-    assert "40,000" in bench.at("facts").text
+    bench.until(lambda: "40,000" in bench.at("facts").text)
 
 
 def test_the_properties_of_a_model_are_opened_with_it(bench: Workbench) -> None:
@@ -93,7 +98,7 @@ def test_what_is_missing_and_what_is_wrong_stands_where_it_is_asked(bench: Workb
     bench.click("draw-near")
     bench.until(lambda: "did you mean x?" in bench.at("trouble").text)
     bench.press("✕")
-    assert not bench.at("trouble").is_displayed()
+    bench.until(lambda: not bench.at("trouble").is_displayed())
 
 
 def test_a_neighbourhood_of_10_000_states_is_drawn(bench: Workbench) -> None:
@@ -115,17 +120,16 @@ def test_an_experiment_is_plotted_zoomed_and_saved(bench: Workbench) -> None:
     bench.fill("#ranges input[name=N]", "1:6")
     bench.choose("experiment-property", "0")
     bench.click("experiment-run")
-    points = bench.until(lambda: bench.all("#experiment-chart [aria-label=dot] circle"))
-    assert len(points) == 6
+    bench.until(lambda: len(bench.all("#experiment-chart [aria-label=dot] circle")) == 6)
 
     def ticks() -> list[str]:
         return [e.text for e in bench.all("#experiment-chart [aria-label^='x-axis tick l'] text")]
 
-    assert ticks() == ["1", "2", "3", "4", "5", "6"]
+    bench.until(lambda: ticks() == ["1", "2", "3", "4", "5", "6"])
     bench.press("Zoom in")
-    assert "1" not in ticks()
+    bench.until(lambda: "1" not in ticks())
     bench.press("Whole")
-    assert ticks() == ["1", "2", "3", "4", "5", "6"]
+    bench.until(lambda: ticks() == ["1", "2", "3", "4", "5", "6"])
     for kind in ("CSV", "SVG", "PNG"):
         bench.press(kind)
     head, *rows = csv.reader(bench.downloaded("experiment.csv").decode().splitlines())
@@ -142,18 +146,18 @@ def test_a_path_is_stepped_followed_and_taken_back(bench: Workbench) -> None:
     bench.at("simulator-tab").click()
     bench.fill("#sim-seed", "1")
     bench.click("sim-start")
-    assert "x=0, lost=false" in bench.at("sim-state").text
+    bench.until(lambda: "x=0, lost=false" in bench.at("sim-state").text)
     bench.press("0.75: x=2")
     bench.until(lambda: "Step 1: x=2" in bench.at("sim-state").text)
     bench.click("sim-follow")  # Pmin takes risks
-    rows = [row.text.split() for row in bench.all("#sim-path tr")[1:]]
+    rows = bench.until(lambda: len(shown := bench.all("#sim-path tr")[1:]) > 2 and texts(shown))
     assert {row[1] for row in rows[1:]} == {"[risk]"}
     bench.run("arguments[0].open = true", bench.at("sim-plot"))
     bench.until(lambda: bench.all("#sim-chart [aria-label=line] path"))
     bench.click("sim-back")
-    assert len(bench.all("#sim-path tr")) == len(rows)
+    bench.until(lambda: len(bench.all("#sim-path tr")) == len(rows))
     bench.click("sim-reset")
-    assert "Step 0" in bench.at("sim-state").text
+    bench.until(lambda: "Step 0" in bench.at("sim-state").text)
 
 
 def test_counterexamples_and_strategies_are_drawn(bench: Workbench) -> None:
@@ -181,10 +185,10 @@ def test_the_model_is_exported(bench: Workbench) -> None:
 
 def test_a_change_outside_is_read_and_never_overwritten(bench: Workbench, folder: Path) -> None:
     file = folder / "walk.nm"
-    file.write_text("// theirs\n" + MODEL)
+    put(file, "// theirs\n" + MODEL)
     bench.until(lambda: "// theirs" in bench.at("model").text)
     bench.type_at_end("// mine")
-    file.write_text("// again\n" + MODEL)
+    put(file, "// again\n" + MODEL)
     bench.with_control("s")
     bench.until(lambda: "has changed on disk" in bench.at("conflict").text)
     assert file.read_text() == "// again\n" + MODEL
@@ -195,7 +199,7 @@ def test_a_change_outside_is_read_and_never_overwritten(bench: Workbench, folder
     time.sleep(4.5)
     assert bench.browser.switch_to.active_element == mine
     mine.click()
-    assert not bench.at("conflict").is_displayed()
+    bench.until(lambda: not bench.at("conflict").is_displayed())
     bench.with_control("s")
     bench.until(lambda: bench.at("model-tab").text == "walk.nm")
     assert file.read_text() == "// theirs\n" + MODEL + "// mine"
@@ -206,7 +210,7 @@ def test_unsaved_text_is_there_after_reloading(bench: Workbench, folder: Path) -
     bench.type_at_end("// not saved")
     bench.browser.refresh()
     bench.until(lambda: "// not saved" in bench.at("model").text)
-    assert bench.at("model-tab").text == "● walk.nm"
+    bench.until(lambda: bench.at("model-tab").text == "● walk.nm")
     assert (folder / "walk.nm").read_text() == MODEL
     bench.until(lambda: len(bench.all("#list li")) == 2)
     bench.click("check-all")  # with the constant
@@ -218,14 +222,12 @@ def test_a_new_model_is_open_again_after_saving_and_reloading(bench: Workbench) 
     bench.until(lambda: bench.at("model-tab").text == "model")
     bench.type_at_end("dtmc module m x:[0..1]; endmodule ")
     bench.with_control("s")
-    prompt = bench.browser.switch_to.alert
-    prompt.send_keys("mine.pm")
-    prompt.accept()
+    bench.answer("mine.pm")
     bench.until(lambda: bench.at("model-tab").text == "mine.pm")
     bench.type_at_end("// not saved")
     bench.browser.refresh()
     bench.until(lambda: "// not saved" in bench.at("model").text)
-    assert bench.at("model-tab").text == "● mine.pm"
+    bench.until(lambda: bench.at("model-tab").text == "● mine.pm")
 
 
 def test_facts_of_another_text_are_gone(bench: Workbench) -> None:
