@@ -245,6 +245,21 @@ def test_prose_has_lines_of_at_most_100_characters(page: Path) -> None:
     assert [line for line in lines if len(line) > 100] == []
 
 
+@pytest.mark.parametrize("page", PAGES)
+def test_lists_tables_and_code_stand_between_blank_lines(page: str) -> None:
+    """Python-Markdown, which makes the site, takes them for text of the paragraph otherwise."""
+    before, inside, found = "", False, []
+    for number, line in enumerate((DOCS / page).read_text().splitlines(), 1):
+        is_fence = line.startswith("```")
+        begins = is_fence or (not inside and re.match(r"- |\d+\. |\|", line) is not None)
+        goes_on = inside or re.match(r"- |\d+\. |\||#| |$", before) is not None
+        ended = before == "```" and not inside and not line.startswith("#")
+        if (begins and not goes_on and before) or (ended and line):
+            found.append(f"{page}:{number}: {line}")
+        inside, before = inside != is_fence, line
+    assert found == []
+
+
 def test_the_site_has_every_page() -> None:
     named = re.findall(
         r"^ +- ([a-z_]+\.md|README\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE
