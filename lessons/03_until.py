@@ -143,7 +143,7 @@ assert np.linalg.det(system) == 0
 # %% [markdown]
 # It says $x_1 = x_1$, which is true for every number. The system has a solution for each choice of
 # $x_1$, and numpy would refuse it. The probability is the *least* non-negative solution (Baier and
-# Katoen, theorem 10.15), and with $x_1 = 0$ for prob0 it is the only one: from every unknown state
+# Katoen, section 10.1.1), and with $x_1 = 0$ for prob0 it is the only one: from every unknown state
 # some path leaves the unknown states, so $A^k \to 0$, and $I - A$ can be inverted.
 #
 # prob1 is not necessary for this. But it makes the system smaller, and the answer to `P>=1 [ … ]`

@@ -21,6 +21,7 @@ __all__ = [
     "GivenValues",
     "combinations",
     "constant_values",
+    "listed_items",
     "parse_constants",
     "typed_value",
     "value_lists",
@@ -59,7 +60,7 @@ def parse_constants(texts: Sequence[str], source: str = "-const") -> dict[str, t
         UsageError: an item has another form, a range is empty, or a constant is given twice.
     """
     values: dict[str, tuple[str, ...]] = {}
-    for item in itertools.chain.from_iterable(map(_items, texts)):
+    for item in itertools.chain.from_iterable(map(listed_items, texts)):
         name, equals, text = (part.strip() for part in item.partition("="))
         if ";" in text or text.startswith("="):
             raise UsageError(
@@ -202,7 +203,7 @@ def parameter_ranges(
     return ranges
 
 
-def _items(text: str) -> Iterator[str]:
+def listed_items(text: str) -> Iterator[str]:
     """The parts between the commas outside of brackets."""
     depth, start = 0, 0
     for i, c in enumerate(text):

@@ -12,7 +12,7 @@ import pytest
 import symcheck
 from symcheck.engines import tuning
 from symcheck.engines.states import State
-from symcheck.errors import UnsupportedError, UsageError
+from symcheck.errors import NameFault, UnsupportedError, UsageError
 from symcheck.options import ENGINES
 
 WALK = """dtmc const int N = 3; const double p; module m x : [0..N]; b : bool;
@@ -351,3 +351,114 @@ def test_pictures_take_sets_of_states():
     assert picture.dot == symcheck.view.state_graph(model, sets={"six": "d=6"}).dot
     with pytest.raises(UsageError, match=r"another engine\n.*its formula as a text"):
         list(symcheck.teach.prob0(model, "true", model.where("d=6")))
+
+
+# ------------------------------------------------------------------ successors and components
+
+RACE = """ma module m x : [0..3]; <> x=0 -> 2:(x'=1) + 6:(x'=2);
+  [left] x=1 -> 0.5:(x'=0) + 0.5:(x'=3); [right] x=1 -> (x'=3); <> x>1 -> 1:true; endmodule"""
+
+
+def test_a_chain_has_one_choice_in_each_state(model):
+    exact = model.options.exact or model.options.engine == "exact"
+    half = Fraction(1, 2) if exact else 0.5
+    (choice,) = model.successors(x=1, b=True)
+    assert (choice.action, choice.takes_time) == (None, False)
+    assert {tuple(s.values()): p for s, p in choice.successors.items()} == {
+        (0, False): half,
+        (2, True): half,
+    }
+    assert [model.successors(key) for key in (1, {"x": 1, "b": True}, (1, True))] == [
+        model.successors(model.states[1])
+    ] * 3
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_choices_of_an_mdp_are_the_rows_of_its_matrix(engine):
+    mdp = symcheck.loads(CHOICE, engine=engine)
+    found = [
+        (state["x"], choice.action, {t["x"]: float(p) for t, p in choice.successors.items()})
+        for state in mdp.states
+        for choice in mdp.successors(state)
+    ]
+    assert sorted(found, key=str) == [
+        (0, "go", {0: 0.5, 1: 0.5}),
+        (0, None, {2: 1.0}),
+        (1, None, {1: 1.0}),  # the self-loop of a deadlock
+        (2, "stay", {2: 1.0}),
+    ]
+
+
+def test_choices_that_take_time_have_rates():
+    (race,), left, right = (
+        symcheck.loads(RACE).successors(x=0),
+        *symcheck.loads(RACE).successors(x=1),
+    )
+    assert ({t["x"]: p for t, p in race.successors.items()}, race.takes_time) == (
+        {1: 2, 2: 6},
+        True,
+    )
+    assert [(c.action, c.takes_time) for c in (left, right)] == [("left", False), ("right", False)]
+    queue = symcheck.loads(
+        "ctmc module m x:[0..1]; [] x=0 -> 2:(x'=1); [] x=0 -> 3:(x'=1); endmodule"
+    )
+    (choice,) = queue.successors(x=0)
+    assert (list(choice.successors.values()), choice.takes_time) == ([5.0], True)
+
+
+def test_successors_are_asked_for_states_that_exist(model):
+    with pytest.raises(KeyError, match="not reachable"):
+        model.successors(x=0, b=True)
+    with pytest.raises(KeyError, match="a state has values of x, b"):
+        model.successors(x=0)
+    with pytest.raises(TypeError, match="one argument, or by the values"):
+        model.successors(0, x=0, b=False)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_components_are_sets_of_states(engine):
+    chain = symcheck.loads(
+        """dtmc module m x : [0..5];
+          [] x=0 -> 0.5:(x'=1) + 0.5:(x'=3); [] x=1 -> (x'=2); [] x=2 -> (x'=1);
+          [] x=3 -> 0.5:(x'=4) + 0.5:(x'=5); [] x=5 -> (x'=3); endmodule""",
+        engine=engine,
+    )
+    assert [[s["x"] for s in c] for c in chain.sccs] == [[1, 2], [3, 5], [4]]
+    assert [[s["x"] for s in c] for c in chain.bsccs] == [[1, 2], [4]]
+    with pytest.raises(UnsupportedError, match="end components exist only in MDPs"):
+        _ = chain.mecs
+    mdp = symcheck.loads(CHOICE, engine=engine)
+    assert sorted([s["x"] for s in c] for c in mdp.mecs) == [[1], [2]]
+
+
+def test_the_rows_of_a_generator_sum_to_zero():
+    race = symcheck.loads(
+        "ctmc module m x:[0..2]; [] x<2 -> 2:(x'=x+1); [] x>0 -> 3:(x'=0); endmodule"
+    )
+    rates = race.matrix.toarray()
+    generator = rates - np.diag(rates.sum(axis=1))
+    assert np.allclose(np.asarray(race.steady_state()) @ generator, 0, atol=1e-9)
+
+
+# ------------------------------------------------------------------ results of several properties
+
+
+def test_results_by_name_and_by_index(model):
+    results = model.check_all('x=0; "end": P=? [ F "end" ]; "never": P=? [ F x=9 ]')
+    assert float(results["end"]) == 1
+    assert results[-1] is results["never"]
+    assert results[0].value is True
+    assert (len(results), repr(results)) == (3, "<Results: 0, end, never>")
+    assert [result for _, result in results] == [results[i] for i in range(3)]
+    assert list(results) == []  # an iterator gives each pair once
+    with pytest.raises(KeyError, match="did you mean never"):
+        results["nevr"]
+    with pytest.raises(IndexError, match="result 3 of 3"):
+        results[3]
+
+
+def test_a_result_is_computed_when_it_is_asked_for(model):
+    results = model.check_all('"faulty": P=? [ F y=1 ]; "end": P=? [ F "end" ]')
+    assert float(results["end"]) == 1
+    with pytest.raises(NameFault, match="unknown name y"):
+        results["faulty"]

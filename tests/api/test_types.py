@@ -40,6 +40,9 @@ REVEALED = {
     "model.steady_state()": "symcheck.check.state_distributions.Distribution",
     "model.steady_state()[0]": "float | fractions.Fraction",
     "list(model.check_all('x'))[0][1]": "symcheck.check.result.Result",
+    "model.check_all('x')['six']": "symcheck.check.result.Result",
+    "model.successors(x=1)[0].successors": "Mapping[symcheck.engines.states.State, float | Fraction]",
+    "model.bsccs[0]": "symcheck.engines.states.States",
     "symcheck.view.results([])": "symcheck.tables.Table",
     "symcheck.teach.frontiers": "def (",
 }

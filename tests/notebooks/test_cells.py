@@ -42,7 +42,7 @@ def test_a_model_and_its_properties() -> None:
     model, checked, value, table = ran(
         f"%%prism walk N=3\n{WALK}",
         '%%pctl walk -r found\n"win": P=? [ F "won" ];\nP>0.5 [ F "won" ]',
-        "print(round(float(found[0]), 9), found[1].value, len(found), found)",
+        "print(round(float(found[0]), 9), found['win'] is found[0], len(found), found)",
         "%%pctl walk k=1:3\nconst int k;\nP=? [ F<=k x=3 ]",
     )
     assert "walk: dtmc" in html(model)
@@ -52,7 +52,7 @@ def test_a_model_and_its_properties() -> None:
     assert "0.33333333333333" in shown
     assert "<td>false</td>" in shown
     text = "".join(o.text for o in value if o.output_type == "stream" and o.name == "stdout")
-    assert text.startswith("0.333333333 False 2 property")
+    assert text.startswith("0.333333333 True 2 property")
     assert html(table).count("<tr>") == 4
 
 
@@ -185,3 +185,23 @@ def test_results_of_a_run_before_are_no_results_of_this_one() -> None:
     assert first[0].text == "[0.3, 0.7]\n"
     assert second[0].text == "[0.9]\n"
     assert "NameError" in error_of(third)
+
+
+@pytest.mark.parametrize(
+    ("name", "why", "better"),
+    [
+        ("3x", "is no name in Python", "_3x"),
+        ("class", "is a word of Python", "class_"),
+        ("my-walk", "is no name in Python", "my_walk"),
+    ],
+)
+def test_a_variable_has_a_name_that_python_reads(
+    shell: Any, name: str, why: str, better: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for magic, line in (("prism", f"{name} N=3"), ("pctl", f"walk -r {name}")):
+        shell.run_cell(f"%%prism walk N=3\n{WALK}").raise_error()
+        shown = shell.run_cell(f"%%{magic} {line}\n{WALK if magic == 'prism' else 'P=? [ F x=3 ]'}")
+        wanted = f"'{name}' {why}\n  hint: choose another name, such as {better}"
+        assert str(shown.error_in_exec) == wanted
+        assert name not in shell.user_ns
+    assert "Traceback" not in capsys.readouterr().out

@@ -12,8 +12,8 @@ pytest.importorskip("ipywidgets", reason="the extra notebook is not installed")
 from ipywidgets import HTML
 
 import symcheck
+from symcheck.api.arguments import properties_file
 from symcheck.errors import SyntaxFault, UsageError
-from symcheck.experiments.run import given_properties
 from symcheck.notebook import Sliders, constant_sliders, sliders
 
 WALK = """dtmc
@@ -111,7 +111,7 @@ def test_a_curve_has_few_points_and_both_ends() -> None:
 def test_a_curve_that_takes_too_long_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(constant_sliders, "_PATIENCE", 0.0)
     model = symcheck.loads(WALK, {"p": 0.5, "N": 2})
-    widget = Sliders(model, given_properties(WON), {"p": (0.1, 0.9), "N": [2, 3]}, across="p")
+    widget = Sliders(model, properties_file(WON), {"p": (0.1, 0.9), "N": [2, 3]}, across="p")
     assert widget.results[0].value is not None
     assert len(widget.curve) == 1
     assert "the curve has 1 point" in widget.message

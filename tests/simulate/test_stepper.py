@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import symcheck
-from symcheck.errors import ModelFault, UsageError
+from symcheck.errors import ModelFault, SymcheckError, UsageError
 from symcheck.syntax.ast import ModelType
 
 MDP = """mdp
@@ -263,3 +263,66 @@ def test_a_strategy_with_memory_is_refused():
     assert strategy.memory is not None
     with pytest.raises(UsageError, match="memory"):
         model.simulator(seed=1).run(3, strategy)
+
+
+@pytest.mark.parametrize(
+    ("start", "state"),
+    [
+        ("x=1, y=true", (1, True)),
+        ("y & x=1", (1, True)),
+        ("x=max(1,2), !y", (2, False)),
+        ('"top", y', (2, True)),
+        ("x>1 & !y", (2, False)),
+    ],
+)
+def test_a_path_starts_in_the_state_that_a_text_names(start, state):
+    simulator = symcheck.loads(MDP).simulator(1, start)
+    assert tuple(simulator.state.values()) == state
+    simulator.run(5)
+    assert tuple(simulator.restart().values()) == state
+
+
+def test_a_state_with_all_values_is_found_without_building_the_model():
+    text = "dtmc module m x : [0..1000000000]; y : int; [] true -> (y'=y+1); endmodule"
+    simulator = symcheck.loads(text).simulator(start="x=7, y=-3")
+    assert simulator.state == {"x": 7, "y": -3}
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        ("x=1", r"2 states satisfy x=1, such as \(x=1, y=false\) and \(x=1, y=true\)"),
+        ("x=3, y", "x=3 is outside of the range of x, 0 to 2"),
+        ("x=1, x=2, y", "no reachable state satisfies x=1, x=2, y"),
+        ("x=1, z", "unknown name z"),
+        ("x=true, y", "an int and a bool have no common type"),
+        ("x+1", "a condition is expected"),
+        ("", "expected an expression"),
+    ],
+)
+def test_a_text_that_names_no_state_is_an_error(start, message):
+    with pytest.raises(SymcheckError, match=message):
+        symcheck.loads(MDP).simulator(start=start)
+
+
+def test_a_state_of_a_file_has_to_be_reachable(tmp_path):
+    text = "dtmc module m x : [0..3]; [] x<2 -> (x'=x+1); [] x=2 -> true; endmodule"
+    symcheck.export(symcheck.loads(text), str(tmp_path / "m.all"))
+    files = symcheck.load_explicit(str(tmp_path / "m.all"))
+    assert files.simulator(start="x=2").state == {"x": 2}
+    with pytest.raises(SymcheckError, match="no reachable state satisfies x=3"):
+        files.simulator(start="x=3")
+
+
+def test_a_path_runs_until_a_time_and_steps_are_taken_back():
+    simulator = symcheck.loads(CTMC).simulator(seed=3)
+    simulator.run(1000, time=5.0)
+    *_, before, last = simulator.path.times
+    assert before < 5 <= last
+    steps = len(simulator.path)
+    assert simulator.run(1000, time=5.0) == simulator.state
+    assert len(simulator.path) == steps
+    simulator.back(3)
+    assert len(simulator.path) == steps - 3
+    with pytest.raises(UsageError, match=f"there are {steps - 3} steps to take back"):
+        simulator.back(steps)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable
 from dataclasses import fields
 from inspect import Parameter, signature
+from os.path import isfile
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -16,13 +17,17 @@ from symcheck.syntax.ast import ModelType
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import parse_properties, parse_properties_file
 
-__all__ = ["ModelTypeName", "model_type", "properties_file", "single_property", "takes_options"]
+__all__ = [
+    "ModelTypeName",
+    "is_file",
+    "model_type",
+    "properties_file",
+    "single_property",
+    "takes_options",
+]
 
 F = TypeVar("F", bound=Callable[..., object])
 ModelTypeName = Literal["dtmc", "ctmc", "mdp"]
-
-_FILE_NAME = re.compile(r"[^\s\[\]]+\.(pctl|csl|ltl|props|prop|prctl|jani)(\.gz|\.xz)?")
-"""A text that names a file of properties and is none itself."""
 
 
 def takes_options(function: F) -> F:
@@ -47,19 +52,31 @@ def model_type(given: ModelType | str | None) -> ModelType | None:
         raise UsageError(message, hint=suggest(str(given), names)) from None
 
 
+def is_file(text: str | Path) -> bool:
+    """Whether it is a file and no text: there is one, or it looks like the name of one.
+
+    A name without a dot is a text: a file beside a model may have the name of a variable.
+    """
+    return (
+        isinstance(text, Path)
+        or ("." in text and isfile(text))
+        or re.fullmatch(r"[^\s\[\]()\"=<>?;]+\.[A-Za-z]\w*", text) is not None
+    )
+
+
 def properties_file(properties: str | Path | PropertiesFile) -> PropertiesFile:
     """A file (a Path, or its name), a text, or parsed ones. Raises UsageError, SyntaxFault."""
     match properties:
         case PropertiesFile():
             return properties
-        case str() if not _FILE_NAME.fullmatch(properties):
-            return parse_properties(properties)
-        case str() | Path():
+        case str() | Path() if is_file(properties):
             return parse_properties_file(properties)
+        case str():
+            return parse_properties(properties)
         case _:
             raise UsageError(
                 f"properties are a text or a file, not {properties!r}",
-                hint="a text has several properties, with ; between them",
+                hint='a text has several, with ; between them: "six": P=? [ F d=6 ]; x=1',
             )
 
 
@@ -70,7 +87,7 @@ def single_property(formula: str) -> PropertiesFile:
             f"a property is a text such as 'P=? [ F x=1 ]', not {formula!r}",
             hint="check_all takes a file, or a text with several properties",
         )
-    if _FILE_NAME.fullmatch(formula):
+    if is_file(formula):
         raise UsageError(
             "one property is expected here, not a file", hint=f"check_all({formula!r})"
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -20,6 +20,7 @@ from symcheck.check.property_instance import (
     stopped,
 )
 from symcheck.check.result import Result
+from symcheck.check.results import Results
 from symcheck.constant_values import ConstantValue, GivenConstants, constant_values
 from symcheck.engines.states import States
 from symcheck.errors import ResourceError, SymcheckError, UsageError
@@ -154,20 +155,39 @@ class CheckedModel(Stages):
             >>> model.check("P=? [ F x=1 ]").value
             1.0
         """
-        return next(self._check_all(single_property(formula), constants, observer))[1]
+        return self._results(single_property(formula), constants, observer)[0]
 
     def check_all(
         self,
         properties: str | Path | PropertiesFile,
         constants: GivenConstants | str | None = None,
-    ) -> Iterator[tuple[BoundProperty, Result]]:
-        """Check several properties one after the other: an iterator of each with its result.
-
-        They are a file (a Path, or its name such as "die.pctl"), a text, or parsed properties.
+    ) -> Results:
+        """Check several properties, each when its result is asked for.
 
         With the option `bisim`, one quotient serves all of them if it is small enough.
+
+        Args:
+            properties: a file (a Path, or its name such as "die.pctl"), a text, or parsed ones.
+            constants: one value for each constant that the properties leave open.
+
+        Returns:
+            An iterator of each property with its result; an index, or the name of a property, gives
+            a result too.
+
+        Raises:
+            SyntaxFault: a text does not follow the grammar. Asking for a result raises what `check`
+                does.
+
+        Examples:
+            >>> import symcheck
+            >>> die = symcheck.load("models/die/die.pm")
+            >>> results = die.check_all('"six": P=? [ F d=6 ]; "tosses": R=? [ F "done" ]')
+            >>> print(results["six"], "|", results[1].value)
+            0.16666666666666669 (exact up to rounding) | 3.6666666666666665
+            >>> [(bound.name, round(float(result), 3)) for bound, result in results]
+            [('six', 0.167), ('tosses', 3.667)]
         """
-        return self._check_all(properties_file(properties), constants, None)
+        return self._results(properties_file(properties), constants, None)
 
     @limited
     def test(
@@ -227,29 +247,27 @@ class CheckedModel(Stages):
         sources = (s.span.source.name for s in (self.program, *file.properties[:1]))
         return PropertyTests(tuple(tests), " ".join(sources))
 
-    def _check_all(
+    @limited
+    def _results(
         self,
         file: PropertiesFile,
         constants: GivenConstants | str | None,
         observer: IterationObserver | None,
-    ) -> Iterator[tuple[BoundProperty, Result]]:
-        results = self._results(file, constant_values(constants), observer)
-        while (result := self.within_limits(lambda: next(results, None))) is not None:
-            yield result
-
-    def _results(
-        self,
-        file: PropertiesFile,
-        constants: GivenConstants,
-        observer: IterationObserver | None,
-    ) -> Iterator[tuple[BoundProperty, Result]]:
-        instances = self.instances(file, {n: (v,) for n, v in constants.items()})
+    ) -> Results:
+        given = constant_values(constants)
+        instances = self.instances(file, {n: (v,) for n, v in given.items()})
         for instance in instances:
             instance.bind(self.bound)  # faults of the text are reported before anything is built
         prepared = self.prepared_for(instances)
-        for instance in instances:
-            bound, _ = instance.bind(prepared.model.bound)
-            yield bound, prepared.check(instance, observer)
+
+        def checked(index: int) -> tuple[BoundProperty, Result]:
+            bound, _ = instances[index].bind(prepared.model.bound)
+            return bound, prepared.check(instances[index], observer)
+
+        return Results(
+            [instance.name for instance in instances],
+            lambda index: self.within_limits(lambda: checked(index)),
+        )
 
     def properties(
         self, file: PropertiesFile, constants: GivenConstants | str | None = None

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple, Self
+
+import numpy as np
 
 from symcheck.api.arguments import single_property
 from symcheck.api.checking import CheckedModel
@@ -16,8 +18,8 @@ from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
 from symcheck.constant_values import GivenConstants, constant_values, parameter_ranges
 from symcheck.direction import Direction
-from symcheck.engines.states import Named, States
-from symcheck.errors import NumericalError, UsageError
+from symcheck.engines.states import Named, StateKey, States
+from symcheck.errors import NumericalError, UnsupportedError, UsageError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers
 from symcheck.semantics.model import Value, Variable
@@ -33,8 +35,8 @@ if TYPE_CHECKING:
     from symcheck.check.parametric import Search
     from symcheck.check.regions import Extremum
     from symcheck.check.state_distributions import Distribution
-    from symcheck.engines.base import Engine
-    from symcheck.engines.transition_table import TransitionTable
+    from symcheck.engines.base import Engine, StateSet
+    from symcheck.engines.transition_table import Choice, TransitionTable
     from symcheck.parallel.dask import Cluster
     from symcheck.parallel.workers import Workers
     from symcheck.simulate.check import SamplesObserver
@@ -172,12 +174,40 @@ class Model(CheckedModel):
         """The states without a transition, before they were given a self-loop."""
         return States(self.engine, self.engine.deadlocks)
 
-    @property
+    @cached_property
     def transitions(self) -> TransitionTable:
         """The transitions: source, action, target, probability (a rate in a CTMC)."""
         from symcheck.engines.transition_table import TransitionTable
 
         return TransitionTable(self.engine)
+
+    def successors(
+        self, state: StateKey | None = None, /, **values: bool | int
+    ) -> tuple[Choice, ...]:
+        """The choices of a state: their actions, and the probabilities (rates) of its successors.
+
+        A chain has one choice. As in `matrix`, a deadlock has a self-loop. `simulator` has the
+        choices with their commands, of models that are too large to be built, too.
+
+        Args:
+            state: a state, its number, or the values of its variables as a mapping or a tuple.
+            values: the values of the variables, in place of `state`.
+
+        Raises:
+            KeyError: the state is not reachable.
+            UnsupportedError: there are more than ten million transitions.
+
+        Examples:
+            >>> import symcheck
+            >>> gambler = symcheck.load("models/gambler/stakes.nm")
+            >>> for choice in gambler.successors(money=2):
+            ...     print(choice.action, choice.successors)
+            stake1 {(money=1): 0.6, (money=3): 0.4}
+            stake2 {(money=0): 0.6, (money=4): 0.4}
+        """
+        if state is not None and values:
+            raise TypeError("a state is given by one argument, or by the values of its variables")
+        return self.transitions.choices(self.states[values if state is None else state])
 
     @cached_property
     def labels(self) -> Named[States]:
@@ -206,6 +236,62 @@ class Model(CheckedModel):
         rows = self.transitions.matrix.doubles()
         shape = rows.rows, rows.columns
         return csr_array((rows.data, rows.indices, rows.indptr), shape, copy=True)
+
+    @property
+    def sccs(self) -> list[States]:
+        """The strongly connected components, in the order of their first states.
+
+        A state to which no path leads back is a component of its own, and is left out.
+
+        Raises UnsupportedError if there are more than ten million transitions.
+
+        Examples:
+            >>> import symcheck
+            >>> die = symcheck.load("models/die/die.pm")
+            >>> [component.numbers.tolist() for component in die.sccs]
+            [[1, 3], [2, 6], [7], [8], [9], [10], [11], [12]]
+        """
+        from symcheck.numerics.graph import nontrivial_sccs
+
+        engine, found = self.engine, nontrivial_sccs(self.transitions.matrix)
+        return self._components(
+            engine.from_bools(np.bincount(states, minlength=engine.states) > 0) for states in found
+        )
+
+    @property
+    def bsccs(self) -> list[States]:
+        """The bottom strongly connected components, which are never left, in the order of their
+        first states.
+
+        Examples:
+            >>> import symcheck
+            >>> die = symcheck.load("models/die/die.pm")
+            >>> len(die.bsccs), die.bsccs[0][0]
+            (6, (s=7, d=1))
+        """
+        return self._components(self.engine.graph.bsccs())
+
+    @property
+    def mecs(self) -> list[States]:
+        """The maximal end components of an MDP, in the order of their first states.
+
+        Raises:
+            UnsupportedError: the model is a chain.
+
+        Examples:
+            >>> import symcheck
+            >>> symcheck.load("models/gambler/stakes.nm").mecs
+            [<States: 1 of 9>, <States: 1 of 9>]
+        """
+        if not self.type.has_choices:
+            raise UnsupportedError(
+                "end components exist only in MDPs", hint="bsccs are the bottom ones of a chain"
+            )
+        return self._components(self.engine.graph.end_components(self.engine.all))
+
+    def _components(self, found: Iterable[StateSet]) -> list[States]:
+        ordered = sorted(found, key=lambda states: int(self.engine.numbers(states, 1)[0]))
+        return [States(self.engine, states) for states in ordered]
 
     def to_networkx(self) -> DiGraph:
         """The states and transitions as a graph (see `TransitionTable.to_networkx`)."""
@@ -285,11 +371,23 @@ class Model(CheckedModel):
             self._steps, steps, time=time, seed=seed, loop_check=loop_check, max_steps=max_steps
         )
 
-    def simulator(self, seed: int | None = None) -> Simulator:
-        """A path that grows step by step; the model is not built (see its class)."""
+    def simulator(self, seed: int | None = None, start: str | None = None) -> Simulator:
+        """A path that grows step by step; the model is not built (see its class).
+
+        Args:
+            seed: of the random numbers; None draws one.
+            start: the first state: the values of all variables, such as "x=2, lost=true", or a
+                condition that one reachable state satisfies, for which the model is built; None
+                for an initial state.
+
+        Raises:
+            InputError: the condition is faulty.
+            UsageError: no state or several satisfy it, or a value is outside of its range.
+        """
+        from symcheck.api.chosen_state import chosen_state
         from symcheck.simulate.stepper import Simulator
 
-        return Simulator(self._steps, seed)
+        return Simulator(self._steps, seed, None if start is None else chosen_state(self, start))
 
     @cached_property
     def _steps(self) -> CommandSuccessors:

@@ -54,15 +54,19 @@ class PropertyInstance:
     relevant: GivenConstants = field(default_factory=dict)
 
     @property
+    def name(self) -> str | None:
+        """The name of the property; None if it has none."""
+        return self.file.properties[self.index].name
+
+    @property
     def title(self) -> str:
         """The name of the property, or its text on one line."""
-        return self.file.properties[self.index].name or self.text
+        return self.name or self.text
 
     @property
     def full_title(self) -> str:
         """The text on one line, after the name if there is one."""
-        name = self.file.properties[self.index].name
-        return f'"{name}": {self.text}' if name else self.text
+        return f'"{self.name}": {self.text}' if self.name else self.text
 
     @property
     def text(self) -> str:

@@ -3,7 +3,7 @@
 By default, all initial states have the same probability.
 
 Sources: Stewart (1994), 'Introduction to the Numerical Solution of Markov Chains'; Baier & Katoen
-(2008), 10.1.2.
+(2008), 10.1.
 """
 
 from __future__ import annotations

@@ -101,14 +101,7 @@ class Progress:
         self.sampled = event
         if not self._is_due():
             return
-        accuracy = event.accuracy
-        if accuracy is None:
-            estimate = f"mean {event.mean:.6g}"
-        else:
-            half = max(accuracy.upper - event.mean, event.mean - accuracy.lower)
-            estimate = f"{event.mean:.6g} +/- {half:.1E}"
-        target = "" if event.target is None else f" of {event.target:,}"
-        self._text = f"{event.samples:,}{target} samples: {estimate}"
+        self._text = str(event)
         self._show(self._text)
 
     def _is_due(self) -> bool:

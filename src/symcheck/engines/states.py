@@ -216,6 +216,8 @@ class States(Tabular, Collection[State]):
                 raise _no_state(key, self.count)
             index = int(key) % self.count
             return next(self._listed(index, index + 1))
+        if isinstance(key, State) and key.engine is self.engine and key in self:
+            return key
         result = self._with(self.members & _one(self.engine, key))
         if not result:
             raise KeyError(f"the state {key} is not in this set")

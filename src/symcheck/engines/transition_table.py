@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,6 +14,7 @@ from symcheck.engines.capabilities import HasActions
 from symcheck.engines.states import State, States, refuse_many
 from symcheck.engines.transition_actions import transition_parts
 from symcheck.matrices.rows import Int64s, SparseMatrix
+from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.tables import SHOWN_ROWS, Columns, Table, Tabular, optional_package
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
     from networkx import DiGraph
 
-__all__ = ["Transition", "TransitionTable"]
+__all__ = ["Choice", "Transition", "TransitionTable"]
 
 
 class Transition(NamedTuple):
@@ -34,6 +35,22 @@ class Transition(NamedTuple):
     action: str | None
     target: State
     probability: float | Fraction
+
+
+class Choice(NamedTuple):
+    """A choice of a state: a row of the matrix.
+
+    Attributes:
+        action: None for none, and in a chain.
+        successors: the probability of each successor (its rate, if the choice takes time), a
+            Fraction in rational arithmetic.
+        takes_time: whether the choice is a race of rates: in a CTMC, and in a Markovian state of a
+            Markov automaton.
+    """
+
+    action: str | None
+    successors: Mapping[State, float | Fraction]
+    takes_time: bool
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -50,11 +67,15 @@ class TransitionTable(Tabular):
 
     engine: Engine = field(repr=False)
 
-    @cached_property
+    @property
     def matrix(self) -> SparseMatrix:
         """The matrix: a row per choice, which is a state in a chain."""
+        return self._kernel.weights
+
+    @cached_property
+    def _kernel(self) -> TransitionKernel[SparseMatrix]:
         refuse_many(self.engine.transitions, "transitions")
-        return self.engine.system(self.engine.all).weights
+        return self.engine.system(self.engine.all).row_kernel
 
     @property
     def choice(self) -> Int64s:
@@ -77,15 +98,36 @@ class TransitionTable(Tabular):
     @property
     def action(self) -> list[str | None]:
         """The action of each transition, None for none; those of a chain's are joined by commas."""
+        model = self.engine.model
+        if model.type.has_choices:
+            return [self._actions[row] for row in self.choice.tolist()]
+        parts = transition_parts(self.engine)
+        joined = [] if parts is None else parts.joined(model.actions, self.matrix.entries)
+        return [text or None for text in joined] or [None] * self.matrix.entries
+
+    @cached_property
+    def _actions(self) -> Sequence[str | None]:
+        """The action of each choice, None for none and in a chain."""
         model, known = self.engine.model, self.engine.capability(HasActions)
         if not model.type.has_choices:
-            parts = transition_parts(self.engine)
-            joined = [] if parts is None else parts.joined(model.actions, self.matrix.entries)
-            return [text or None for text in joined] or [None] * self.matrix.entries
+            return [None] * self.matrix.rows
         assert known is not None
         names = np.array([*model.actions, None, None])
-        actions: list[str | None] = names[known.row_actions()[self.choice]].tolist()
+        actions: list[str | None] = names[known.row_actions()].tolist()
         return actions
+
+    def choices(self, state: State) -> tuple[Choice, ...]:
+        """The choices of a state, in the order of the rows of the matrix."""
+        matrix, rates = self.matrix, self._kernel.exit_rates
+        n, groups, states = state.number, matrix.groups, States(self.engine, self.engine.all)
+        found = []
+        for row in range(n, n + 1) if groups is None else range(*groups[n : n + 2].tolist()):
+            part = slice(*matrix.indptr[row : row + 2].tolist())
+            targets = [states[t] for t in matrix.indices[part].tolist()]
+            successors = dict(zip(targets, matrix.data[part].tolist(), strict=True))
+            takes_time = rates is not None and bool(rates[row] > 0)
+            found.append(Choice(self._actions[row], successors, takes_time))
+        return tuple(found)
 
     def __len__(self) -> int:
         return self.engine.transitions

@@ -8,7 +8,7 @@ import numpy as np
 
 from symcheck.errors import UnsupportedError
 from symcheck.exchange.explicit_export import ExplicitExport
-from symcheck.matrices.rows import Int32s, Int64s
+from symcheck.matrices.rows import Int64s
 from symcheck.numerics import graph
 
 __all__ = ["KINDS", "components_file"]
@@ -39,7 +39,7 @@ def components_file(model: ExplicitExport, kind: str) -> Iterator[str]:
 def _components(model: ExplicitExport, kind: str) -> list[Int64s]:
     match kind:
         case "sccs":
-            return _inner(model)
+            return graph.nontrivial_sccs(model.matrix)
         case "bsccs":
             return [b.astype(np.int64) for b in graph.bsccs(model.matrix)]
         case "mecs":
@@ -48,23 +48,8 @@ def _components(model: ExplicitExport, kind: str) -> list[Int64s]:
                     "end components exist only in MDPs",
                     hint="-exportbsccs lists the bottom components of a chain",
                 )
-            return _grouped(
+            return graph.grouped(
                 graph.maximal_end_components(model.matrix, np.ones(model.n, np.bool_)).of
             )
         case _:
             raise AssertionError(f"no kind of components: {kind}")
-
-
-def _inner(model: ExplicitExport) -> list[Int64s]:
-    """Strongly connected components, without single states that have no self-loop."""
-    source = model.state_of_row[model.row_of_entry]
-    looping = np.zeros(model.n, np.bool_)
-    looping[source[source == model.matrix.indices]] = True
-    return [g for g in _grouped(graph.sccs(model.matrix).of) if len(g) > 1 or looping[g[0]]]
-
-
-def _grouped(of: Int32s) -> list[Int64s]:
-    """The states of each component, ascending; `of` is the component of each state, -1 for none."""
-    order = np.argsort(of, kind="stable")
-    order = order[of[order] >= 0]
-    return np.split(order, np.flatnonzero(np.diff(of[order])) + 1) if len(order) else []

@@ -174,8 +174,9 @@ def quotient(
 
     Args:
         model: a DTMC, a CTMC or an MDP.
-        properties: those that keep their values: the labels, rewards and variables that they read
-            are kept. A file, its name, or a text, as for `Model.check_all`.
+        properties: those that keep their values: the labels, the rewards, and all values of the
+            variables that they name are kept. A label in place of `x=3` leads to fewer blocks. A
+            file, its name, or a text, as for `Model.check_all`.
         constants: one value for each constant that the properties leave open.
         labels: names of labels to keep, "init" and "deadlock" among them; or a mapping from names
             to formulas, which are labels of the quotient.

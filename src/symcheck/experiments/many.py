@@ -10,13 +10,13 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple, Unpack, cast
 
-from symcheck.api.arguments import takes_options
+from symcheck.api.arguments import is_file, takes_options
 from symcheck.api.model import Model
 from symcheck.constant_values import GivenValues
 from symcheck.errors import SymcheckError, SyntaxFault, UsageError
 from symcheck.experiments.properties_input import PropertiesInput, read_properties
 from symcheck.experiments.rows import Row, error_text
-from symcheck.experiments.run import experiment, is_file
+from symcheck.experiments.run import experiment
 from symcheck.experiments.table import Experiment
 from symcheck.options import OptionValues, make_options
 from symcheck.parallel.dask import Cluster

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
 import pickle
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing
@@ -13,9 +11,9 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Unpack, cast
+from typing import Unpack
 
-from symcheck.api.arguments import takes_options
+from symcheck.api.arguments import is_file, properties_file, takes_options
 from symcheck.api.model import Model
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.constant_values import GivenValues, combinations, value_lists
@@ -30,12 +28,7 @@ from symcheck.parallel.deferral import deferred_signals
 from symcheck.parallel.workers import Lost, Workers
 from symcheck.semantics.binding.bind import needed_constants, split_constants
 from symcheck.syntax.declarations import PropertiesFile
-from symcheck.syntax.parse import (
-    parse_model,
-    parse_model_file,
-    parse_properties,
-    parse_properties_file,
-)
+from symcheck.syntax.parse import parse_model, parse_model_file
 from symcheck.syntax.printer import pretty
 from symcheck.version import __version__
 
@@ -44,8 +37,6 @@ __all__ = [
     "experiment",
     "experiment_description",
     "given_model",
-    "given_properties",
-    "is_file",
     "row_key",
 ]
 
@@ -123,7 +114,7 @@ def experiment(
     if jobs < 1:
         raise UsageError(f"jobs={jobs}: expected a number of processes from 1")
     whole = given_model(model, options)
-    file = given_properties(properties)
+    file = properties_file(properties)
     values = value_lists(constants)
     split = split_constants(whole.program, file, dict.fromkeys(values, ""))
     if split.warnings:
@@ -191,29 +182,6 @@ def given_model(model: Model | str | Path, options: OptionValues) -> Model:
         return replace(model, options=make_options(options, model.options), observer=None)
     program = parse_model_file(model) if is_file(model) else parse_model(str(model))
     return Model(program, {}, make_options(options))
-
-
-def given_properties(properties: PropertiesFile | str | Path) -> PropertiesFile:
-    """Parsed properties, a file, or a text. Raises SyntaxFault, UsageError."""
-    if isinstance(properties, PropertiesFile):
-        return properties
-    if not isinstance(cast(object, properties), str | Path):
-        raise UsageError(
-            f"properties are a text or a file, not {properties!r}",
-            hint='a text names several properties: "six": P=? [ F d=6 ]; "two": P=? [ F d=2 ]',
-        )
-    if is_file(properties):
-        return parse_properties_file(properties)
-    return parse_properties(str(properties))
-
-
-def is_file(text: str | Path) -> bool:
-    """Whether it is a file and no text: there is one, or it looks like the name of one."""
-    return (
-        isinstance(text, Path)
-        or os.path.isfile(text)
-        or re.fullmatch(r"[^\s\[\]()\"=<>?;]+\.[A-Za-z]\w*", text) is not None
-    )
 
 
 def _require_values(

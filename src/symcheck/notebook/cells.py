@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from html import escape
+from keyword import iskeyword
 from typing import overload
 
 from IPython.core.interactiveshell import InteractiveShell
@@ -15,7 +17,9 @@ from IPython.display import HTML, DisplayHandle, display
 
 from symcheck.api.model import Model
 from symcheck.api.progress import Reporter
+from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result, bounds_text, show_value
+from symcheck.check.results import position
 from symcheck.constant_values import constant_values
 from symcheck.errors import InputError, SymcheckError, UsageError
 from symcheck.experiments.run import experiment
@@ -56,35 +60,43 @@ def _shown_errors() -> Iterator[None]:
 
 
 class Results(Sequence[Result]):
-    """The results of the properties of a cell, in order. It draws itself as a table.
+    """The results of the properties of a cell, in order and by name. It draws itself as a table.
 
     faults: of the properties that have no result.
     """
 
     def __init__(
         self,
-        texts: Sequence[str],
+        checked: Sequence[PropertyInstance],
         results: Sequence[Result],
         warnings: Sequence[str] = (),
         faults: Sequence[InputError] = (),
     ) -> None:
-        self._texts, self._results = tuple(texts), tuple(results)
+        self._checked, self._results = tuple(checked), tuple(results)
         self._warnings, self.faults = tuple(warnings), tuple(faults)
 
     @overload
-    def __getitem__(self, index: int) -> Result: ...
+    def __getitem__(self, key: int | str) -> Result: ...
     @overload
-    def __getitem__(self, index: slice) -> tuple[Result, ...]: ...
-    def __getitem__(self, index: int | slice) -> Result | tuple[Result, ...]:
-        return self._results[index]
+    def __getitem__(self, key: slice) -> tuple[Result, ...]: ...
+    def __getitem__(self, key: int | str | slice) -> Result | tuple[Result, ...]:
+        if isinstance(key, slice):
+            return self._results[key]
+        return self._results[position([p.name for p in self._checked], key)]
 
     def __len__(self) -> int:
         return len(self._results)
 
     def _table(self) -> Table:
         rows = [
-            (text, show_value(r.value), str(r.accuracy), bounds_text(r), f"{r.seconds:.3g} s")
-            for text, r in zip(self._texts, self._results, strict=True)
+            (
+                p.full_title,
+                show_value(r.value),
+                str(r.accuracy),
+                bounds_text(r),
+                f"{r.seconds:.3g} s",
+            )
+            for p, r in zip(self._checked, self._results, strict=True)
         ]
         told = (note for r in self._results for note in (*r.warnings, *r.notes))
         notes = [*self._warnings, *told]
@@ -116,6 +128,7 @@ class Cells:
         asked = self._arguments["prism"].parse_argstring(line)
         text = "\n" + cell  # lines are counted as in the cell, whose first one is the magic
         with _shown_errors():
+            _check_variable(asked.name)
             program = parse_model(text, asked.name)
             options = make_options(_options(asked))
             model = Model(program, constant_values(asked.constants), options).checked()
@@ -140,6 +153,7 @@ class Cells:
             if not isinstance(model, Model):
                 raise UsageError(f"{asked.name} is no model", hint="%%prism NAME makes one")
             if asked.results:  # those of the run before are no results of this one
+                _check_variable(asked.results)
                 self._shell.user_ns.pop(asked.results, None)
             found = _checked(model, asked, "\n" + cell)
         faults = found.faults if isinstance(found, Results) else ()
@@ -150,6 +164,15 @@ class Cells:
                 display(found)
             raise _CellError("\n".join(dict.fromkeys(map(str, faults))))
         return found
+
+
+def _check_variable(name: str) -> None:
+    """Raise UsageError if Python cannot read a variable of this name."""
+    if not name.isidentifier() or iskeyword(name):
+        why = "a word of Python" if iskeyword(name) else "no name in Python"
+        plain = re.sub(r"\W", "_", name)
+        better = f"{plain}_" if iskeyword(plain) else f"_{plain}" if plain[:1].isdigit() else plain
+        raise UsageError(f"'{name}' is {why}", hint=f"choose another name, such as {better}")
 
 
 def _arguments(name: str) -> MagicArgumentParser:
@@ -192,7 +215,7 @@ def _one_by_one(
     if split.of_model:
         model = model.with_constants({**model.given_constants, **split.of_model})
     values = {n: (v,) for n, v in split.of_properties.items()}
-    texts: list[str] = []
+    checked: list[PropertyInstance] = []
     results: list[Result] = []
     faults: list[InputError] = []
     try:
@@ -202,7 +225,7 @@ def _one_by_one(
             reporter.say(f"{number} of {len(instances)}: {instance.full_title}")
             try:
                 results.append(prepared.check(instance, reporter.iteration))
-                texts.append(instance.full_title)
+                checked.append(instance)
             except InputError as error:
                 faults.append(_with_hint(asked.name, error))
         built = prepared.model
@@ -210,10 +233,10 @@ def _one_by_one(
         of_text = model.warnings if split.of_model else []  # else %%prism has told them
         warnings = [d.message for d in (*of_text, *of_states)]
         told = [*(d.message for d in split.warnings), *warnings]
-        return Results(texts, results, told, faults)
+        return Results(checked, results, told, faults)
     except (SymcheckError, KeyboardInterrupt) as error:
         if results:
-            display(Results(texts, results))  # what is finished is kept
+            display(Results(checked, results))  # what is finished is kept
         if isinstance(error, InputError):
             raise _with_hint(asked.name, error) from None
         if isinstance(error, SymcheckError):

@@ -18,11 +18,12 @@ from ipywidgets import (  # type: ignore[import-untyped]
     VBox,
 )
 
+from symcheck.api.arguments import properties_file
 from symcheck.api.model import Model
 from symcheck.constant_values import typed_value, value_lists
 from symcheck.errors import Interrupted, SymcheckError, UsageError
 from symcheck.experiments.rows import constant_text
-from symcheck.experiments.run import Progress, experiment, given_model, given_properties
+from symcheck.experiments.run import Progress, experiment, given_model
 from symcheck.experiments.table import Experiment
 from symcheck.options import OptionValues
 from symcheck.semantics.diagnostics import suggest
@@ -202,7 +203,7 @@ def sliders(
     given = given_model(model, options or {})
     if given.options.time_limit is None:
         given = given.with_options(time_limit=_PATIENCE)
-    return Sliders(given, given_properties(properties), constants, across, graph=graph)
+    return Sliders(given, properties_file(properties), constants, across, graph=graph)
 
 
 def _slider(model: Model, properties: PropertiesFile, name: str, given: Range) -> SelectionSlider:

@@ -31,7 +31,9 @@ __all__ = [
     "bsccs",
     "exit_policy",
     "forward_reachable",
+    "grouped",
     "maximal_end_components",
+    "nontrivial_sccs",
     "prob0",
     "prob1",
     "prob1e_strategy",
@@ -197,6 +199,22 @@ def sccs(source: Source, within: Bools | None = None) -> Components:
             graph.edges, graph.matrix.indices, None if within is None else _mask(within)
         )
     )
+
+
+def grouped(of: Int32s) -> list[Int64s]:
+    """The states of each component, ascending; `of` is the component of each state, -1 for none."""
+    order = np.argsort(of, kind="stable")
+    order = order[of[order] >= 0]
+    return np.split(order, np.flatnonzero(np.diff(of[order])) + 1) if len(order) else []
+
+
+def nontrivial_sccs(source: Source) -> list[Int64s]:
+    """Strong components with an edge inside, as ascending arrays of states."""
+    graph = _incidence(source)
+    matrix, looping = graph.matrix, np.zeros(graph.matrix.states, np.bool_)
+    owners = np.repeat(graph.owner_of_rows, matrix.lengths)
+    looping[owners[owners == matrix.indices]] = True
+    return [g for g in grouped(sccs(graph).of) if len(g) > 1 or looping[g[0]]]
 
 
 def bsccs(source: Source, within: Bools | None = None) -> list[Int32s]:

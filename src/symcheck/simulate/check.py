@@ -66,6 +66,16 @@ class SampledSoFar:
         interval = self._interval()
         return None if interval is None else _accuracy(interval)
 
+    def __str__(self) -> str:
+        accuracy = self.accuracy
+        if accuracy is None:
+            estimate = f"mean {self.mean:.6g}"
+        else:
+            half = max(accuracy.upper - self.mean, self.mean - accuracy.lower)
+            estimate = f"{self.mean:.6g} +/- {half:.1E}"
+        target = "" if self.target is None else f" of {self.target:,}"
+        return f"{self.samples:,}{target} samples: {estimate}"
+
 
 SamplesObserver = Callable[[SampledSoFar], None]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
+from math import inf
 from numbers import Integral
 from typing import TYPE_CHECKING, cast
 
@@ -30,6 +31,7 @@ class Simulator:
     Args:
         steps: the steps of the model.
         seed: of the random numbers; None draws one.
+        start: the first state; None for an initial one.
 
     Attributes:
         seed: of the random numbers.
@@ -44,11 +46,13 @@ class Simulator:
         ['go', 'back']
     """
 
-    def __init__(self, steps: CommandSuccessors, seed: int | None = None) -> None:
+    def __init__(
+        self, steps: CommandSuccessors, seed: int | None = None, start: State | None = None
+    ) -> None:
         self.seed = used_seed(seed)
         self._steps = steps
         self._generator = np.random.default_rng(self.seed)
-        self._path: list[PathStep] = [steps.start(self._generator)]
+        self._path: list[PathStep] = [steps.start(self._generator, start)]
         self._known: dict[int, tuple[Choice, ...]] = {}
 
     # ------------------------------------------------------------------------ the current state
@@ -139,14 +143,19 @@ class Simulator:
         self._path.append(self._steps.take(self._path[-1], enabled, self._generator, moves))
 
     def run(
-        self, steps: int, strategy: StepStrategy | Strategy | None = None
+        self,
+        steps: int,
+        strategy: StepStrategy | Strategy | None = None,
+        *,
+        time: float = inf,
     ) -> Mapping[str, bool | int]:
-        """Take several steps, fewer if a deadlock is reached.
+        """Take several steps, fewer if a deadlock or the time is reached.
 
         Args:
             steps: the number of steps.
             strategy: the strategy of a result; or a function that gives the number or action of the
                 next choice; None: choices at random.
+            time: end in the first state that is entered at this time of the path, or later.
 
         Returns:
             The last state.
@@ -159,7 +168,7 @@ class Simulator:
         _require_whole(steps)
         chosen = self._following(strategy) if isinstance(strategy, Strategy) else strategy
         for _ in range(steps):
-            if not self.choices:
+            if self._path[-1].time >= time or not self.choices:
                 break
             self.step(None if chosen is None else chosen(self))
         return self.state
@@ -208,11 +217,14 @@ class Simulator:
 
         return choose
 
-    def back(self) -> Mapping[str, bool | int]:
-        """Take the last step back. Raises UsageError in the first state."""
+    def back(self, steps: int = 1) -> Mapping[str, bool | int]:
+        """Take the last steps back. Raises UsageError if there are not so many."""
+        _require_whole(steps)
         if len(self._path) == 1:
             raise UsageError("this is the first state: there is no step to take back")
-        self._path.pop()
+        if steps >= len(self._path):
+            raise UsageError(f"there are {len(self._path) - 1} steps to take back, not {steps}")
+        del self._path[len(self._path) - steps :]
         return self.state
 
     def restart(self) -> Mapping[str, bool | int]:

@@ -98,10 +98,11 @@ class CommandSuccessors:
         """Whether a state has a label of the model."""
         return bool(evaluate(self.model.labels[name], valuation(self.model, state)))
 
-    def start(self, generator: np.random.Generator) -> PathStep:
-        """The first step of a path; several initial states are equally likely."""
-        initial = self.initial()
-        state = initial[int(generator.integers(len(initial)))] if len(initial) > 1 else initial[0]
+    def start(self, generator: np.random.Generator, state: State | None = None) -> PathStep:
+        """The first step of a path: a state, or None for an initial one, all equally likely."""
+        if state is None:
+            initial = self.initial()
+            state = initial[int(generator.integers(len(initial))) if len(initial) > 1 else 0]
         return PathStep(state, 0.0, self.rewards(state))
 
     def take(

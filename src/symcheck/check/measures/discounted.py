@@ -4,7 +4,7 @@ The total discounted reward is the only solution of x = opt(r + discount P x), a
 rows are available, its equations are solved as other linear problems; otherwise values are
 iterated, and the bounds of MacQueen end the iteration.
 
-Sources: Puterman (1994), Markov Decision Processes, section 6.3 and theorem 6.6.3 (the bounds).
+Sources: Puterman (1994), Markov Decision Processes, chapter 6 (also for the bounds).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Long-run averages of Markov chains: averages of bottom components and reachability of these.
 
-Source: Baier & Katoen (2008), 10.1.2; Baier, Haverkort, Hermanns & Katoen (2003).
+Source: Baier & Katoen (2008), 10.1.2 and 10.5.2; Baier, Haverkort, Hermanns & Katoen (2003).
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 A run of the product of the model and an automaton satisfies the formula if it stays in a bottom
 component (Markov chains) or an end component (MDPs) that the automaton accepts.
 
-Sources: Baier & Katoen (2008), 10.3 and 10.6.4; de Alfaro (1997); Baier (1998), chapter 9.
+Sources: Baier & Katoen (2008), 10.3 and 10.6.4; de Alfaro (1997); Baier (1998).
 """
 
 from __future__ import annotations

@@ -6,10 +6,10 @@ surely from each. For *any* vector h,
     min over s of (T h - h)(s)  <=  best average  <=  max over s of (T h - h)(s),
     where T h = max over rows of (r + P h)
 
-(Odoni 1969; Puterman 1994, 8.5 and 9.5), so h may be any approximation: here, it comes from value
-iteration on the aperiodic variant of the process, or from policy iteration where that is slow.
-Under every strategy, a run stays in some end component from some time on, almost surely. So the
-value of a state is the optimal expected gain of the end component that is reached (Chatterjee &
+(Odoni 1969; Puterman 1994, chapters 8 and 9), so h may be any approximation: here, it comes from
+value iteration on the aperiodic variant of the process, or from policy iteration where that is
+slow. Under every strategy, a run stays in some end component from some time on, almost surely. So
+the value of a state is the optimal expected gain of the end component that is reached (Chatterjee &
 Henzinger 2011; Ashok, Chatterjee, Daca, Kretinsky & Meggendorfer 2017).
 """
 
