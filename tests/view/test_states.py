@@ -14,8 +14,8 @@ from symcheck.errors import UnsupportedError, UsageError
 from symcheck.explicit.model import ExplicitModel
 from symcheck.options import Options
 from symcheck.syntax.parse import parse_expression
-from symcheck.view.picture import WINDOW, Picture
-from symcheck.view.states import neighbourhood
+from symcheck.view.picture import WINDOW, Picture, Room
+from symcheck.view.states import neighbourhood, paths_graph, strategy_graph
 
 MDP = """mdp
 module m
@@ -237,3 +237,34 @@ def test_the_states_near_others_are_as_many_as_fit_a_window(name: str, around: s
     assert height <= WINDOW.height + 40  # and the legend
     dots = [n.name for n in picture.nodes if n.label == "…"]
     assert len(dots) == len(set(dots)) <= len(states)  # one for the choices of a state
+
+
+def test_the_likeliest_paths_are_drawn_that_can_be_read() -> None:
+    text = "dtmc module m x:[0..40]; [] x<40 -> 0.4:(x'=x+1) + 0.6:(x'=max(0,x-1)); endmodule"
+    model = symcheck.loads(text, engine="explicit")
+    found = model.check("P<0.9 [ F x=4 ]").counterexample(200)
+    picture, count = paths_graph(model, found)
+    states = {n.name for n in picture.nodes}
+    assert count == 200
+    assert states == {f"s{x}" for x in range(5)}  # of the other states, nothing tells
+    assert {e.source for e in picture.edges if e.emphasis != "path"} <= {"s4"}  # where they end
+    steep = model.check("P<0.9 [ F x=9 ]").counterexample(200)
+    small, fewer = paths_graph(model, steep, room=Room(100, 100))
+    assert 1 <= fewer <= 200
+    assert {f"s{x}" for x in range(10)} == {n.name for n in small.nodes}  # the first one is whole
+
+
+def test_a_path_with_too_many_states_is_refused() -> None:
+    text = "dtmc module m x:[0..300]; [] x<300 -> (x'=x+1); endmodule"
+    model = symcheck.loads(text, engine="explicit")
+    with pytest.raises(UnsupportedError):
+        paths_graph(model, model.check("P<1 [ F x=300 ]").counterexample())
+
+
+def test_a_large_strategy_is_drawn_near_its_initial_states() -> None:
+    model = symcheck.load(MODELS / "dining/dining.nm", strategy=True, engine="explicit")
+    strategy = model.check('R{"acts"}min=? [ F "eating" ]').strategy
+    picture, count = strategy_graph(strategy)
+    assert 6 <= count <= 24 < model.engine.states
+    assert sum(n.name.startswith("s") for n in picture.nodes) == count
+    assert {e.emphasis for e in picture.edges} >= {"chosen"}

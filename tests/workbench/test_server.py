@@ -197,10 +197,37 @@ def test_line_ends_and_the_mode_of_a_file_stay(folder: Path) -> None:
 def test_only_models_and_properties_of_the_folder_are_files(
     user: Client, folder: Path, name: str
 ) -> None:
-    for question in ("read", "write"):
-        answer = ask(user, question, name=name, text="x", version="")
+    for question in ("read", "write", "rename", "delete"):
+        answer = ask(user, question, name=name, text="x", version="", new="new.pm")
         assert "is no name of a model" in answer["error"]["message"]
+    answer = ask(user, "rename", name="walk.nm", new=name)
+    assert "is no name of a model" in answer["error"]["message"]
+    assert (folder / "walk.nm").exists()
     assert not (folder.parent / "x.pm").exists()
+
+
+def test_a_file_is_renamed_to_a_free_name_only(user: Client, folder: Path) -> None:
+    assert ask(user, "rename", name="walk.nm", new="new.nm") == {}
+    assert (folder / "new.nm").read_text() == MODEL
+    taken = ask(user, "rename", name="new.nm", new="grid.pm")["error"]["message"]
+    assert "'grid.pm' exists already" in taken
+    assert (folder / "grid.pm").read_text() == GRID
+    gone = ask(user, "rename", name="walk.nm", new="third.nm")["error"]["message"]
+    assert "there is no file 'walk.nm'" in gone
+    assert not (folder / "third.nm").exists()
+
+
+def test_only_the_version_that_was_seen_is_deleted(user: Client, folder: Path) -> None:
+    file = ask(user, "read", name="walk.nm")
+    (folder / "walk.nm").write_text("theirs")
+    assert ask(user, "delete", name="walk.nm", version=file["version"])["error"]["newer"]
+    version = ask(user, "read", name="walk.nm")["version"]
+    assert ask(user, "delete", name="walk.nm", version=version) == {}
+    assert not (folder / "walk.nm").exists()
+    (folder / "folder.nm").mkdir()
+    answer = ask(user, "delete", name="folder.nm", version="")
+    assert "there is no file 'folder.nm'" in answer["error"]["message"]
+    (folder / "folder.nm").rmdir()
 
 
 def test_a_file_that_is_no_text_stays(user: Client, folder: Path) -> None:
@@ -213,7 +240,13 @@ def test_a_file_that_is_no_text_stays(user: Client, folder: Path) -> None:
 @pytest.mark.parametrize(
     "body", ["", "[]", "{", "null", '{"name": 1}', '{"names": 3}', '{"at": {}}']
 )
-@pytest.mark.parametrize("name", ["read", "write", "versions", "analysis", "hover", "completions"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("read", "write", "rename", "delete", "versions"),
+        *("analysis", "hover", "completions", "formatted"),
+    ],
+)
 def test_a_wrong_question_is_answered(user: Client, folder: Path, name: str, body: str) -> None:
     answer = user.post(f"/api/{name}", content=body, headers=user.own)
     assert "error" in answer.json()
@@ -233,10 +266,26 @@ def test_faults_are_placed_in_the_units_of_browsers(user: Client) -> None:
     assert [p["text"] for p in found["list"]] == ['Pmin=? [ F "done" ]', 'P>=0.9 [ F "done" ]']
 
 
+def test_fixes_are_placed_in_the_units_of_browsers(user: Client) -> None:
+    text = MODEL + '// 𝒳 ü\nlabel "q" = los;'
+    (fault,) = ask(user, "analysis", **{**TEXTS, "model": text})["model"]["faults"]
+    (fix,) = fault["fixes"]
+    units = text.encode("utf-16-le")
+    assert units[2 * fix["from"] : 2 * fix["to"]].decode("utf-16-le") == "los"
+    assert (fix["title"], fix["text"]) == ("Change to 'lost'", "lost")
+
+
+def test_an_empty_model_has_no_faults(user: Client) -> None:
+    found = ask(user, "analysis", **{**TEXTS, "model": " \n"})
+    assert found["model"]["faults"] == []
+    assert "a model" in run(user, do="build", model="")[-1]["error"]["message"]
+
+
 def test_help_and_completions(user: Client) -> None:
     at = PROPERTIES.index("done") + 1
     assert 'label "done"' in ask(user, "hover", **TEXTS, part="properties", at=at)["text"]
-    items = ask(user, "completions", **TEXTS, part="model", at=len(MODEL))["items"]
+    at = MODEL.index("!lost") + 1
+    items = ask(user, "completions", **TEXTS, part="model", at=at)["items"]
     assert {"label": "lost", "type": "variable"}.items() <= next(
         i.items() for i in items if i["label"] == "lost"
     )
@@ -263,6 +312,41 @@ def test_options_are_those_of_the_library(user: Client) -> None:
     some = {"symmetry": "true", "threads": "1", "order": "sift", "time_limit": "10"}
     assert float(run(user, **asked, options=some)[-1]["result"]["value"]) == pytest.approx(9 / 16)
     assert "no option" in run(user, **asked, options={"ltl2da": "rm"})[-1]["error"]["message"]
+
+
+def test_an_estimate_has_the_confidence_that_was_asked_for(user: Client) -> None:
+    asked = {"do": "estimate", "property": 'Pmin=? [ F "done" ]'}
+    plan = {"samples": "500", "error": "0.1", "seed": "3", "method": "aci"}
+    found = run(user, **asked, sampling=plan)[-1]["result"]
+    assert "with probability about 0.9, 500 samples" in found["accuracy"]
+    assert (found["sampled"], found["explains"]) == (True, False)
+    assert found == {
+        **run(user, **asked, sampling=plan)[-1]["result"],
+        "seconds": found["seconds"],
+    }
+    for plan, message in (
+        ({"method": "best"}, "method: 'best' is none of ci, aci, apmc, sprt"),
+        ({"width": "-1"}, "width: '-1' is not a positive number"),
+        ({"error": "2"}, "error: '2' is not a number between 0 and 1"),
+        ({"samples": "0"}, "expected a whole number from 1"),
+        ({"paths": "1"}, "there is no setting 'paths'"),
+    ):
+        assert message in run(user, **asked, sampling=plan)[-1]["error"]["message"]
+
+
+def test_an_mdp_has_no_distribution(user: Client) -> None:
+    error = run(user, do="distribution", time="")[-1]["error"]["message"]
+    assert "an MDP has no steady-state distribution" in error
+
+
+def test_a_distribution_in_rational_arithmetic_has_fractions(user: Client) -> None:
+    asked = {"model": "dtmc module m x:[0..2]; [] x=0 -> 1/3:(x'=1)+2/3:(x'=2); endmodule"}
+    asked |= {"properties": "", "constants": {}, "options": {"engine": "exact"}}
+    found = run(user, do="distribution", time="1", **asked)[-1]["result"]
+    assert found["rows"] == [["2", "2/3"], ["1", "1/3"]]
+    assert "exact" in found["about"]
+    text = run(user, do="distribution", time="1", all=True, **asked)[-1]["result"]["csv"]
+    assert text.splitlines()[0] == "state,x,probability"
 
 
 def test_an_error_of_a_job_has_its_place(user: Client) -> None:

@@ -19,6 +19,9 @@ export function option(value, text = value) {
   return make("option", { value }, text);
 }
 
+/** The whole number that a text is; otherwise 1. */
+export const whole = (text) => (/^\d+$/.test(text) ? Number(text) : 1);
+
 /** Save a text or a blob as a file of the browser. */
 export function save(name, content, type = "text/plain") {
   const blob = content instanceof Blob ? content : new Blob([content], { type });

@@ -1,14 +1,15 @@
 // The editor of one text. Faults, colours, help and completions come from the server.
 import { autocompletion, closeBrackets, closeBracketsKeymap, completionKeymap } from "@codemirror/autocomplete";
-import { defaultKeymap, history, historyKeymap } from "@codemirror/commands";
+import { defaultKeymap, history, historyKeymap, isolateHistory } from "@codemirror/commands";
 import { bracketMatching, indentUnit } from "@codemirror/language";
 import { lintGutter, lintKeymap, setDiagnostics } from "@codemirror/lint";
 import { highlightSelectionMatches, searchKeymap } from "@codemirror/search";
 import { EditorState, StateEffect, StateField } from "@codemirror/state";
 import {
-  Decoration, EditorView, drawSelection, highlightActiveLine, highlightSpecialChars, hoverTooltip, keymap, lineNumbers,
+  Decoration, EditorView, drawSelection, highlightActiveLine, highlightSpecialChars, hoverTooltip, keymap, lineNumbers, placeholder,
 } from "@codemirror/view";
 import { make } from "./dom.js";
+import { indentation } from "./indent.js";
 
 const setColours = StateEffect.define();
 const colours = StateField.define({
@@ -21,8 +22,6 @@ const colours = StateField.define({
   provide: (field) => EditorView.decorations.from(field),
 });
 
-const FIRST = { variable: 4, constant: 3, formula: 3, operator: 2, function: 1 }; // of the words that may stand here
-
 /** The little Markdown that the help is written in. */
 function markdown(text) {
   const box = make("div", { class: "help" });
@@ -34,17 +33,19 @@ function markdown(text) {
 }
 
 export class Editor {
-  /** hooks: changed(), save(), hover(at), completions(at) */
-  constructor(parent, label, hooks) {
+  /** beginning: what an empty text may become; hooks: changed(), save(), check(), format(), hover(at), completions(at) */
+  constructor(parent, label, beginning, hooks) {
     this.hooks = hooks;
     this.extensions = [
       lineNumbers(), highlightSpecialChars(), history(), drawSelection(), bracketMatching(), closeBrackets(),
-      highlightActiveLine(), highlightSelectionMatches(), lintGutter(), colours, indentUnit.of("  "),
+      highlightActiveLine(), highlightSelectionMatches(), lintGutter(), colours, indentUnit.of("  "), indentation, placeholder(() => make("pre", {}, beginning)),
       EditorView.contentAttributes.of({ "aria-label": label, spellcheck: "false" }),
       autocompletion({ icons: false, override: [(context) => this.complete(context)] }),
       hoverTooltip((view, at) => this.help(at)),
       keymap.of([
         { key: "Mod-s", run: () => (hooks.save(), true), preventDefault: true },
+        { key: "Mod-Enter", run: () => (hooks.check(), true) },
+        { key: "Shift-Alt-f", run: () => (hooks.format(), true) },
         ...closeBracketsKeymap, ...completionKeymap, ...lintKeymap, ...searchKeymap, ...historyKeymap, ...defaultKeymap,
       ]),
       EditorView.updateListener.of((update) => update.docChanged && hooks.changed()),
@@ -71,9 +72,28 @@ export class Editor {
     this.view.dispatch({ changes: { from: 0, to: this.view.state.doc.length, insert: text }, selection: { anchor: at } });
   }
 
+  /** The same text with other indentation: the cursor stays at its word. One step of the history. */
+  format(text) {
+    const { doc, selection } = this.view.state;
+    if (text === doc.toString()) return;
+    const line = doc.lineAt(selection.main.head), word = (s) => s.search(/\S|$/);
+    const lines = text.split("\n"), number = Math.min(line.number, lines.length) - 1;
+    const column = Math.max(0, word(lines[number]) + selection.main.head - line.from - word(line.text));
+    const anchor = lines.slice(0, number).reduce((sum, l) => sum + l.length + 1, 0) + Math.min(column, lines[number].length);
+    this.view.dispatch({ changes: { from: 0, to: doc.length, insert: text }, selection: { anchor }, scrollIntoView: true, annotations: isolateHistory.of("full") });
+  }
+
+  /** The place of the cursor, and where its line begins and ends. */
+  get cursor() {
+    const { doc, selection } = this.view.state, line = doc.lineAt(selection.main.head);
+    return { at: selection.main.head, from: line.from, to: line.to };
+  }
+
   show(faults, marks) {
     const most = this.view.state.doc.length;
-    const inside = faults.filter((f) => f.from <= most).map((f) => ({ ...f, to: Math.min(f.to, most) }));
+    const action = (fault) => ({ title, from, to, text }) => ({ name: title, apply: (view, at) => // the text before may have changed
+      view.dispatch({ changes: { from: at + from - fault.from, to: at + to - fault.from, insert: text }, userEvent: "input" }) });
+    const inside = faults.filter((f) => f.from <= most).map((f) => ({ ...f, to: Math.min(f.to, most), actions: f.fixes.map(action(f)) }));
     this.view.dispatch(setDiagnostics(this.view.state, inside));
     if (!marks) return;
     const ranges = marks.filter(([from, to]) => from < to && to <= most).map(([from, to, kind]) => Decoration.mark({ class: `k-${kind}` }).range(from, to));
@@ -95,6 +115,7 @@ export class Editor {
     const before = context.state.sliceDoc(Math.max(0, word.from - 1), word.from);
     if (!context.explicit && word.from === word.to && !'["{'.includes(before || " ")) return null;
     const items = await this.hooks.completions(context.pos);
-    return { from: word.from, options: items.map((i) => ({ ...i, boost: FIRST[i.type] ?? 0 })), validFor: /^\w*$/ };
+    // the likeliest come first
+    return { from: word.from, options: items.map((item, i) => ({ ...item, boost: Math.max(-99, 99 - i) })), validFor: /^\w*$/ };
   }
 }

@@ -1,8 +1,11 @@
 // The workbench: two texts, and what is computed from them.
-import { at, button, csv, make, option, save, tabs } from "./dom.js";
+import { distributions } from "./distribution.js";
+import { at, button, csv, make, option, save, tabs, whole } from "./dom.js";
 import { Editor } from "./editor.js";
-import { Chart } from "./plot.js";
+import { experiments } from "./experiment.js";
+import { optionFields } from "./options.js";
 import { ask, run } from "./server.js";
+import { simulator } from "./simulator.js";
 
 const PARTS = ["model", "properties"];
 const project = ask("project");
@@ -11,7 +14,7 @@ const values = {}; // of constants, as texts
 const ranges = {};
 const options = {};
 const results = new Map(); // by the text of a property
-let list = [], constants = [], ofModel = [], known = {}, seenFaults = [];
+let list = [], constants = [], ofModel = [], timed = false, known = {}, seenFaults = [];
 
 // ------------------------------------------------------------------------------------------- log
 
@@ -26,15 +29,20 @@ function tell(text, bad = false) {
   at("state").classList.toggle("bad", bad);
 }
 
-/** Tell that something went wrong: below the tabs in full, unless it stands elsewhere already. */
-function fail(error, what, isShown = false) {
+/** Tell that something went wrong: below the tabs in full, unless it stands elsewhere already.
+ * of: the texts and values that it is about. */
+function fail(error, what, isShown = false, of = "") {
   if (error.name === "AbortError") return log(`${what}: cancelled`);
   log(`${what}: ${error.message}`, "bad");
-  if (!isShown) trouble(what, error.message);
-  if (error.faults) for (const part of PARTS) if (error.faults[part].length) editors[part].show(error.faults[part]);
+  if (!isShown) trouble(what, error.message, of);
+  const isOld = of && of !== JSON.stringify(job());
+  if (error.faults && !isOld) for (const part of PARTS) if (error.faults[part].length) editors[part].show(error.faults[part]);
 }
 
-function trouble(what = "", text = "") {
+let troubleOf = ""; // when this has changed, the message is gone
+
+function trouble(what = "", text = "", of = "") {
+  troubleOf = of;
   at("trouble").hidden = !text;
   if (text) at("trouble").replaceChildren(button("✕", () => trouble(), { "aria-label": "Close", title: "Close" }), make("strong", {}, `${what}: `), make("pre", {}, text));
 }
@@ -46,15 +54,23 @@ const texts = () => ({
   model_name: files.model.name || "model", properties_name: files.properties.name || "properties",
 });
 
-const editors = Object.fromEntries(PARTS.map((part) => [part, new Editor(at(part), part === "model" ? "Model" : "Properties", {
+const BEGINNINGS = {
+  model: "dtmc\n\nmodule coin\n  side : [0..2] init 0;\n  [] side=0 -> 0.5 : (side'=1) + 0.5 : (side'=2);\nendmodule\n",
+  properties: "// the probability that the coin shows 1\nP=? [ F side=1 ];\n",
+};
+
+const editors = Object.fromEntries(PARTS.map((part) => [part, new Editor(at(part), part === "model" ? "Model" : "Properties", `Write here, such as:\n\n${BEGINNINGS[part]}`, {
   changed: () => changed(part),
   save: saveAll,
+  check: () => (part === "model" ? checkAll() : checkHere()),
+  format: () => format(part),
   hover: async (place) => (await ask("hover", { ...texts(), part, at: place }).catch(() => ({}))).text,
   completions: async (place) => (await ask("completions", { ...texts(), part, at: place }).catch(() => ({ items: [] }))).items,
 })]));
 
 const draftKey = (part) => `draft ${part} ${known.folder}/${files[part].name}`;
-const isDirty = (part) => editors[part].text !== files[part].saved;
+const isChanged = (part) => editors[part].text !== files[part].saved;
+const isDirty = (part) => isChanged(part) || (files[part].name !== "" && !files[part].version); // or deleted
 
 function marks() {
   for (const part of PARTS) {
@@ -63,7 +79,15 @@ function marks() {
     at(`${part}-tab`).title = dirty ? "not saved" : "";
   }
   at("save").disabled = !PARTS.some(isDirty);
+  const { name } = files[shownPart()];
+  for (const id of ["rename", "delete"]) at(id).disabled = !name;
+  at("rename").title = name ? `Give ${name} another name` : "It has no file yet";
+  at("delete").title = name ? `Delete ${name}` : "It has no file yet";
+  at("save-as").title = `Save the ${shownPart()} under another name`;
+  at("format").title = `Indent the ${shownPart()} (Shift+Alt+F)`;
 }
+
+const shownPart = () => PARTS.find((part) => !at(part).hidden);
 
 function changed(part) {
   marks();
@@ -79,7 +103,7 @@ async function open(part, name) {
     files[part] = { name, version, saved: text };
     noConflict(part);
     if (part === "model") at("facts").replaceChildren(), warn([]);
-    const draft = JSON.parse(localStorage.getItem(draftKey(part)) ?? "null");
+    const kept = JSON.parse(localStorage.getItem(draftKey(part)) ?? "null"), draft = kept?.text === text ? null : kept;
     editors[part].open(draft ? draft.text : text);
     if (draft && draft.version !== version) {
       files[part].version = draft.version; // saving does not overwrite the newer file
@@ -107,34 +131,87 @@ async function openModel(name) {
   if (own && own !== files.properties.name && !isDirty("properties")) await open("properties", own);
 }
 
-async function saveAll() {
-  for (const part of PARTS.filter(isDirty)) {
-    const file = files[part], text = editors[part].text;
-    if (!file.name) {
-      const name = prompt(`A name for the ${part}:`, part === "model" ? "model.prism" : "model.props");
-      if (!name) continue;
-      localStorage.removeItem(draftKey(part));
-      file.name = name;
-    }
-    try {
-      const { version } = await ask("write", { name: file.name, text, version: file.version });
-      localStorage.removeItem(draftKey(part));
-      Object.assign(file, { version, saved: text });
-      log(`saved ${file.name}`);
-    } catch (error) {
-      fail(error, `saving ${file.name}`);
-      if (error.newer) await outside();
-      else if (!file.version) file.name = "";
-    }
-  }
+async function format(part) {
+  const { text } = editors[part], found = await ask("formatted", { text }).catch((error) => fail(error, "formatting"));
+  if (found && text === editors[part].text) editors[part].format(found.text);
+}
+
+const ENDING = { model: ".prism", properties: ".props" };
+
+/** A name that is asked for; "" if none is given. */
+function nameFor(part, question) {
+  const name = prompt(question, files[part].name || `model${ENDING[part]}`)?.trim() ?? "";
+  return !name || name.includes(".") ? name : name + ENDING[part];
+}
+
+let filing = 0, filed = 0; // what is being done with files, and what was begun
+
+/** Do something with the file of a text. The names that are shown are those afterwards. */
+async function withFile(part, what, does) {
+  const { name } = files[part];
+  let isNewer = false;
+  trouble();
+  filing++, filed++;
   try {
+    await does(part);
     known = await ask("project");
   } catch (error) {
-    return fail(error, "saving");
+    fail(error, `${what} ${name || `the ${part}`}`);
+    isNewer = error.newer;
   }
+  filing--;
+  if (isNewer) await outside();
   PARTS.forEach(choose);
   marks();
   address();
+}
+
+async function saveAll() {
+  for (const part of PARTS.filter(isDirty)) {
+    const { name, version } = files[part];
+    await withFile(part, "saving", name ? () => write(part, name, version) : saveAs);
+  }
+}
+
+async function write(part, name, version) {
+  const file = files[part], { text } = editors[part], found = await ask("write", { name, text, version });
+  log(`saved ${name}`);
+  became(part, file, { name, version: found.version, saved: text });
+}
+
+/** A text has another file now, unless it was another text meanwhile. */
+function became(part, before, file) {
+  if (files[part] !== before) return;
+  localStorage.removeItem(draftKey(part));
+  files[part] = file;
+  noConflict(part);
+  changed(part);
+  address();
+}
+
+async function saveAs(part) {
+  const name = nameFor(part, `A name for the ${part}:`);
+  if (!name) return;
+  const own = name === files[part].name, { version } = own ? files[part] : await ask("read", { name });
+  if (own || !version || confirm(`${name} exists. Replace it?`)) await write(part, name, version);
+}
+
+async function rename(part) {
+  const file = files[part], { name } = file, fresh = nameFor(part, `A new name for ${name}:`);
+  if (!fresh || fresh === name) return;
+  await ask("rename", { name, new: fresh });
+  log(`renamed ${name} to ${fresh}`);
+  became(part, file, { ...file, name: fresh });
+}
+
+async function remove(part) {
+  const file = files[part], { name, version } = file;
+  if (!confirm(`Delete ${name}?${isChanged(part) ? " Its changes that are not saved go with it." : ""}`)) return;
+  await ask("delete", { name, version });
+  log(`deleted ${name}`);
+  if (files[part] !== file) return;
+  localStorage.removeItem(draftKey(part));
+  await open(part, "");
 }
 
 const conflictOf = (part) => at("conflict").querySelector(`[data-part=${part}]`);
@@ -162,8 +239,10 @@ function noConflict(part) {
 
 /** Look for changes that others have made. */
 async function outside() {
-  const open = PARTS.filter((part) => files[part].name);
+  if (filing) return;
+  const open = PARTS.filter((part) => files[part].name), before = filed;
   const found = await ask("versions", { names: open.map((part) => files[part].name) });
+  if (filed !== before) return; // these are not the changes of others
   if (JSON.stringify(found.files) !== JSON.stringify(known.files)) {
     known.files = found.files;
     PARTS.forEach(choose);
@@ -174,10 +253,18 @@ async function outside() {
       noConflict(part);
       continue;
     }
+    if (!version) { // deleted: the text stays
+      file.version = "";
+      noConflict(part);
+      changed(part);
+      trouble(file.name, "it was deleted on disk; its text is still here, and Save writes it again");
+      continue;
+    }
     const { text } = await ask("read", { name: file.name });
     if (files[part] !== file || file.version === version) continue; // opened or settled meanwhile
     const same = text === editors[part].text;
-    if (!same && isDirty(part)) conflict(part, text, version);
+    if (!file.version) trouble(); // it is there again
+    if (!same && isChanged(part)) conflict(part, text, version);
     else {
       Object.assign(file, { version, saved: text });
       noConflict(part);
@@ -196,9 +283,10 @@ function choose(part) {
 
 // -------------------------------------------------------------------------------------- analysis
 
-let timer = null, analysed = 0, exploring = null;
+let timer = null, analysed = 0, exploring = null, listOf = null;
 
 function later() {
+  if (troubleOf && troubleOf !== JSON.stringify(job())) trouble();
   clearTimeout(timer);
   exploring?.abort();
   timer = setTimeout(analyse, 120);
@@ -217,13 +305,16 @@ async function analyse() {
   const faults = PARTS.flatMap((part) => found[part].faults.map((f) => ({ ...f, part })));
   seenFaults = found.model.faults;
   if (found.list) list = found.list;
-  constants = found.constants ?? constants; // the fields stay while a text is faulty
-  ofModel = found.of_model ?? ofModel;
+  listOf = now.properties;
+  timed = found.timed ?? timed;
+  const isEmpty = !now.model.trim();
+  constants = found.constants ?? (isEmpty ? [] : constants); // the fields stay while a text is faulty
+  ofModel = found.of_model ?? (isEmpty ? [] : ofModel);
   showConstants();
   showList();
   const errors = faults.filter((f) => f.severity === "error").length;
-  tell(faults.length ? `${faults[0].part}: ${faults[0].message}` : "", errors > 0);
-  if (!errors && now.model.trim() && ofModel.every((name) => values[name])) timer = setTimeout(explore, 500);
+  tell(faults.length ? `${faults[0].part}: ${faults[0].message}` : isEmpty ? "There is no model yet: write one, or choose a file above." : "", errors > 0);
+  if (!errors && !isEmpty && ofModel.every((name) => values[name])) timer = setTimeout(explore, 500);
 }
 
 /** Faults that only the states show. */
@@ -264,7 +355,7 @@ const lanes = {}; // a worker does one job at a time: the jobs that wait, and th
 function complete(needed) {
   const open = needed.find((name) => !values[name]);
   if (!open) return true;
-  trouble("constants", `${open} has no value: write one into its field`);
+  trouble("constants", `${open} has no value: write one into its field`, JSON.stringify(job()));
   showTool("check");
   at("constants").querySelector(`[name="${open}"]`)?.focus();
   return false;
@@ -300,12 +391,12 @@ async function next(lane) {
     doing.textContent = `${what}${step} (${((performance.now() - started) / 1000).toFixed(1)} s${more})`;
     todo.told?.(message);
   };
-  const asked = todo.asked();
+  const asked = todo.asked(), of = JSON.stringify(job());
   let found;
   try {
     found = await run(lane.worker, asked, { told, signal: lane.running.signal });
   } catch (error) {
-    fail(error, what, asked.do === "check");
+    fail(error, what, ["check", "estimate"].includes(asked.do), of);
     found = { error };
   }
   lane.running = null;
@@ -325,6 +416,7 @@ function cancel(lane) {
 // ----------------------------------------------------------------------------------------- check
 
 const nameOf = (p) => p.name || p.text;
+const CANCELLED = "cancelled";
 const keyOf = (p) => `${p.name}:${p.text}`;
 
 const shownIn = new WeakMap();
@@ -347,39 +439,61 @@ function showList() {
   forget();
   at("no-properties").hidden = list.length > 0;
   show(at("list"), [list, seen], () => list.map((p, number) => listed(p, number, seen[number])));
-  for (const id of ["experiment-property", "sim-property"]) {
-    const all = [...(id === "experiment-property" ? [["", "all"]] : []), ...list.map((p, i) => [i, nameOf(p)])];
-    const before = at(id).value;
-    show(at(id), all, () => all.map((one) => option(...one)));
-    if ([...at(id).options].some((o) => o.value === before)) at(id).value = before;
-  }
+  experiment.enable();
+  simulation.enable();
 }
 
 /** The item of a property: its text, and its result if it was checked. */
 function listed(p, number, { result, error, isOld }) {
+  const name = nameOf(p);
   const item = make("li", { class: isOld ? "old" : "" }, button(p.name ? `"${p.name}": ${p.text}` : p.text, () => { showText("properties"); editors.properties.go(p.at); }, { class: "link mono", title: "Go to the text" }), make("br"),
-    button("Check", () => check(number), { "aria-label": `Check ${nameOf(p)}` }));
+    button("Check", () => check(number), { "aria-label": `Check ${name}`, title: "Check it (Ctrl+Enter at its text)" }),
+    button("Estimate", () => check(number, "estimate"), { "aria-label": `Estimate ${name}`, title: "Estimate it from random paths" }));
   if (result) {
     const mark = result.holds === null ? "" : result.holds ? "✓ " : "✗ ";
     item.append(" ", make("span", { class: `value ${result.holds === null ? "" : result.holds ? "good" : "bad"}` }, mark + result.value),
-      make("span", { class: "of" }, [isOld ? "before the last changes" : "", result.accuracy, result.bounds, result.about, `${result.seconds.toFixed(3)} s`].filter(Boolean).join("; ")),
-      " ", result.holds === null ? "" : button("Why?", () => explain("explain", number), { title: "Counterexample or witness" }),
-      result.chooses ? button("Strategy", () => explain("strategy", number)) : "",
+      make("span", { class: "of" }, [isOld ? "before the last changes" : "", result.sampled ? `sampled: ${result.accuracy}` : result.accuracy, result.sampled ? "" : result.bounds, result.about, `${result.seconds.toFixed(3)} s`].filter(Boolean).join("; ")),
+      " ", result.explains ? button("Why?", () => explain("explain", number), { title: "Counterexample or witness" }) : "",
+      p.chooses && !result.sampled ? button("Strategy", () => explain("strategy", number)) : "",
       result.lines.length ? make("pre", {}, result.lines.join("\n")) : "");
-  } else if (error) item.append(" ", make("pre", { class: "of bad" }, error));
+  } else if (error === CANCELLED) item.append(" ", make("span", { class: "of" }, error));
+  else if (error && !isOld) item.append(" ", make("pre", { class: "of bad" }, error));
   return item;
 }
 
-async function check(number) {
+/** The list, which is that of the text after a moment. */
+async function currentList() {
+  if (listOf !== editors.properties.text) await analyse();
+  if (!list.length) trouble("check", "there is no property yet: write one", JSON.stringify(job()));
+  return list;
+}
+
+async function checkAll(how) {
+  showTool("check");
+  (await currentList()).forEach((_, number) => check(number, how));
+}
+
+/** Check the property at the cursor: the last one that begins before it, or in its line. */
+async function checkHere() {
+  showTool("check");
+  const now = await currentList(), { at, from, to } = editors.properties.cursor;
+  const number = Math.max(now.findLastIndex((p) => p.at <= at), now.findIndex((p) => from <= p.at && p.at <= to), 0);
+  if (now.length) check(number);
+}
+
+const sampling = () => Object.fromEntries([...at("sampling").querySelectorAll("input, select")].map((field) => [field.name, field.value.trim()]).filter(([, text]) => text));
+
+/** how: "check", or "estimate" from random paths. */
+async function check(number, how = "check") {
   const property = list[number];
   let of = "";
   const asked = () => {
     of = JSON.stringify(job());
-    return { do: "check", ...job(), property: property.text };
+    return { do: how, ...job(), property: property.text, sampling: sampling() };
   };
   const found = await queue("check", asked, nameOf(property), property.constants);
   if (found.incomplete) return;
-  results.set(keyOf(property), found.error ? { error: found.error.name === "AbortError" ? "cancelled" : found.error.message, of } : { result: found, of });
+  results.set(keyOf(property), found.error ? { error: found.error.name === "AbortError" ? CANCELLED : found.error.message, of } : { result: found, of });
   if (!found.error) warn(found.warnings);
   if (!found.error) log(`${nameOf(property)}: ${found.value} (${found.accuracy}), ${found.seconds.toFixed(3)} s`);
   showList();
@@ -392,9 +506,11 @@ function warn(warnings) {
 
 let factsOf = "";
 const stateOf = () => JSON.stringify([editors.model.text, values, options]);
+let forgetDistribution = () => {};
 
 /** Facts of another text or of other values are no longer those of the model. */
 function forget() {
+  forgetDistribution();
   if (factsOf && factsOf !== stateOf()) factsOf = "", at("facts").replaceChildren(), warn([]);
 }
 
@@ -413,92 +529,16 @@ async function build() {
 }
 
 async function explain(what, number) {
-  const found = await queue("check", () => ({ do: what, ...job(), property: list[number].text }), `${what === "explain" ? "explaining" : "strategy of"} ${nameOf(list[number])}`, list[number].constants);
+  const property = list[number];
+  const asked = () => {
+    const { result, of } = results.get(keyOf(property)) ?? {}; // the same digits as beside the button
+    const value = result && of === JSON.stringify(job()) ? `${result.value} (${result.accuracy})` : "";
+    return { do: what, ...job(), property: property.text, value, room: room(400) };
+  };
+  const found = await queue("check", asked, `${what === "explain" ? "explaining" : "strategy of"} ${nameOf(property)}`, property.constants);
   if (found.error) return;
   log(found.text);
   draw(found);
-}
-
-// ------------------------------------------------------------------------------------ experiment
-
-let series = [], rows = [];
-const chart = new Chart(at("experiment-chart"), "experiment");
-
-async function experiment() {
-  const property = list[at("experiment-property").value]?.text ?? null;
-  if (!at("keep").checked) series = [];
-  const mine = { rows: [], run: series.length + 1 };
-  series.push(mine);
-  const given = Object.fromEntries(constants.map((c) => [c.name, ranges[c.name] || values[c.name] || ""]));
-  const found = await enqueue("check", () => ({ do: "experiment", ...job(), constants: given, property }), "experiment", (message) => {
-    if (message.rows) mine.rows.push(...message.rows), plot();
-  });
-  if (found.error) return;
-  mine.csv = found.csv;
-  log(`experiment: ${mine.rows.length} results`);
-  plot();
-}
-
-function plot() {
-  rows = series.flatMap((s) => s.rows);
-  const names = [...new Set(rows.flatMap((r) => Object.keys(r.constants)))];
-  const varying = names.filter((n) => new Set(rows.map((r) => r.constants[n])).size > 1);
-  const before = at("axis").value;
-  at("axis").replaceChildren(...(varying.length ? varying : names).map((n) => option(n)));
-  if (varying.includes(before)) at("axis").value = before;
-  const x = at("axis").value;
-  const several = new Set(rows.map((r) => r.property)).size > 1;
-  const points = series.flatMap((s) => s.rows.filter((r) => r.numbers[0] !== null && x in r.constants).map((r) => ({
-    x: Number.isNaN(Number(r.constants[x])) ? r.constants[x] : Number(r.constants[x]), y: r.numbers[0], low: r.numbers[1], high: r.numbers[2],
-    series: [several || varying.length < 2 || series.length > 1 ? r.property : "", ...varying.filter((n) => n !== x).map((n) => `${n}=${r.constants[n]}`), series.length > 1 ? `run ${s.run}` : ""].filter(Boolean).join(", "),
-  })));
-  points.sort((a, b) => a.x - b.x);
-  const head = ["property", ...names, "value", "accuracy"];
-  chart.show(points, x, several ? "value" : rows[0]?.property ?? "", series.length === 1 ? series[0].csv : csv([head, ...rows.map((r) => [r.property, ...names.map((n) => r.constants[n] ?? ""), r.text, r.accuracy])]));
-  at("experiment-table").replaceChildren(make("tr", {}, ...head.map((h) => make("th", { class: h === "property" || h === "accuracy" ? "left" : "" }, h))),
-    ...rows.slice(-500).map((r) => make("tr", {}, make("td", { class: "left" }, r.property), ...names.map((n) => make("td", {}, r.constants[n] ?? "")), make("td", {}, r.text), make("td", { class: "left" }, r.accuracy))));
-}
-
-// ------------------------------------------------------------------------------------- simulator
-
-const SHOWN = 300;
-let path = [], sim = null, shownVariables = new Set();
-const pathChart = new Chart(at("sim-chart"), "path", { steps: true });
-
-async function move(asked, what) {
-  const found = await queue("simulate", () => ({ ...job(), ...asked }), what);
-  if (found.error) return;
-  path = path.slice(0, found.length - found.rows.length).concat(found.rows);
-  if (asked.do === "start") at("sim-seed").placeholder = found.seed, log(`new path, seed ${found.seed}`), (shownVariables = new Set(found.variables.slice(0, 3)));
-  sim = found;
-  showPath();
-}
-
-const step = (more) => move({ do: "move", ...more }, "simulator");
-const number = (text) => (/^\d+$/.test(text) ? Number(text) : 1);
-
-function showPath() {
-  const { variables, rewards, labels, totals, choices, length } = sim;
-  for (const id of ["sim-step", "sim-run", "sim-follow"]) at(id).disabled = !choices.length || (id === "sim-follow" && !list.length);
-  at("sim-back").disabled = at("sim-reset").disabled = length < 2;
-  const earned = Object.entries(totals).map(([n, x]) => `${n} so far ${Number(x.toPrecision(6))}`);
-  at("sim-state").replaceChildren(make("strong", {}, `Step ${length - 1}: `), [sim.state.replaceAll(" & ", ", "), labels.length ? `labels ${labels.join(", ")}` : "", ...earned, choices.length ? "" : "a deadlock"].filter(Boolean).join("; "));
-  show(at("sim-choices"), choices, () => choices.map((c, i) => make("li", {}, make("code", {}, `${c.module ? `${c.module}: ` : ""}${c.text}`),
-    ...c.branches.map(([weight, change], j) => button(`${weight}: ${change}`, () => step({ move: "step", choice: i, branch: j }))))));
-  const cells = ([transition, time, state, reward, earned], i) => [i, transition, Number(time.toPrecision(6)), ...state.map(String), ...reward, ...(earned.length ? earned : reward.map(() => ""))];
-  const head = ["step", "transition", "time", ...variables, ...rewards.map((r) => `${r} (state)`), ...rewards.map((r) => `${r} (transition)`)];
-  const from = Math.max(0, path.length - SHOWN);
-  at("sim-path").replaceChildren(make("tr", {}, ...head.map((h) => make("th", {}, h))), ...(from ? [make("tr", {}, make("td", { class: "left", colspan: head.length }, `${from} earlier steps are in the CSV file and in the plot`))] : []),
-    ...path.slice(from).map((row, i) => make("tr", { class: from + i === path.length - 1 ? "now" : "" }, ...cells(row, from + i).map((x) => make("td", {}, String(x))))));
-  at("sim-path").parentElement.scrollTop = 1e9;
-  const numbers = (row, name) => [...row[2], ...row[3]][[...variables, ...rewards].indexOf(name)];
-  at("sim-variables").replaceChildren(...[...variables, ...rewards].map((name) => make("label", {}, make("input", { type: "checkbox", checked: shownVariables.has(name), change: (e) => {
-    e.target.checked ? shownVariables.add(name) : shownVariables.delete(name);
-    showPath();
-  } }), ` ${name}`)));
-  const table = () => csv([head, ...path.map(cells)]);
-  at("sim-csv").onclick = () => save("path.csv", table(), "text/csv");
-  pathChart.show([...shownVariables].flatMap((name) => path.map((row) => ({ x: row[1], y: Number(numbers(row, name)), series: name }))), "time", "value");
 }
 
 // ----------------------------------------------------------------------------------------- graph
@@ -514,12 +554,18 @@ function draw({ text, page }) {
 }
 
 async function drawModel() {
-  const found = await queue("draw", () => ({ do: "page", ...job(), states: Math.max(1, number(at("draw-states").value)) }), "drawing");
+  const found = await queue("draw", () => ({ do: "page", ...job(), states: Math.max(1, whole(at("draw-states").value)) }), "drawing");
   if (!found.error) draw(found);
 }
 
+/** The pixels that the tab leaves for a picture below what is `above` high, in it and in the page. */
+function room(above) {
+  const { clientWidth, clientHeight } = at("tools");
+  return [clientWidth - 50, Math.max(270, Math.min(clientHeight, innerHeight) - above)];
+}
+
 async function drawNear(around) {
-  const found = await queue("draw", () => ({ do: "graph", ...job(), around }), "drawing");
+  const found = await queue("draw", () => ({ do: "graph", ...job(), around, room: room(240) }), "drawing");
   if (!found.error) draw(found);
 }
 
@@ -538,31 +584,39 @@ function exportResults() {
   save("results.csv", csv([["property", "value", "accuracy", "bounds", "seconds"], ...seen.map(([p, r]) => [nameOf(p), r.value, r.accuracy, r.bounds, r.seconds])]), "text/csv");
 }
 
-const showText = tabs(at("text-tabs"));
-const showTool = tabs(at("tool-tabs"), (id) => id === "experiment" && chart.draw());
+// What the tabs with a script of their own take from here.
+const bench = {
+  values, ranges, job, stateOf, queue, enqueue, log, trouble, show, drawNear,
+  get list() { return list; }, get constants() { return constants; }, get timed() { return timed; },
+};
+const experiment = experiments(bench), simulation = simulator(bench);
+forgetDistribution = distributions(bench);
+const showText = tabs(at("text-tabs"), marks);
+const showTool = tabs(at("tool-tabs"), (id) => id === "experiment" && experiment.draw());
 
 at("properties-file").addEventListener("change", (e) => open("properties", e.target.value));
 at("model-file").addEventListener("change", (e) => openModel(e.target.value));
 const clicks = {
-  save: saveAll, build, "check-all": () => list.forEach((_, i) => check(i)), "experiment-run": experiment,
-  "sim-start": () => move({ do: "start", seed: at("sim-seed").value }, "new path"), "sim-step": () => step({ move: "step" }),
-  "sim-run": () => step({ move: "run", steps: number(at("sim-steps").value) }), "sim-back": () => step({ move: "back", steps: 1 }), "sim-reset": () => step({ move: "restart" }),
-  "sim-follow": () => step({ move: "follow", steps: number(at("sim-steps").value), property: list[at("sim-property").value]?.text }),
-  "sim-graph": () => sim && drawNear(sim.state), draw: drawModel, "draw-near": () => drawNear(at("around").value),
+  save: saveAll, "save-as": () => withFile(shownPart(), "saving", saveAs), rename: () => withFile(shownPart(), "renaming", rename),
+  delete: () => withFile(shownPart(), "deleting", remove), format: () => format(shownPart()),
+  build, "check-all": () => checkAll(), "estimate-all": () => checkAll("estimate"),
+  draw: drawModel, "draw-near": () => drawNear(at("around").value),
   "export-results": exportResults, "log-clear": () => at("log-lines").replaceChildren(),
 };
 for (const [id, does] of Object.entries(clicks)) at(id).addEventListener("click", does);
-for (const id of ["sim-step", "sim-run", "sim-follow", "sim-back", "sim-reset"]) at(id).disabled = true;
-at("axis").addEventListener("change", plot);
 at("around").addEventListener("keydown", (e) => e.key === "Enter" && drawNear(at("around").value));
-at("sim-plot").addEventListener("toggle", () => pathChart.draw());
 addEventListener("keydown", (e) => {
   if (e.key !== "s" || !(e.ctrlKey || e.metaKey) || e.defaultPrevented) return;
   e.preventDefault();
   saveAll();
 });
+addEventListener("keydown", (e) => {
+  if (e.key !== "F5" || e.ctrlKey || e.shiftKey || e.altKey || e.metaKey) return; // Ctrl+F5 reloads the page
+  e.preventDefault();
+  if (!e.repeat) checkAll();
+});
 addEventListener("keydown", (e) => e.key === "Escape" && !e.defaultPrevented && Object.values(lanes).forEach(cancel));
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => (chart.draw(), pathChart.draw()));
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => (experiment.draw(), simulation.draw()));
 setInterval(() => document.hidden || outside().catch((error) => tell(error.message, true)), 2000);
 
 project.then(async (found) => {
@@ -572,12 +626,7 @@ project.then(async (found) => {
   Object.assign(values, JSON.parse(sessionStorage.getItem("constants") ?? "{}"));
   Object.assign(ranges, JSON.parse(sessionStorage.getItem("ranges") ?? "{}"));
   at("exports").replaceChildren(...found.exports.map((kind) => button(`.${kind}`, () => exported(kind))));
-  at("option-fields").replaceChildren(...found.options.map((o) => {
-    const set = (e) => { e.target.value === String(o.default) || e.target.value === "" ? delete options[o.name] : (options[o.name] = e.target.value); later(); };
-    const field = o.names.length ? make("select", { change: set }, ...o.names.map((n) => option(n, n || "default"))) : make("input", { size: 8, change: set, placeholder: "default" });
-    field.value = String(o.default);
-    return make("label", { title: o.about }, `${o.name} `, field);
-  }));
+  optionFields(found.options, options, later);
   const [model, properties] = location.hash.slice(1).split(",").map(decodeURIComponent);
   const { start } = found;
   if (location.hash) {

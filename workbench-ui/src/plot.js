@@ -2,10 +2,31 @@
 import * as Plot from "@observablehq/plot";
 import { button, csv, make, save } from "./dom.js";
 
+const LEFT = 56, LETTER = 6; // pixels: the margin of the axis, and about the width of a letter
+
+const cut = (text, letters) => (text.length > letters ? `${text.slice(0, letters - 1)}…` : text);
+
+/** A text of the legend. */
+function text(content, attributes) {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", "text");
+  element.textContent = content;
+  for (const [key, value] of Object.entries({ "text-anchor": "start", ...attributes })) element.setAttribute(key, value);
+  return element;
+}
+
+/** Ticks at whole numbers only, where there are no others and few. */
+function ticks(points, zoomed) {
+  const places = points.map((p) => p.x), [low, high] = zoomed ?? [Math.min(...places), Math.max(...places)];
+  if (!places.every(Number.isInteger) || high - low > 12) return {};
+  const first = Math.ceil(low);
+  return { ticks: Array.from({ length: Math.floor(high) - first + 1 }, (_, i) => first + i), tickFormat: "d" };
+}
+
 /** Lines of points {x, y, low, high, series}; `steps`: a line keeps its value until the next point. */
 export class Chart {
   constructor(box, name, { steps = false } = {}) {
-    Object.assign(this, { name, steps, points: [], zoomed: null, x: "", y: "" });
+    Object.assign(this, { box, name, steps, points: [], zoomed: null, x: "", y: "" });
+    box.hidden = true;
     this.figure = make("div", { class: "chart", tabindex: "0", role: "img", "aria-label": `Plot: ${name}` });
     this.table = null; // the text of the CSV file, if it is not that of the points
     box.append(this.figure, make("div", { class: "bar" },
@@ -20,6 +41,7 @@ export class Chart {
   show(points, x, y, table = null) {
     Object.assign(this, { points, x, y, table });
     if (!points.length) this.zoomed = null;
+    this.box.hidden = !points.length;
     this.draw();
   }
 
@@ -31,24 +53,30 @@ export class Chart {
     const numeric = points.every((p) => typeof p.x === "number");
     const bounded = points.filter((p) => p.high > p.low);
     const style = getComputedStyle(this.figure);
+    const letters = Math.floor((width - LEFT - 24) / LETTER);
+    const names = series.map((name) => cut(name, letters));
+    const columns = Math.max(1, Math.floor((width - LEFT) / (LETTER * Math.max(...names.map((n) => n.length), 0) + 28)));
+    const lines = Math.ceil(names.length / columns), legend = 14 * lines;
     this.drawn = Plot.plot({
-      width, height: Math.max(220, Math.min(340, width * 0.6)) + 14 * Math.max(series.length - 3, 0), marginRight: 24, marginLeft: 56, marginTop: 30 + 14 * series.length,
+      width, height: Math.max(220, Math.min(310, width * 0.6)) + legend, marginRight: 24, marginLeft: LEFT, marginTop: 30 + legend, marginBottom: 36, inset: 5,
       style: { background: style.getPropertyValue("--back"), color: style.color, fontFamily: "system-ui, sans-serif" },
-      x: { label: this.x, type: numeric ? "linear" : "point", ...(this.zoomed && numeric ? { domain: this.zoomed.x } : {}) },
-      y: { label: this.y, grid: true, ...(this.zoomed ? { domain: this.zoomed.y } : {}) },
+      x: { label: this.x, type: numeric ? "linear" : "point", ...(numeric ? ticks(points, this.zoomed?.x) : {}), ...(this.zoomed && numeric ? { domain: this.zoomed.x } : {}) },
+      y: { label: this.y, axis: null, ...(this.zoomed ? { domain: this.zoomed.y } : {}) },
       color: { domain: series, ...(series.length > 10 ? { range: series.map((_, i) => `hsl(${Math.round((360 * i) / series.length)} 65% 50%)`) } : { scheme: "observable10" }) },
       marks: points.length ? [
+        Plot.gridY(), Plot.axisY({ label: null }),
+        Plot.text([`↑ ${cut(this.y, letters)}`], { frameAnchor: "top-left", textAnchor: "start", dx: 8 - LEFT, dy: -16 }), // below the legend
         Plot.ruleX(bounded, { x: "x", y1: "low", y2: "high", z: null, stroke: "series", strokeOpacity: 0.6, clip: true }),
         Plot.lineY(points, { x: "x", y: "y", z: "series", stroke: "series", curve: steps ? "step-after" : "linear", clip: true }),
         Plot.dot(points.length > 300 ? [] : points, { x: "x", y: "y", z: null, fill: "series", r: 2.5, clip: true }),
         Plot.tip(points, Plot.pointer({ x: "x", y: "y", z: null, stroke: "series", fill: style.getPropertyValue("--back") })),
       ] : [],
     });
-    series.forEach((name, i) => {
-      const text = document.createElementNS("http://www.w3.org/2000/svg", "text");
-      text.textContent = `● ${name.length > 70 ? `${name.slice(0, 69)}…` : name}`;
-      for (const [key, value] of Object.entries({ x: 56, y: 12 + 14 * i, "text-anchor": "start", fill: this.drawn.scale("color").apply(name) })) text.setAttribute(key, value);
-      this.drawn.append(text);
+    const step = (width - LEFT) / columns;
+    names.forEach((name, i) => {
+      const colour = this.drawn.scale("color").apply(series[i]);
+      const [x, y] = [LEFT + step * Math.floor(i / lines), 12 + 14 * (i % lines)];
+      this.drawn.append(text("●", { x, y, fill: colour }), text(name, { x: x + 12, y, fill: "currentColor" }));
     });
     this.figure.replaceChildren(this.drawn);
   }

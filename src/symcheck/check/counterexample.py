@@ -170,7 +170,11 @@ class Counterexample:
         whole = "/" in digits or self.threshold.denominator == 1
         bound = f"{relation} {self.threshold if whole else digits}"
         shows = f"so the property is {'false' if self.refutes else 'true'}"
-        outcome = f"{bound}, {shows}" if self.complete else f"not yet {bound}"
+        missing = self.threshold - Fraction(
+            self.probability if self.reward is None else self.reward
+        )
+        told = f", {float(missing):.6g} is missing" if missing > 0 else ""  # else rounding errors
+        outcome = f"{bound}, {shows}" if self.complete else f"not yet {bound}{told}"
         if self.reward is not None:
             earn = "earns" if n == 1 else "earn"
             text = f"{paths} with probability {_number(self.probability)}, which {earn}"
@@ -185,20 +189,27 @@ class Counterexample:
             earned = "" if path.reward is None else f" (earns {_number(path.reward)})"
             yield f"  {_number(path.probability)}{earned}: {shown}"
         if len(self.paths) > count:
-            yield f"  … and {len(self.paths) - count} more, none likelier"
+            yield f"  {self._others(count)}"
         if self.commands is not None:
             yield str(self.commands)
             yield from (f"  {command}" for command in self.commands.commands)
         if self.note:
             yield self.note
 
+    def _others(self, count: int) -> str:
+        """What is told of the paths after the first ones."""
+        others = sum(path.probability for path in self.paths[count:])
+        return (
+            f"… and {len(self.paths) - count} more, none likelier: "
+            f"together they have probability {float(others):.6g}"
+        )
+
     def __str__(self) -> str:
         return "\n".join(self._shown(SHOWN_ROWS))
 
     def _repr_html_(self) -> str:
         rows = [(p.probability, p.short) for p in self.paths[:SHOWN_ROWS]]
-        left = len(self.paths) - len(rows)
-        note = f"… and {left} more, none likelier" if left > 0 else ""
+        note = self._others(SHOWN_ROWS) if len(self.paths) > SHOWN_ROWS else ""
         table = Table.of(("probability", "path"), rows, note)._repr_html_()
         texts = [] if self.commands is None else [str(self.commands), *self.commands.commands]
         texts += [self.note] if self.note else []

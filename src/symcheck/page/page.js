@@ -6,6 +6,8 @@ const graphs = data.graphs ?? [], shows = data.shows ?? [], model = data.model;
 const at = (id) => document.getElementById(id);
 const PLAY_MS = 900;
 const LEAST_SCALE = 0.55; // below it, labels are too small to read
+const LARGEST_SCALE = 4 / 3; // the letters are as large as those of the page
+const FILLED_SCALE = 1.6; // of a picture that has a frame for itself
 const PART_SCALE = 0.85; // of a graph of which a part is seen
 
 // ------------------------------------------------------------------------------- small helpers
@@ -60,15 +62,18 @@ class Pane {
   }
 
   /** The whole graph if its labels can be read; otherwise a part, in letters that are read easily.
-   * A pane reaches down to the end of the window, or takes a share of it if another one follows. */
+   * A pane reaches down to the end of the window, or takes a share of it if another one follows.
+   * It is as high as the graph, but fills a frame that has nothing below it. */
   start(share = 1) {
     const { width, height } = this.size;
     const room = this.box.clientWidth || 600;
-    const above = share === 1 ? this.box.getBoundingClientRect().top + scrollY + 60 : 0; // and the key
-    const most = Math.max(240, Math.min(innerHeight * share - above, (height * 4) / 3 + 8));
-    const whole = Math.min(4 / 3, room / width, most / height);
+    const fills = share === 1 && data.embedded && document.querySelector("aside").hidden && !at("key").children.length;
+    const above = share === 1 ? this.box.getBoundingClientRect().top + scrollY + (fills ? 10 : 60) : 0; // and the key
+    const left = innerHeight * share - above;
+    const most = Math.max(240, fills ? left : Math.min(left, height * LARGEST_SCALE + 8));
+    const whole = Math.min(fills ? FILLED_SCALE : LARGEST_SCALE, room / width, most / height);
     this.scale = whole < LEAST_SCALE ? PART_SCALE : whole;
-    this.box.style.height = `${Math.min(most, Math.max(height * this.scale, 90))}px`;
+    this.box.style.height = `${fills ? most : Math.min(most, Math.max(height * this.scale, 90))}px`;
     const tall = this.box.clientHeight / this.scale, wide = room / this.scale;
     this.view = { x: (width - wide) / 2, y: tall > height ? (height - tall) / 2 : 0, wide, tall };
     this.draw();
@@ -244,6 +249,7 @@ function render() {
   const lines = [make("strong", frame.title)];
   if (frame.note) lines.push(make("span", ` ${frame.note}`));
   at("caption").replaceChildren(...lines);
+  at("caption").hidden = !frame.title && !frame.note;
   const wanted = frame.panes ?? show.panes ?? [];
   if (wanted.join() !== visible.join()) {
     visible = wanted;
@@ -253,7 +259,7 @@ function render() {
   at("zoom").hidden = !wanted.length;
   for (const i of wanted) {
     pane(i).apply(frame, i);
-    pane(i).box.setAttribute("aria-label", `${frame.title}. ${frame.note ?? ""}`);
+    pane(i).box.setAttribute("aria-label", [frame.title ?? show.name, frame.note].filter(Boolean).join(". "));
     const [, , names] = (frame.marks ?? []).find(([g, name, nodes]) => g === i && nodes.length && /^(now|new)$/.test(name)) ?? [];
     if (names) pane(i).reveal(names[0]);
     else if (index === 0 && i === data.states) pane(i).reveal(`s${model.ids[model.initial[0]]}`);

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -25,12 +25,19 @@ from symcheck.view.choice_graph import (
     refuse,
     strategy_of,
 )
-from symcheck.view.picture import Edge, Emphasis, Kind, Node, Picture
+from symcheck.view.picture import WINDOW, Edge, Emphasis, Kind, Node, Picture, Room
 
 if TYPE_CHECKING:
     from symcheck.engines.explicit.strategy import Strategy
 
-__all__ = ["draw_states", "nearest_that_fit", "neighbourhood", "state_graph"]
+__all__ = [
+    "draw_states",
+    "nearest_that_fit",
+    "neighbourhood",
+    "paths_graph",
+    "state_graph",
+    "strategy_graph",
+]
 
 _COLOURS = ("#fbe3a2", "#f6c6bd", "#c9e4c5", "#d9cdec", "#bfe3ea", "#e6d3b8")
 _NAMED = 40
@@ -39,12 +46,16 @@ _MOST_TRANSITIONS = 4000
 """Transitions that are drawn: Graphviz takes seconds for more, and lines cover each other."""
 _MANY_VARIABLES = 6
 """With more variables than this, those with one value in all drawn states are in the legend."""
+_NEAREST = 24
+"""States near others that are drawn if they fit a window."""
 _FEWEST = 6
 """States near others that are drawn even if they do not fit a window."""
 _MOST_DRAWN_EDGES = 60
 """Edges of a picture that fits a window; more cover each other."""
 _MOST_MARKED = 120
 """States around which others are drawn."""
+_MOST_WHOLE = 60
+"""States of a strategy that are all drawn; of more, as many as can be read."""
 _MOST_LISTED = 200_000
 """States of a model of which a neighbourhood is drawn: their valuations are listed."""
 PathTransition = tuple[int, int, str | None]
@@ -126,7 +137,12 @@ def state_graph(
 
 
 def neighbourhood(
-    model: Source, around: States, *, max_states: int = 24, radius: int = 3
+    model: Source,
+    around: States,
+    *,
+    max_states: int = _NEAREST,
+    radius: int = 3,
+    room: Room = WINDOW,
 ) -> tuple[Picture, int]:
     """The states near some states, as many as can be read.
 
@@ -135,6 +151,7 @@ def neighbourhood(
         around: the states in the middle, which are drawn in green.
         max_states: the most states that are drawn.
         radius: the largest distance, in steps forward or backward.
+        room: where the picture is shown.
 
     Returns:
         The picture, and the largest distance of a state that is drawn.
@@ -161,8 +178,75 @@ def neighbourhood(
     def draw(drawn: Int64s) -> Picture:
         return draw_states(graph, drawn, forward, marked=start)
 
-    drawn, picture = nearest_that_fit(order, draw, max(max_states, least), least)
+    drawn, picture = nearest_that_fit(order, draw, max(max_states, least), least, room)
     return picture, int(near[drawn].max())
+
+
+def paths_graph(
+    model: Source,
+    path: StatesOnPath | Counterexample,
+    *,
+    max_states: int = 120,
+    room: Room = WINDOW,
+) -> tuple[Picture, int]:
+    """A path in red, or the likeliest paths of a counterexample, as many as can be read.
+
+    Args:
+        model: a model, an explored model or an engine.
+        path: a random path, a witness, states as tuples, or a counterexample.
+        max_states: the most states that are drawn. Others than those of the paths are not.
+        room: where the picture is shown.
+
+    Returns:
+        The picture, and the number of paths in it.
+
+    Raises:
+        UnsupportedError: the first path has more states, or pygraphviz is not installed.
+    """
+    graph = ChoiceGraph(engine_of(model))
+    path = path if isinstance(path, Counterexample) else list(path)
+    given = path.paths if isinstance(path, Counterexample) else [path]
+    steps = _steps(graph, path)
+    paths = [dict.fromkeys(graph.number(state) for state in each) for each in given]
+    if len(paths[0]) > max_states:
+        raise refuse(len(paths[0]), max_states)
+    order = np.array(list(dict.fromkeys(chain.from_iterable(paths))))
+    start = graph.members([next(iter(each)) for each in paths])
+    distance = graph.distances(start, None, 1 << 62, back=False)
+
+    def draw(drawn: Int64s) -> Picture:
+        return draw_states(graph, drawn, distance, steps=steps, alone=True)
+
+    drawn, picture = nearest_that_fit(order, draw, max_states, len(paths[0]), room)
+    whole = [each for each in paths if each.keys() <= set(drawn.tolist())]
+    if len(whole) < len(paths):  # without states of paths that are not drawn
+        picture = draw(np.array(sorted(set(chain.from_iterable(whole))))).sized(room)[0]
+    return picture, len(whole)
+
+
+def strategy_graph(strategy: Strategy, *, room: Room = WINDOW) -> tuple[Picture, int]:
+    """The states with the choices of a strategy; of many, those nearest to the initial states.
+
+    Returns:
+        The picture, and the number of states in it.
+
+    Raises:
+        UnsupportedError: pygraphviz is not installed.
+    """
+    graph = ChoiceGraph(erased(strategy.engine), strategy)
+    distance = graph.distances(graph.initial, None, 1 << 62, back=False)
+    choices = _emphases(graph, strategy)
+
+    def draw(drawn: Int64s) -> Picture:
+        weights = strategy.weights
+        return draw_states(graph, drawn, distance, choices=choices, weights=weights)
+
+    states = np.arange(graph.engine.states)
+    if len(states) <= _MOST_WHOLE:
+        return draw(states).sized(room)[0], len(states)
+    order = states[np.argsort(distance, kind="stable")]
+    drawn, picture = nearest_that_fit(order[distance[order] >= 0], draw, _NEAREST, room=room)
+    return picture, len(drawn)
 
 
 def nearest_that_fit(
@@ -170,6 +254,7 @@ def nearest_that_fit(
     draw: Callable[[Int64s], Picture],
     most: int,
     fewest: int = _FEWEST,
+    room: Room = WINDOW,
 ) -> tuple[Int64s, Picture]:
     """The first states of an order whose picture fits a window, as many as there can be.
 
@@ -178,6 +263,7 @@ def nearest_that_fit(
         draw: the picture of some states, ascending.
         most: the most states.
         fewest: so many are drawn even if they do not fit.
+        room: where the picture is shown.
 
     Returns:
         The numbers of the states, ascending, and their picture.
@@ -191,7 +277,7 @@ def nearest_that_fit(
         last = count <= fewest
         picture = draw(drawn)
         if last or len(picture.edges) <= _MOST_DRAWN_EDGES:
-            picture, share = picture.sized()
+            picture, share = picture.sized(room)
             if last or share >= 1:
                 return drawn, picture
         count = max(fewest, count * 3 // 4)
@@ -270,6 +356,7 @@ def draw_states(
     steps: Sequence[PathTransition] = (),
     marked: Bools | None = None,
     names: bool | None = None,
+    alone: bool = False,
     title: str = "states",
 ) -> Picture:
     """The picture of some states of a graph.
@@ -287,6 +374,7 @@ def draw_states(
         steps: transitions of a path, with their actions; None for any action.
         marked: states in green.
         names: write the names of variables; None: up to 40 states.
+        alone: nothing tells of the transitions that lead to states that are not drawn.
         title: the caption.
     """
     has_choices = graph.matrix.groups is not None
@@ -320,6 +408,8 @@ def draw_states(
                 action = f"{action} ({number_text(weights[choice.row])})".strip()
             # A choice with one successor is an edge; one with several leads to a point.
             inside = any(t in layer for t, _ in choice.successors)
+            if alone and not inside:
+                continue
             if has_choices and inside and len(choice.successors) > 1:
                 source = f"c{s}_{number}"
                 nodes.append(Node(source, "", layer[s] + 1 if layer[s] >= 0 else -1, "choice"))
@@ -335,7 +425,7 @@ def draw_states(
                 text = f"{text} {of_chain[t]}" if of_chain.get(t) else text
                 kind: Emphasis = "path" if on_path(s, t, choice.action) else emphasis
                 edges.append(Edge(source, f"s{t}", text, False, kind, f"{row} t{t}"))
-            if rest:
+            if rest and not alone:
                 if outside[-1:] != [s]:
                     outside.append(s)
                     nodes.append(Node(f"m{s}", "…", -1, "root"))

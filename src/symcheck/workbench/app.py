@@ -23,7 +23,8 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from symcheck.errors import SymcheckError, UsageError
 from symcheck.version import __version__
-from symcheck.workbench.language import Texts, analysis, completions, hover
+from symcheck.workbench.language import Texts, analysis, completions, formatted, hover
+from symcheck.workbench.option_fields import option_fields
 from symcheck.workbench.processes import Worker
 from symcheck.workbench.project import NewerFileError, Project
 
@@ -163,25 +164,24 @@ def make_app(project: Project, access: Access, start: Mapping[str, str]) -> Star
         return Response(html, media_type="text/html", headers=headers)
 
     def project_of(_: Mapping[str, Any]) -> dict[str, Any]:
-        from symcheck.workbench.jobs import EXPORTS, shown_options
+        from symcheck.workbench.jobs import EXPORTS
 
-        options = [
-            {
-                "name": o.name,
-                "default": str("" if o.default is None else o.default).lower(),
-                "names": o.values.names or _truths(o.type),
-                "about": o.sentence,
-            }
-            for o in shown_options()
-        ]
         return {
             "folder": str(project.folder),
             "version": __version__,
             "files": project.names(),
             "start": dict(start),
-            "options": options,
+            "options": option_fields(),
             "exports": EXPORTS,
         }
+
+    def renamed(asked: Mapping[str, Any]) -> dict[str, Any]:
+        project.rename(_text(asked, "name"), _text(asked, "new"))
+        return {}
+
+    def deleted(asked: Mapping[str, Any]) -> dict[str, Any]:
+        project.delete(_text(asked, "name"), _text(asked, "version"))
+        return {}
 
     def texts(asked: Mapping[str, Any]) -> Texts:
         return Texts(*(_text(asked, name) for name in Texts._fields))
@@ -196,8 +196,11 @@ def make_app(project: Project, access: Access, start: Mapping[str, str]) -> Star
         "write": lambda a: {
             "version": project.write(_text(a, "name"), _text(a, "text"), _text(a, "version"))
         },
+        "rename": renamed,
+        "delete": deleted,
         "analysis": lambda a: analysis(texts(a)),
         "hover": lambda a: {"text": hover(texts(a), _part(a), int(a["at"]))},
+        "formatted": lambda a: {"text": formatted(_text(a, "text"))},
         "completions": lambda a: {"items": completions(texts(a), _part(a), int(a["at"]))},
     }
 
@@ -228,7 +231,7 @@ def make_app(project: Project, access: Access, start: Mapping[str, str]) -> Star
         async def lines() -> AsyncIterator[bytes]:
             async with aclosing(worker.ask(asked)) as messages:
                 async for message in messages:
-                    if await request.is_disconnected():
+                    if await request.is_disconnected() or app.state.is_ending():
                         return
                     result = message.get("result")
                     if isinstance(result, dict) and "html" in result:
@@ -256,6 +259,7 @@ def make_app(project: Project, access: Access, start: Mapping[str, str]) -> Star
     )
     app.add_middleware(_Guard, access=access)
     app.state.workers = workers
+    app.state.is_ending = lambda: False  # the server knows
     return app
 
 
@@ -283,17 +287,6 @@ def _text(asked: Mapping[str, Any], name: str) -> str:
     if not isinstance(asked.get(name), str):
         raise UsageError(f"'{name}' is a text")
     return str(asked[name])
-
-
-def _truths(type_name: str) -> list[str]:
-    """The values of an option that is a truth value; "" is None, which lets symcheck decide."""
-    match type_name:
-        case "bool":
-            return ["false", "true"]
-        case "bool | None":
-            return ["", "false", "true"]
-        case _:
-            return []
 
 
 def _part(asked: Mapping[str, Any]) -> str:

@@ -82,7 +82,7 @@ def serve(words: Sequence[str]) -> int:
             app,
             log_level="error",
             ws="none",
-            timeout_graceful_shutdown=1,
+            timeout_graceful_shutdown=3,
             server_header=False,
         )
         print(f"The workbench is at http://{access.host}/?token={access.token}", flush=True)
@@ -92,7 +92,13 @@ def serve(words: Sequence[str]) -> int:
 
             address = f"http://{access.host}/?token={access.once}"
             Timer(0.5, webbrowser.open, (address,)).start()
-        for number in (signal.SIGINT, signal.SIGTERM):  # uvicorn raises them again at its end
-            signal.signal(number, signal.default_int_handler)
-        uvicorn.Server(config).run(sockets=[listener])
+        server = uvicorn.Server(config)
+        app.state.is_ending = lambda: server.should_exit
+
+        def end(*_: object) -> None:
+            server.should_exit = True
+
+        for number in (signal.SIGINT, signal.SIGTERM):  # raised again by uvicorn at its end
+            signal.signal(number, end)
+        server.run(sockets=[listener])
     return 0

@@ -2,35 +2,51 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Mapping
-from math import isfinite
+from fractions import Fraction
+from io import StringIO
+from math import inf, isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from symcheck.api.model import Model
 from symcheck.api.progress import Reporter
 from symcheck.check.counterexample import Counterexample
+from symcheck.check.explanation.path_search import is_explained
 from symcheck.check.property_instance import PropertyInstance
-from symcheck.check.result import Result, bounds_text, show_value
-from symcheck.engines.base import erased
+from symcheck.check.result import Result, Statistical, bounds_text, show_value
+from symcheck.check.state_distributions import Distribution
+from symcheck.engines.states import variable_names
 from symcheck.errors import Diagnostic, InputError, SymcheckError, UnsupportedError, UsageError
 from symcheck.experiments.rows import Row, constant_text, error_text
 from symcheck.experiments.run import Progress, experiment
-from symcheck.options import OPTIONS, Option, make_options, read_options
+from symcheck.matrices.numbers import doubles
+from symcheck.options import (
+    make_options,
+    read_count,
+    read_fraction,
+    read_number,
+    read_options,
+)
 from symcheck.page.document import document
 from symcheck.semantics.binding.bind import split_constants
+from symcheck.semantics.expressions.literals import format_value
 from symcheck.simulate.snapshot import snapshot
+from symcheck.simulate.statistics import METHODS, Plan
 from symcheck.simulate.stepper import Simulator
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_properties
-from symcheck.view.choice_graph import ChoiceGraph
-from symcheck.view.picture import Picture
-from symcheck.view.states import neighbourhood, state_graph
+from symcheck.view.picture import Picture, Room
+from symcheck.view.states import neighbourhood, paths_graph, strategy_graph
 from symcheck.workbench.language import faults
+from symcheck.workbench.option_fields import shown_options
 
-__all__ = ["EXPORTS", "JOBS", "done", "shown_options"]
+__all__ = ["EXPORTS", "JOBS", "done"]
 
 Job = Mapping[str, Any]
 Answer = dict[str, Any]
@@ -39,20 +55,12 @@ Say = Callable[[Answer], None]
 EXPORTS = ("tra", "sta", "lab", "srew", "trew", "pexp", "dot", "drn", "jani")
 """The files that a model is written to; `symcheck.export` describes them."""
 
-_WITHOUT_FIELD = (
-    *("strategy", "everywhere"),  # jobs set them
-    *("regions", "lifting"),  # of parameters, which have no field
-    *("ltl2da", "ltl2da_syntax", "workdir"),  # programs and folders: not from a browser
-)
 _MOST_STEPS = 10_000
-"""Steps of a path that are taken at once."""
-_DRAWN = 120
-"""States of a neighbourhood that are drawn; Graphviz takes a second."""
-
-
-def shown_options() -> list[Option]:
-    """The options with a field."""
-    return [o for o in OPTIONS if o.name not in _WITHOUT_FIELD]
+"""Steps of a path that are taken at once, at most."""
+_LISTED = 200
+"""States of a distribution that are listed; its CSV file has all."""
+_READABLE = 0.8
+"""Pixels of a page for a point of a picture that fits: letters of 11 points are 9 pixels high."""
 
 
 class _Session:
@@ -95,13 +103,18 @@ def _options(texts: Mapping[str, str]) -> dict[str, object]:
     return read_options(texts)
 
 
-def _checked(job: Job, **more: object) -> tuple[Model, Result]:
-    """The model and the result of one property."""
+def _asked(job: Job, **more: object) -> tuple[Model, PropertyInstance]:
+    """The model and the property that a job is about."""
     model, file, constants = _SESSION.model(job, **more)
     values = {n: (v,) for n, v in constants.items()}
-    instances = model.instances(file, values, [_number(file, job["property"])])
-    prepared = model.prepared_for(instances)
-    return model, prepared.check(instances[0], _SESSION.reporter.iteration)
+    return model, model.instances(file, values, [_number(file, job["property"])])[0]
+
+
+def _checked(job: Job, **more: object) -> tuple[Model, Result]:
+    """The model and the result of one property."""
+    model, instance = _asked(job, **more)
+    prepared = model.prepared_for([instance])
+    return model, prepared.check(instance, _SESSION.reporter.iteration)
 
 
 def _number(file: PropertiesFile, wanted: str) -> int:
@@ -151,6 +164,63 @@ def _explore(job: Job) -> Answer:
 
 def _check(job: Job) -> Answer:
     model, result = _checked(job)
+    return {**_told(model, result), "explains": _explains(job, result)}
+
+
+def _explains(job: Job, result: Result) -> bool:
+    """Whether there is a counterexample or witness."""
+    if result.witness_or_none:
+        return True
+    if result.explain is None or not isinstance(result.value, bool):
+        return False
+    model, instance = _asked(job)
+    formula = instance.bind(model.bound)[0].formula
+    return is_explained(formula, model.bound, model.options, holds=result.value)
+
+
+def _estimate(job: Job) -> Answer:
+    model, instance = _asked(job)
+    plan = _plan(job["sampling"])
+    result = model.estimate_instance(instance, plan, observer=_SESSION.reporter)
+    return {**_told(model, result), "explains": False}
+
+
+def _positive(text: str) -> float:
+    value = read_number(text)
+    if not 0 < value < inf:
+        raise ValueError(f"'{text}' is not a positive number")
+    return value
+
+
+_SAMPLING: Mapping[str, Callable[[str], Any]] = {
+    "method": str.lower,
+    "samples": read_count,
+    "error": read_fraction,
+    "width": _positive,
+    "most": _positive,
+    "max_steps": read_count,
+    "seed": read_count,
+}
+"""How the fields of a plan are read."""
+
+
+def _plan(texts: Mapping[str, str]) -> Plan:
+    """How paths are sampled. Raises UsageError."""
+    given = {}
+    for name, text in texts.items():
+        if name not in _SAMPLING:
+            raise UsageError(f"there is no setting '{name}'")
+        try:
+            given[name] = _SAMPLING[name](text)
+        except ValueError as error:
+            raise UsageError(f"{name}: {error}") from None
+    if given.get("method", "ci") not in METHODS:
+        raise UsageError(f"method: {given['method']!r} is none of {', '.join(METHODS)}")
+    return Plan(**given)
+
+
+def _told(model: Model, result: Result) -> Answer:
+    """What the page shows of a result."""
     lines = [*map(str, result.lines[:1000]), *result.warnings, *result.notes]
     return {
         "value": show_value(result.value),
@@ -158,11 +228,63 @@ def _check(job: Job) -> Answer:
         "accuracy": str(result.accuracy),
         "bounds": bounds_text(result),
         "about": result.explanation,
+        "sampled": isinstance(result.accuracy, Statistical),
         "seconds": result.seconds,
         "lines": lines,
         "warnings": _warnings(model) if model.is_built else [],
-        "chooses": model.type.has_choices,
     }
+
+
+def _distribution(job: Job) -> Answer:
+    """The likeliest states at a time, or in the long run (""); as CSV all of them."""
+    model = _SESSION.model(job)[0]
+    found = model.transient(_time(job["time"])) if job["time"] else model.steady_state()
+    if job.get("all"):
+        return {"csv": _csv(found)}
+    values = doubles(found.values)
+    positive = np.flatnonzero(values > 0)
+    listed = positive[np.argsort(-values[positive], kind="stable")][:_LISTED]
+    engine, members = found.engine, np.zeros(len(found), np.bool_)
+    members[listed] = True
+    states = engine.valuations(engine.from_bools(members))
+    by_number = dict(zip(np.flatnonzero(members).tolist(), states, strict=True))
+    if found.exact:
+        accuracy = "exact"
+    elif found.certified:
+        accuracy = f"certified: +/- {found.error:.1E}"
+    else:
+        accuracy = "an estimate: their error is unknown"
+    return {
+        "variables": variable_names(engine.model),
+        "rows": [
+            [*map(format_value, (*by_number[number], probability))]
+            for number, probability in zip(
+                listed.tolist(), found.values[listed].tolist(), strict=True
+            )
+        ],
+        "positive": len(positive),
+        "states": len(found),
+        "about": f"each probability is {accuracy} ({found.explanation})",
+        "seconds": found.seconds,
+    }
+
+
+def _time(text: str) -> float:
+    try:
+        return float(Fraction(text))
+    except (ValueError, ArithmeticError):
+        raise UsageError(f"'{text}' is not a time, such as 2, 0.5 or 1/3") from None
+
+
+def _csv(found: Distribution) -> str:
+    """A line for each state, in the order of their numbers."""
+    file = StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    columns = found.columns()
+    writer.writerow(columns)
+    values = (np.asarray(column).tolist() for column in columns.values())
+    writer.writerows([*map(format_value, row)] for row in zip(*values, strict=True))
+    return file.getvalue()
 
 
 def _experiment(job: Job) -> Answer:
@@ -186,6 +308,7 @@ def _row(row: Row) -> Answer:
         "numbers": numbers,
         "text": row.text,
         "accuracy": row.error or str(row.accuracy),
+        "error": row.error or "",
     }
 
 
@@ -207,9 +330,15 @@ def _page(job: Job) -> Answer:
 def _graph(job: Job) -> Answer:
     """The states near those that satisfy a formula, with the path of the simulator."""
     model, around = _SESSION.model(job, engine="explicit")[0], job["around"]
-    drawn, radius = neighbourhood(model, around)
+    drawn, radius = neighbourhood(model, around, room=_room(job))
     note = f"The states that are at most {radius} steps from these, which are green: {around}"
     return {"html": _picture("Neighbourhood", note, drawn)}
+
+
+def _room(job: Job) -> Room:
+    """The room that the page has for a picture."""
+    width, height = job["room"]
+    return Room(width / _READABLE, height / _READABLE)
 
 
 def _picture(name: str, note: str, drawn: Picture) -> str:
@@ -220,22 +349,31 @@ def _picture(name: str, note: str, drawn: Picture) -> str:
 def _explain(job: Job) -> Answer:
     """The counterexample or witness of a bound, in words and on the graph."""
     model, result = _checked(job, engine="explicit")
-    found = result.witness_or_none or result.counterexample(100)
-    text = str(found) if isinstance(found, Counterexample) else "\n".join(map(str, found))
+    found = result.witness_or_none or result.counterexample()
+    if isinstance(found, Counterexample):
+        text = str(found)
+    else:
+        text = "\n".join(f"{number}: {_state(state)}" for number, state in enumerate(found))
     answer = {"text": text}
     try:
-        if isinstance(found, Counterexample):
-            around = sorted({s.number for path in found.paths for s in path})
-        else:
-            numbers = ChoiceGraph(model.engine)
-            around = sorted({numbers.number(tuple(s.values())) for s in found})
-        drawn = state_graph(
-            model, path=found, around=around, radius=0, max_states=_DRAWN, title="counterexample"
-        )
-        answer["html"] = _picture("Counterexample", "The paths are red.", drawn)
+        if isinstance(found, Counterexample) and not found.paths:
+            return answer
+        drawn, count = paths_graph(model, found, room=_room(job))
+        note = "The path is red."
+        if isinstance(found, Counterexample) and len(found.paths) > 1:
+            note = (
+                f"{count} of {len(found.paths)} paths are red" if count > 1 else "One path is red"
+            )
+            together = float(sum(path.probability for path in found.paths[:count]))
+            note += f", none of the others likelier: probability {together:.6g}."
+        answer["html"] = _picture("Counterexample", f"{note} Other states are left out.", drawn)
     except UnsupportedError as error:
         answer["text"] += f"\n{error.message}"
     return answer
+
+
+def _state(values: Mapping[str, int | bool]) -> str:
+    return ", ".join(f"{name}={format_value(value)}" for name, value in values.items())
 
 
 def _strategy(job: Job) -> Answer:
@@ -244,10 +382,13 @@ def _strategy(job: Job) -> Answer:
     strategy = result.strategy
     answer = {"text": str(strategy)}
     try:
-        drawn = state_graph(
-            erased(strategy.engine), strategy=strategy, max_states=_DRAWN, title="strategy"
-        )
-        answer["html"] = _picture("Strategy", str(result), drawn)
+        drawn, count = strategy_graph(strategy, room=_room(job))
+        note = str(job.get("value") or result)
+        if count < strategy.engine.states:
+            note += (
+                f". The {count} states nearest to the initial ones, of {strategy.engine.states:,}"
+            )
+        answer["html"] = _picture("Strategy", note, drawn)
     except UnsupportedError as error:
         answer["text"] += f"\n{error.message}"
     return answer
@@ -274,30 +415,35 @@ def _export(job: Job) -> Answer:
 def _start(job: Job) -> Answer:
     model = _SESSION.model(job)[0]
     seed = job.get("seed")
-    _SESSION.simulator = model.simulator(int(seed) if seed else None)
+    _SESSION.simulator = model.simulator(int(seed) if seed else None, job.get("from") or None)
     return {**snapshot(_SESSION.simulator), "seed": _SESSION.simulator.seed}
 
 
 def _move(job: Job) -> Answer:
     """A step, some steps, or steps back."""
     simulator = _simulator()
-    known = len(simulator.path)
+    known, note = len(simulator.path), ""
     match job["move"]:
         case "step":
             simulator.step(job.get("choice"), job.get("branch"))
         case "run":
-            simulator.run(min(int(job["steps"]), _MOST_STEPS))
-        case "follow":
-            strategy = _checked(job, engine="explicit", strategy=True)[1].strategy
-            simulator.run(min(int(job["steps"]), _MOST_STEPS), strategy)
+            strategy = None
+            if "property" in job:
+                strategy = _checked(job, engine="explicit", strategy=True)[1].strategy
+            time, now = _time(job["time"]) if "time" in job else inf, simulator.path[-1].time
+            if time <= now:
+                raise UsageError(f"the path is at time {now:.6g} already", hint="a later time")
+            steps = min(int(job.get("steps", _MOST_STEPS)), _MOST_STEPS)
+            simulator.run(steps, strategy, time=time)
+            if len(simulator.path) - known == _MOST_STEPS:
+                note = f"stopped after {_MOST_STEPS:,} steps: Run goes on"
         case "back":
-            for _ in range(min(int(job.get("steps", 1)), known)):
-                simulator.back()
+            simulator.back(min(int(job.get("steps", 1)), known))
         case "restart":
             simulator.restart()
         case other:
             raise UsageError(f"there is no move '{other}'")
-    return snapshot(simulator, known + 1)
+    return {**snapshot(simulator, known + 1), "note": note}
 
 
 def _simulator() -> Simulator:
@@ -310,6 +456,8 @@ JOBS: Mapping[str, Callable[[Job], Answer]] = {
     "build": _build,
     "explore": _explore,
     "check": _check,
+    "estimate": _estimate,
+    "distribution": _distribution,
     "experiment": _experiment,
     "page": _page,
     "graph": _graph,

@@ -6,12 +6,13 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from symcheck.check.property_instance import PropertyInstance
+from symcheck.check.strategies.strategy import has_strategy
 from symcheck.errors import Diagnostic
-from symcheck.lsp.answers import Document
+from symcheck.lsp.answers import Document, formatted, quick_fixes
 from symcheck.semantics.binding.bind import needed_constants, undefined_constants
 from symcheck.syntax.declarations import Program, PropertiesFile
 
-__all__ = ["Texts", "analysis", "completions", "faults", "hover"]
+__all__ = ["Texts", "analysis", "completions", "faults", "formatted", "hover"]
 
 _OTHER = {"model": "prism", "properties": "properties"}
 
@@ -48,24 +49,31 @@ def _offset(text: str, units: int) -> int:
 
 
 def faults(text: str, diagnostics: list[Diagnostic]) -> list[dict[str, Any]]:
-    """The faults of a text, for the editor."""
+    """The faults of a text for the editor, with what puts them right."""
     return [
         {
             "from": _units(text, d.span.start),
             "to": _units(text, max(d.span.end, min(d.span.start + 1, len(text)))),
             "severity": d.severity,
             "message": d.message + (f"\nhint: {d.hint}" if d.hint else ""),
+            "fixes": [
+                {"title": title, "from": _units(text, a), "to": _units(text, b), "text": new}
+                for title, a, b, new in quick_fixes(d)
+            ],
         }
         for d in diagnostics
     ]
 
 
 def analysis(texts: Texts) -> dict[str, Any]:
-    """Faults and colours of both texts, the properties, and the constants without a value."""
+    """Faults and colours of both texts, the properties, and the constants without a value.
+
+    An empty text has no faults: it is a beginning.
+    """
     documents = _documents(texts)
     found: dict[str, Any] = {
         part: {
-            "faults": faults(d.text, [*d.diagnostics, *d.warnings]),
+            "faults": faults(d.text, [*d.diagnostics, *d.warnings]) if d.text.strip() else [],
             "colours": [
                 [_units(d.text, start), _units(d.text, end), kind]
                 for start, end, kind in d.colours()
@@ -92,6 +100,10 @@ def analysis(texts: Texts) -> dict[str, Any]:
             needed = needed_constants(model, properties)
             for listed, names in zip(found["list"], needed, strict=True):
                 listed["constants"] = names
+            if (bound := documents["model"].bound) is not None:
+                found["timed"] = bound.type.continuous_time
+                for listed, p in zip(found["list"], properties.properties, strict=True):
+                    listed["chooses"] = has_strategy(bound, p.formula)
     return found
 
 

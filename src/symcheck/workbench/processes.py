@@ -25,6 +25,7 @@ class Worker:
 
     def __init__(self) -> None:
         self.process: asyncio.subprocess.Process | None = None
+        self._killed: list[asyncio.subprocess.Process] = []
         self._turn = asyncio.Lock()
 
     async def start(self) -> asyncio.subprocess.Process:
@@ -71,13 +72,14 @@ class Worker:
         if self.process is not None and self.process.returncode is None:
             with suppress(ProcessLookupError):
                 self.process.kill()
+            self._killed = [p for p in self._killed if p.returncode is None]
+            self._killed.append(self.process)
         self.process = None
 
     async def close(self) -> None:
-        """End the process, and wait for its end."""
-        process = self.process
+        """End the process, and wait for its end, and for that of those that were killed before."""
         self.kill()
-        if process is not None:
+        for process in self._killed:
             await process.communicate()
 
 

@@ -106,6 +106,46 @@ class Project:
         write_whole(path, written)
         return _version(data)
 
+    def rename(self, name: str, new: str) -> None:
+        """Give a file another name, which no file has.
+
+        Raises UsageError: there is no such file, the new name is taken or no name of a file, or
+        the system refuses.
+        """
+        path, target = self._existing(name), self.path(new)
+        try:
+            target.touch(exist_ok=False)  # nobody else takes the name meanwhile
+        except FileExistsError:
+            raise UsageError(f"'{new}' exists already") from None
+        except OSError as error:
+            raise UsageError(f"cannot rename '{name}': {error.strerror}") from None
+        try:
+            path.replace(target)
+        except OSError as error:
+            target.unlink()
+            raise UsageError(f"cannot rename '{name}': {error.strerror}") from None
+
+    def delete(self, name: str, version: str) -> None:
+        """Delete a file.
+
+        Raises:
+            NewerFileError: the file has another version.
+            UsageError: there is no such file, or the system refuses.
+        """
+        path = self._existing(name)
+        if self.read(name).version != version:
+            raise NewerFileError(f"'{name}' has changed on disk since it was read")
+        try:
+            path.unlink()
+        except OSError as error:
+            raise UsageError(f"cannot delete '{name}': {error.strerror}") from None
+
+    def _existing(self, name: str) -> Path:
+        path = self.path(name)
+        if not path.is_file():
+            raise UsageError(f"there is no file '{name}'")
+        return path
+
 
 def _version(data: bytes) -> str:
     return sha256(data).hexdigest()

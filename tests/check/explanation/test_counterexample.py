@@ -16,6 +16,7 @@ from symcheck import view
 from symcheck.cli import main
 from symcheck.errors import UnsupportedError, UsageError
 from symcheck.semantics.interpreter import choices
+from symcheck.tables import SHOWN_ROWS
 
 MODELS = Path(__file__).parents[3] / "models"
 DIE = MODELS / "die/die.pm"
@@ -311,10 +312,17 @@ def test_a_limit_is_told():
     found = symcheck.load(DIE).check("P<0.16666 [ F d=6 ]").counterexample(paths=2)
     assert not found.complete
     assert found.note == "the limit of 2 paths was reached before the threshold"
-    assert "0.15625: not yet at least 0.16666" in found.summary
+    assert found.summary.endswith("0.15625: not yet at least 0.16666, 0.01041 is missing")
     assert found.commands is not None
     with pytest.raises(UsageError, match="a number of paths"):
         symcheck.load(DIE).check("P<0.1 [ F d=6 ]").counterexample(paths=-1)
+
+
+def test_the_probability_of_paths_that_are_not_printed_is_told():
+    found = symcheck.load(DIE).check("P<0.1666666666 [ F d=6 ]").counterexample()
+    *_, told = (line for line in str(found).splitlines() if "none likelier" in line)
+    shown = sum(float(p.probability) for p in found.paths[:SHOWN_ROWS])
+    assert float(told.split()[-1]) == pytest.approx(float(found.probability) - shown, rel=1e-5)
 
 
 def test_rounding_does_not_reach_a_threshold():
@@ -324,6 +332,7 @@ def test_rounding_does_not_reach_a_threshold():
         found = symcheck.loads(text, exact=exact).check("P<1/3 [ F x=1 ]").counterexample()
         assert found.complete is exact
         assert ("rounding errors" in found.note) is not exact
+        assert "0 is missing" not in found.summary
 
 
 def test_nothing_needs_to_be_shown_of_a_trivial_bound():

@@ -19,7 +19,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
-from typing import assert_never
+from typing import TypeVar, assert_never
 
 import numpy as np
 
@@ -41,6 +41,9 @@ from symcheck.matrices.rows import Bools, Int64s, SparseMatrix
 from symcheck.numerics import graph
 from symcheck.numerics.likeliest_paths import FoundPath, StepProblem, WalkProblem
 from symcheck.numerics.transient.phase_type import least_probability_within
+from symcheck.options import Options
+from symcheck.semantics.features import Feature, require
+from symcheck.semantics.model import BoundModel
 from symcheck.semantics.path_formulas import (
     LtlPathFormula,
     NextPath,
@@ -52,6 +55,7 @@ from symcheck.semantics.path_formulas import (
     negated,
 )
 from symcheck.semantics.query import CumulativeReward, PathProbability, Query, ReachReward
+from symcheck.semantics.query import query_of as query_of_text
 from symcheck.semantics.rewards import Reward
 from symcheck.semantics.time_bounds import Window
 from symcheck.syntax.ast import (
@@ -62,8 +66,9 @@ from symcheck.syntax.ast import (
     letters_of,
 )
 
-__all__ = ["PathSearch", "path_search"]
+__all__ = ["PathSearch", "is_explained", "path_search"]
 
+L = TypeVar("L")
 Number = float | Fraction
 _Explained = ProbabilityOperator | RewardOperator | ExpectedTime
 
@@ -115,27 +120,14 @@ def path_search(context: Context, formula: Expression) -> PathSearch:
         UnsupportedError: no set of paths shows the value of the formula.
     """
     engine = rows_engine(context)
-    if not isinstance(formula, _Explained) or formula.bound is None:
-        raise UnsupportedError(
-            f"counterexamples are for {letters_of(_Explained)} with a bound, such as "
-            "P<=0.1 [ F states ] or R<=3 [ F states ]"
-        )
-    if context.options.fairness:
-        raise UnsupportedError("counterexamples are not supported with -fair")
+    formula = _bounded_measure(formula, context.options)
     initial = context.engine.initial
     holds = satisfying(context, formula, initial)
     query = query_of(context, formula)
     assert query.threshold is not None
     broken = initial - holds
     refutes = bool(broken)
-    # An upper bound that is broken, and a lower bound that holds, are shown by what is there.
-    satisfies = query.threshold.operator.is_lower_bound is not refutes
-    if query.direction is not None and (query.direction is Direction.MAX) is not satisfies:
-        raise UnsupportedError(
-            f"the property is {str(not refutes).lower()} because of every strategy, and paths "
-            "belong to one",
-            hint=f"a counterexample exists if the property is {str(refutes).lower()}",
-        )
+    satisfies = _showing(query, context.engine.model, refutes=refutes)
     first = int(np.argmax(context.engine.to_bools(broken if refutes else initial)))
     strict = (query.threshold.operator.value in ("<=", ">=")) == refutes
     threshold = query.threshold.value
@@ -145,10 +137,91 @@ def path_search(context: Context, formula: Expression) -> PathSearch:
         path = query.quantity.path
         search = _probability(context, engine, query, path, first, satisfies=satisfies)
     else:
-        search = _reward(context, engine, query, first, satisfies=satisfies)
+        search = _reward(context, engine, query, first)
         if not search.satisfies:
             threshold, strict = Fraction(0), True
     return replace(search, refutes=refutes, threshold=threshold, strict=strict)
+
+
+def is_explained(formula: Expression, model: BoundModel, options: Options, *, holds: bool) -> bool:
+    """Whether `path_search` explains that a formula holds, or does not, as far as the text tells.
+
+    It may still find that the states are too many, or a reward negative.
+    """
+    try:
+        require(model, Feature.COUNTEREXAMPLES)
+        query = query_of_text(_bounded_measure(formula, options), model)
+        _showing(query, model, refutes=not holds)
+    except UnsupportedError:
+        return False
+    return True
+
+
+def _bounded_measure(formula: Expression, options: Options) -> _Explained:
+    """The formula, if it is of a kind that paths explain. Raises UnsupportedError."""
+    if not isinstance(formula, _Explained) or formula.bound is None:
+        raise UnsupportedError(
+            f"counterexamples are for {letters_of(_Explained)} with a bound, such as "
+            "P<=0.1 [ F states ] or R<=3 [ F states ]"
+        )
+    if options.fairness:
+        raise UnsupportedError("counterexamples are not supported with -fair")
+    return formula
+
+
+def _showing(query: Query[L], model: BoundModel, *, refutes: bool) -> bool:
+    """Whether the paths satisfy the path formula that show the value of a bound.
+
+    Raises UnsupportedError: no finite set of paths shows it, or none that is looked for.
+    """
+    assert query.threshold is not None
+    # An upper bound that is broken, and a lower bound that holds, are shown by what is there.
+    satisfies = query.threshold.operator.is_lower_bound is not refutes
+    if query.direction is not None and (query.direction is Direction.MAX) is not satisfies:
+        raise UnsupportedError(
+            f"the property is {str(not refutes).lower()} because of every strategy, and paths "
+            "belong to one",
+            hint=f"a counterexample exists if the property is {str(refutes).lower()}",
+        )
+    quantity, kind = query.quantity, model.type
+    if isinstance(quantity, PathProbability):
+        _require_paths(quantity.path if satisfies else negated(quantity.path), model)
+        return satisfies
+    timed = isinstance(quantity, CumulativeReward) and kind.continuous_time
+    if timed or not isinstance(quantity, CumulativeReward | ReachReward):
+        raise UnsupportedError(
+            "counterexamples of expected rewards are supported for F states: R<=r [ F states ], "
+            "and in discrete time for R<=r [ C<=k ]"
+        )
+    if not satisfies:
+        raise UnsupportedError(
+            "no finite set of paths shows that an expected reward is small",
+            hint="R<=r [ F states ] that is false, and R>=r [ F states ] that is true have one",
+        )
+    return satisfies
+
+
+def _require_paths(path: PathFormula[L], model: BoundModel) -> None:
+    """Raise UnsupportedError for a path formula whose paths are not looked for."""
+    match path:
+        case UntilPath(window=window) if model.type.continuous_time and not window.is_unbounded:
+            if path.negative or not window.contains_zero:
+                raise UnsupportedError(
+                    "counterexamples of time bounds are supported for F<=t and U<=t whose paths "
+                    "satisfy the formula: P<=p [ F<=t a ] that is false, P>=p [ F<=t a ] that is "
+                    "true"
+                )
+            if model.is_rational:
+                raise UnsupportedError(
+                    "counterexamples of time bounds are not supported with -exact"
+                )
+        case NextPath(window=window) if model.type.continuous_time and not window.is_unbounded:
+            raise UnsupportedError("counterexamples are not supported for X with a time bound")
+        case RewardPath(NextPath()) if model.type.has_choices:
+            raise UnsupportedError(
+                "counterexamples of X with a bound on a reward are supported for chains; those "
+                "of F, G, U, W and R for MDPs too"
+            )
 
 
 # ------------------------------------------------------------------------------- probabilities
@@ -164,7 +237,6 @@ def _probability(
     satisfies: bool,
 ) -> PathSearch:
     path = whole if satisfies else negated(whole)
-    continuous_time = engine.model.type.continuous_time
     match path:
         case NextPath(target, window, negative) if window.is_unbounded:
             end = context.engine.to_bools(~target if negative else target)
@@ -183,13 +255,7 @@ def _probability(
                 passing = left & ~right & ~goal
             problem = WalkProblem(matrix, passing, goal)
             return PathSearch(engine, problem, first, satisfies, rows=rows)
-        case UntilPath(window=window) if continuous_time:
-            if path.negative or not window.contains_zero:
-                raise UnsupportedError(
-                    "counterexamples of time bounds are supported for F<=t and U<=t whose paths "
-                    "satisfy the formula: P<=p [ F<=t a ] that is false, P>=p [ F<=t a ] that is "
-                    "true"
-                )
+        case UntilPath(window=window) if engine.model.type.continuous_time:
             passing, goal, _ = _until(context, engine.weights, path)
             problem = WalkProblem(engine.matrix, passing, goal)
             in_time = _within(engine, window.times()[1])
@@ -199,8 +265,6 @@ def _probability(
         case RewardPath():
             return _within_rewards(context, engine, query, path, first, satisfies=satisfies)
         case NextPath() | UntilPath() | LtlPathFormula() | StatePath():
-            if continuous_time and not isinstance(path, LtlPathFormula):
-                raise UnsupportedError("counterexamples are not supported for X with a time bound")
             ltl = replace(as_ltl(whole), negative=not satisfies)
             return _on_product(context, engine, ltl, first)
         case _:
@@ -254,8 +318,6 @@ def _steps(matrix: SparseMatrix, window: Window) -> int:
 def _within(engine: ExplicitEngine, time: float | None) -> Callable[[FoundPath], float]:
     """The probability that a path of a CTMC takes at most a time, from below."""
     assert time is not None
-    if engine.is_rational:
-        raise UnsupportedError("counterexamples of time bounds are not supported with -exact")
     exit_rates = engine.system(engine.all).exit_rates
     assert exit_rates is not None
 
@@ -284,11 +346,6 @@ def _within_rewards(
     problem: WalkProblem | StepProblem
     match path.path:
         case NextPath(target):
-            if has_choices:
-                raise UnsupportedError(
-                    "counterexamples of X with a bound on a reward are supported for chains; those "
-                    "of F, G, U, W and R for MDPs too"
-                )
             end = to(target)[product.state] & product.met
             everything, nothing = np.ones_like(end), np.zeros_like(end)
             end = ~end if path.negative else end
@@ -350,22 +407,10 @@ def _reward(
     engine: ExplicitEngine,
     query: Query[StateSet],
     first: int,
-    *,
-    satisfies: bool,
 ) -> PathSearch:
     """Paths to the target of an expected reward, or one that misses it; those of `C<=k`."""
     quantity = query.quantity
-    timed = isinstance(quantity, CumulativeReward) and engine.model.type.continuous_time
-    if timed or not isinstance(quantity, CumulativeReward | ReachReward):
-        raise UnsupportedError(
-            "counterexamples of expected rewards are supported for F states: R<=r [ F states ], "
-            "and in discrete time for R<=r [ C<=k ]"
-        )
-    if not satisfies:
-        raise UnsupportedError(
-            "no finite set of paths shows that an expected reward is small",
-            hint="R<=r [ F states ] that is false, and R>=r [ F states ] that is true have one",
-        )
+    assert isinstance(quantity, CumulativeReward | ReachReward)
     earned = context.engine.system(context.engine.all).step_rewards(quantity.reward)
     rows, matrix = None, engine.matrix
     everything = np.ones(engine.states, np.bool_)

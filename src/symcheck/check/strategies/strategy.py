@@ -22,6 +22,7 @@ from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import per_row
 from symcheck.semantics.features import Feature, require
+from symcheck.semantics.model import BoundModel
 from symcheck.semantics.path_formulas import (
     LtlPathFormula,
     NextPath,
@@ -46,9 +47,9 @@ from symcheck.semantics.query import (
     TotalReward,
 )
 from symcheck.semantics.time_bounds import Window
-from symcheck.syntax.ast import AnyMeasure, Expression, Weights, letters_of
+from symcheck.syntax.ast import AnyMeasure, Expression, MultiObjective, Weights, letters_of
 
-__all__ = ["strategy_attaining", "strategy_of", "temporal_strategy"]
+__all__ = ["has_strategy", "strategy_attaining", "strategy_of", "temporal_strategy"]
 
 _WITHOUT_TIME = (
     Feature.REACHABILITY,
@@ -57,6 +58,15 @@ _WITHOUT_TIME = (
     Feature.TOTAL_REWARDS,
 )
 """What strategies attain without looking at the time."""
+
+
+def has_strategy(model: BoundModel, formula: Expression) -> bool:
+    """Whether a strategy attains the value of a formula, if its quantity is a supported one."""
+    return _has_choices(model) and isinstance(formula, AnyMeasure | MultiObjective)
+
+
+def _has_choices(model: BoundModel) -> bool:
+    return model.type.has_choices or model.weights is Weights.INTERVALS
 
 
 def strategy_of(context: Context, formula: Expression) -> Strategy:
@@ -77,7 +87,7 @@ def strategy_of(context: Context, formula: Expression) -> Strategy:
     """
     kind = context.engine.model.type
     require(context.engine.model, Feature.STRATEGIES)
-    if not (kind.has_choices or context.engine.model.weights is Weights.INTERVALS):
+    if not _has_choices(context.engine.model):
         raise UnsupportedError(f"strategies exist only for MDPs, and this model is a {kind.name}")
     if context.options.fairness:
         raise UnsupportedError("strategies are not supported with -fair")

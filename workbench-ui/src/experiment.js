@@ -1,0 +1,83 @@
+// The tab of experiments: ranges of constants, a plot and a table.
+import { at, csv, make, option } from "./dom.js";
+import { Chart } from "./plot.js";
+
+/** bench: what the page has: texts, jobs and log. Gives the plot. */
+export function experiments(bench) {
+  let series = [], axis = ""; // the constant that was chosen for it
+  const chart = new Chart(at("experiment-chart"), "experiment");
+
+  async function experiment() {
+    const property = bench.list[at("experiment-property").value]?.text ?? null;
+    if (!at("keep").checked) series = [];
+    const mine = { rows: [], run: series.length + 1 };
+    series.push(mine);
+    const given = Object.fromEntries(bench.constants.map((c) => [c.name, bench.ranges[c.name] || bench.values[c.name] || ""]));
+    const found = await bench.enqueue("check", () => ({ do: "experiment", ...bench.job(), constants: given, property }), "experiment", (message) => {
+      if (message.rows) mine.rows.push(...message.rows), plot();
+    });
+    if (found.error) return;
+    mine.csv = found.csv;
+    const errors = mine.rows.filter((r) => r.error).length;
+    bench.log(`experiment: ${mine.rows.length} results${errors ? `, ${errors} of them errors` : ""}`, errors ? "bad" : "");
+    plot();
+  }
+
+  /** The plot, what it does not show, and the table. */
+  function plot() {
+    const rows = series.flatMap((s) => s.rows.map((r) => ({ ...r, run: s.run })));
+    const names = [...new Set(rows.flatMap((r) => Object.keys(r.constants)))];
+    const varying = names.filter((n) => new Set(rows.map((r) => r.constants[n])).size > 1);
+    at("axis").replaceChildren(...(varying.length ? varying : names).map((n) => option(n)));
+    if (varying.includes(axis)) at("axis").value = axis;
+    const x = at("axis").value;
+    const several = new Set(rows.map((r) => r.property)).size > 1;
+    const others = varying.filter((n) => n !== x);
+    const lineOf = (r) => [several || varying.length < 2 || series.length > 1 ? r.property : "", ...settings(r, others), series.length > 1 ? `run ${r.run}` : ""].filter(Boolean).join(", ");
+    const place = (text) => (Number.isNaN(Number(text)) ? text : Number(text));
+    const places = [...new Set(rows.filter((r) => x in r.constants).map((r) => place(r.constants[x])))];
+    const point = (r, where) => ({ x: where, y: r.numbers[0], low: r.numbers[1], high: r.numbers[2], series: lineOf(r) });
+    // What does not depend on the constant of the axis is a level line.
+    const points = rows.filter((r) => r.numbers[0] !== null).flatMap((r) => (x in r.constants ? [point(r, place(r.constants[x]))] : places.map((where) => point(r, where))));
+    points.sort((a, b) => a.x - b.x);
+    const head = ["property", ...names, "value", "accuracy"];
+    chart.show(points, x, several ? "value" : rows[0]?.property ?? "", series.length === 1 ? series[0].csv : csv([head, ...rows.map((r) => [r.property, ...names.map((n) => r.constants[n] ?? ""), r.text, r.accuracy])]));
+    at("experiment-notes").replaceChildren(...notes(rows, x, names));
+    at("experiment-table").replaceChildren(make("tr", {}, ...head.map((h) => make("th", { class: h === "property" || h === "accuracy" ? "left" : "" }, h))),
+      ...rows.slice(-500).map((r) => make("tr", {}, make("td", { class: "left" }, r.property), ...names.map((n) => make("td", {}, r.constants[n] ?? "")), make("td", {}, r.text), make("td", { class: "left" }, r.accuracy))));
+  }
+
+  const settings = (r, names) => names.filter((n) => n in r.constants).map((n) => `${n}=${r.constants[n]}`);
+
+  /** What the lines do not tell: level ones, results without a number, errors. */
+  function notes(rows, x, names) {
+    const level = [...new Set(rows.filter((r) => !(x in r.constants)).map((r) => r.property))];
+    const found = x && level.length ? [make("li", {}, `${level.join(", ")} ${level.length > 1 ? "do" : "does"} not depend on ${x}: level lines`)] : [];
+    const undrawn = new Map(); // by what they have in common
+    for (const r of rows.filter((r) => r.numbers[0] === null)) {
+      const key = JSON.stringify([r.property, r.error || r.text]);
+      undrawn.set(key, [...(undrawn.get(key) ?? []), r]);
+    }
+    for (const [first, ...more] of undrawn.values()) {
+      const where = settings(first, names).join(", ");
+      const places = `${where && ` at ${where}`}${more.length ? ` and ${more.length} more` : ""}`;
+      found.push(make("li", { class: first.error ? "bad" : "" }, `${first.property}${places}: ${first.error || `${first.text}, which is not drawn`}`));
+    }
+    return found;
+  }
+
+  /** What can be chosen: it depends on the properties. */
+  function enable() {
+    const all = [["", "all"], ...bench.list.map((p, i) => [i, p.name || p.text])];
+    const before = at("experiment-property").value;
+    bench.show(at("experiment-property"), all, () => all.map((one) => option(...one)));
+    if (all.some(([i]) => String(i) === before)) at("experiment-property").value = before;
+  }
+
+  at("experiment-run").addEventListener("click", experiment);
+  at("axis").addEventListener("change", () => {
+    axis = at("axis").value;
+    plot();
+  });
+  return { enable, draw: () => chart.draw() };
+}
