@@ -16,7 +16,7 @@ from symcheck.options import OPTIONS, Option
 
 PAGE = Path(__file__).parent / "command_line.md"
 MANUAL = Path(__file__).parent / "symcheck.1"
-TABLE = re.compile(r"(?<=<!-- options -->\n).*?(?=<!-- end of options -->)", re.DOTALL)
+TABLE = re.compile(r"(?<=<!-- options -->\n\n).*?(?=<!-- end of options -->)", re.DOTALL)
 
 
 def table() -> str:

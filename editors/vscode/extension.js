@@ -35,7 +35,7 @@ async function start() {
     const settings = "Open settings";
     const text =
       `symcheck: there is no language server '${wanted}'. ` +
-      "pip install 'symcheck[lsp]' installs it; symcheck.server.path says where it is.";
+      "pip install '.[lsp]' in a checkout of symcheck installs it; symcheck.server.path says where it is.";
     vscode.window.showErrorMessage(text, settings).then((choice) => {
       if (choice === settings)
         vscode.commands.executeCommand("workbench.action.openSettings", "symcheck.server.path");
@@ -49,6 +49,7 @@ async function start() {
     {
       documentSelector: LANGUAGES.map((language) => ({ language })),
       middleware: { executeCommand: execute },
+      synchronize: { configurationSection: "symcheck" },
     },
   );
   await client.start();

@@ -396,8 +396,9 @@ class Options:
         True,
         _FLAG,
         "model",
-        "Warn of guards and labels that hold for no values of their variables.",
-        _switch("nowarnunsatisfiable", "no warnings of guards and labels that never hold", False),
+        "Warn of guards, labels and conditions of properties that hold for no values of their "
+        "variables.",
+        _switch("nowarnunsatisfiable", "no warnings of conditions that never hold", False),
     )
     warn_blocked: bool = _option(
         True,

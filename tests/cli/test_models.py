@@ -37,7 +37,12 @@ STUDY = {"cell_injection.pm", "cell_injection.pctl"}
 HIDDEN = sorted(  # partially observed: no diagrams
     path for path in MODELS.glob("*/*.prism") if "pomdp" in path.read_text(encoding="utf-8")
 )
-GAMES = {"duel.prism": "", "piglet.prism": "goal=2", "pig.prism": "goal=100"}
+GAMES = {
+    "duel.prism": "",
+    "piglet.prism": "goal=2",
+    "pig.prism": "goal=100",
+    "inspection.prism": "n=5,k=2",
+}
 ENDLESS = MODELS / "expression" / "expression.prism"  # infinitely many states
 OF_OTHER_TESTS = {"README.md", "die.jani", "generate.py", "study.py"}
 
@@ -109,6 +114,7 @@ def test_partially_observed_models(model, engine, capsys):
     [
         *((game, engine) for game in ("duel.prism", "piglet.prism") for engine in ENGINES),
         ("pig.prism", ""),  # a million states
+        *(("inspection.prism", engine) for engine in ("", "-ex")),  # concurrent
     ],
 )
 def test_games(game, engine, capsys):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from symcheck.errors import InputError
-from symcheck.lsp.answers import Document, formatted, quick_fixes
+from symcheck.lsp.answers import Document, formatted
 from symcheck.lsp.symbols import Kind
 from symcheck.semantics.binding.bind import bind
 from symcheck.syntax.parse import parse_model
@@ -136,30 +136,6 @@ def test_a_new_name_is_taken_in_the_model_or_in_properties_of_it() -> None:
     with pytest.raises(ValueError, match=r"already a constant in m\.csl"):
         office.renamed(at(office, "places = 4"), "k", [office, asked])
     assert office.renamed(at(office, "places = 4"), "n", [office, asked])
-
-
-def test_completions_depend_on_the_place() -> None:
-    def offered(document: Document, offset: int) -> set[str]:
-        return {item.word for item in document.completions(offset)}
-
-    office = model(OFFICE + "\n[")
-    assert offered(office, len(office.text)) == {"send", "print", "repair"}
-    assert {"queue", "places", "module", "floor("} <= offered(model(OFFICE), len(OFFICE))
-    asked = properties('P=? [ F "')
-    assert offered(asked, len(asked.text)) >= {"full", "deadlock"}
-    assert {"Pmax=? [ ", "queue", "F"} <= offered(properties(""), 0)
-    assert offered(model("// a"), 4) == set()
-
-
-def test_quick_fixes_come_from_hints() -> None:
-    wrong = properties("P=? [ F quue=1 ]")
-    (fault,) = wrong.diagnostics
-    ((title, start, end, text),) = quick_fixes(fault)
-    assert (title, wrong.text[start:end], text) == ("Change to 'queue'", "quue", "queue")
-    wrong = model("dtmc\nmodule m\n  x : [0..3]\n  [] x<3 -> (x'=x+1);\nendmodule\n")
-    ((title, start, end, text),) = quick_fixes(wrong.diagnostics[0])
-    mended = wrong.text[:start] + text + wrong.text[end:]
-    assert (title, model(mended).diagnostics) == ("Insert ';'", [])
 
 
 @pytest.mark.parametrize("path", sorted(MODELS.glob("*/*.[pns]m")), ids=lambda p: p.name)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 import sys
-from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
-from contextlib import asynccontextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from shutil import copytree
 
@@ -16,87 +15,10 @@ pytest.importorskip("pygls", reason="the extra lsp is not installed")
 
 from lsprotocol import types as lsp
 from pygls.exceptions import JsonRpcException
-from pygls.lsp.client import LanguageClient
+
+from lsp.client import WAIT, Editor, editing, place, place_in, run
 
 MODELS = Path(__file__).parents[2] / "models"
-WAIT = 60.0
-
-
-class Editor(LanguageClient):
-    """A client that keeps what the server says of documents."""
-
-    def __init__(self) -> None:
-        super().__init__("editor", "1")
-        self.said: dict[str, list[lsp.Diagnostic]] = {}
-        self.refreshed = 0
-
-        @self.feature(lsp.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
-        def published(_: Editor, params: lsp.PublishDiagnosticsParams) -> None:
-            self.said[params.uri] = list(params.diagnostics)
-
-        @self.feature(lsp.WORKSPACE_CODE_LENS_REFRESH)
-        def refresh(_: Editor, __: None) -> None:
-            self.refreshed += 1
-
-    async def until(self, holds: Callable[[], bool]) -> None:
-        """Wait until something holds."""
-        for _ in range(int(WAIT / 0.05)):
-            if holds():
-                return
-            await asyncio.sleep(0.05)
-        pytest.fail("the server said nothing of the kind")
-
-    def open(self, path: Path, language: str) -> lsp.TextDocumentIdentifier:
-        text = path.read_text(encoding="utf-8")
-        self.text_document_did_open(
-            lsp.DidOpenTextDocumentParams(lsp.TextDocumentItem(path.as_uri(), language, 1, text))
-        )
-        return lsp.TextDocumentIdentifier(path.as_uri())
-
-    def change(self, document: lsp.TextDocumentIdentifier, text: str, version: int) -> None:
-        self.text_document_did_change(
-            lsp.DidChangeTextDocumentParams(
-                lsp.VersionedTextDocumentIdentifier(version, document.uri),
-                [lsp.TextDocumentContentChangeWholeDocument(text)],
-            )
-        )
-
-
-@asynccontextmanager
-async def editing(log: Path | None = None) -> AsyncIterator[Editor]:
-    editor = Editor()
-    command = "from symcheck.lsp.server import main; main()"
-    if log is not None:
-        command = f"import sys; sys.stderr = open({str(log)!r}, 'w', buffering=1); {command}"
-    await editor.start_io(sys.executable, "-c", command)
-    workspace = lsp.WorkspaceClientCapabilities(
-        code_lens=lsp.CodeLensWorkspaceClientCapabilities(refresh_support=True)
-    )
-    await editor.initialize_async(lsp.InitializeParams(lsp.ClientCapabilities(workspace=workspace)))
-    editor.initialized(lsp.InitializedParams())
-    try:
-        yield editor
-    finally:
-        await editor.shutdown_async(None)
-        editor.exit(None)
-        await editor.stop()
-
-
-def run(story: Callable[[Editor], Awaitable[None]]) -> None:
-    async def told() -> None:
-        async with editing() as editor:
-            await story(editor)
-
-    asyncio.run(told())
-
-
-def place(path: Path, piece: str, further: int = 0) -> lsp.Position:
-    return place_in(path.read_text(encoding="utf-8"), piece, further)
-
-
-def place_in(text: str, piece: str, further: int = 0) -> lsp.Position:
-    before = text[: text.index(piece) + further]
-    return lsp.Position(before.count("\n"), len(before) - (before.rfind("\n") + 1))
 
 
 @pytest.fixture
@@ -165,6 +87,68 @@ def test_a_property_is_checked_by_its_lens(folder: Path) -> None:
         assert lens.command.title == answer
 
     run(story)
+
+
+OPEN = """dtmc
+const int N;
+module m
+  x : [0..N] init 1;
+  [] x>0 & x<N -> 0.5 : (x'=x-1) + 0.5 : (x'=x+1);
+endmodule
+"""
+
+
+def test_constants_of_a_check_come_from_the_settings(tmp_path: Path) -> None:
+    (tmp_path / "walk.pm").write_text(OPEN, encoding="utf-8")
+    asked = tmp_path / "walk.pctl"
+    asked.write_text("const int k; const int other;\nP=? [ F x=N ];\nP=? [ F<=k x=0 ];\n")
+
+    async def story(editor: Editor) -> None:
+        document = editor.open(asked, "prism-properties")
+
+        async def titles() -> list[str]:
+            wanted = lsp.CodeLensParams(document)
+            lenses = await editor.text_document_code_lens_async(wanted) or []
+            return [lens.command.title for lens in lenses if lens.command]
+
+        async def check(number: int) -> str:
+            wanted = lsp.ExecuteCommandParams("symcheck.check", arguments=[document.uri, number])
+            return str(await editor.workspace_execute_command_async(wanted))
+
+        missing = "N without a value: set symcheck.constants to N=…"
+        assert await check(0) == missing
+        assert await titles() == [missing, "check"]
+        editor.settings = {"constants": "N=4, unused=1"}
+        settings = lsp.DidChangeConfigurationParams(None)
+        editor.workspace_did_change_configuration(settings)
+        await editor.until(lambda: editor.refreshed == 2)
+        assert await titles() == ["check", "check"]
+        value = await check(0)
+        assert value.startswith("0.25 ")
+        assert value.endswith(", N=4")
+        assert await titles() == [value, "check"]
+        assert await check(1) == "k without a value: set symcheck.constants to k=…"
+        editor.settings = {"constants": "N=4,k=1"}
+        assert (await check(1)).startswith("0.5 ")
+        editor.settings = {"constants": "N=1:4"}
+        assert (await check(0)).startswith("symcheck.constants: N is given 4 values")
+
+    run(story)
+
+
+def test_an_editor_without_settings_is_told_what_is_missing(tmp_path: Path) -> None:
+    (tmp_path / "walk.pm").write_text(OPEN, encoding="utf-8")
+    asked = tmp_path / "walk.pctl"
+    asked.write_text("P=? [ F x=N ]")
+
+    async def story() -> None:
+        async with editing(configuration=False) as editor:
+            document = editor.open(asked, "prism-properties")
+            wanted = lsp.ExecuteCommandParams("symcheck.check", arguments=[document.uri, 0])
+            said = await editor.workspace_execute_command_async(wanted)
+            assert "set symcheck.constants to N=…" in str(said)
+
+    asyncio.run(story())
 
 
 def test_a_refused_renaming_is_answered_and_is_no_error_of_the_server(

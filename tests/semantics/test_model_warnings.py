@@ -21,6 +21,7 @@ OPEN = {
     "duel.prism": "hit=0.001",
     "piglet.prism": "goal=2",
     "pig.prism": "goal=20",
+    "inspection.prism": "n=5,k=2",
     "maze.prism": "slip=0",
     "cell_injection.pm": "CellBoundaryX=104,CellBoundaryY=104,NoisePercentage=0.005,StepSizeXY=27,"
     "InitialPositionXY=100,MaxDistance=250,Damping=1",
@@ -123,3 +124,41 @@ def test_labels_that_are_lists_of_states_are_not_looked_at(
     monkeypatch.chdir(tmp_path)
     main([str(MODELS / "queue/queue.sm"), "-exportmodel", "out.all", "-pf", "true"])
     assert symcheck.load_explicit("out.all").warnings == ()
+
+
+def of_property(formula: str, **options: bool) -> tuple[str, ...]:
+    text = dtmc("[] x<3 -> (x'=x+1);\n[] x=3 -> true;", 'label "end" = x=3;')
+    return symcheck.loads(text, **options).check(formula).warnings  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("formula", "condition"),
+    [
+        ("P=? [ F x=7 ]", "x=7"),
+        ("P=? [ x<3 U x>3 ]", "x>3"),
+        ('P=? [ F x<0 & "end" ]', "x<0"),
+        ("S=? [ x>1 & x<2 ]", "x>1 & x<2"),
+        ("P>=0.5 [ F P>0 [ X x=4 ] ]", "x=4"),
+        ("const int k = 9; T=? [ F x=k ]", "x=9"),
+    ],
+)
+def test_conditions_of_properties_that_no_value_satisfies(formula: str, condition: str) -> None:
+    expected = f"{condition} holds for no values of its variables: x is in [0..3]"
+    assert of_property(formula) == (expected,)
+    assert of_property(formula, warn_unsatisfiable=False) == ()
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        'P=? [ F "end" ]',
+        "P=? [ F x=3 | x=7 ]",
+        "P=? [ G !(x=7) ]",
+        "P=? [ F false ]",
+        "x+7",
+        "P>=0.7 [ F<=7 x=3 ]",
+        "T=? [ F x=3 ]",
+    ],
+)
+def test_conditions_of_properties_that_some_values_satisfy(formula: str) -> None:
+    assert of_property(formula) == ()

@@ -27,7 +27,7 @@ const copied = () => {
 test("a missing server is named, with what helps", async () => {
   const seen = load({ "symcheck.server.path": "no-such-server" });
   await seen.extension.activate({ subscriptions: [] });
-  assert.match(seen.errors[0], /no-such-server.*pip install 'symcheck\[lsp\]'.*symcheck\.server\.path/);
+  assert.match(seen.errors[0], /no-such-server.*pip install '\.\[lsp\]'.*symcheck\.server\.path/);
   await seen.extension.deactivate();
 });
 
@@ -55,6 +55,29 @@ test("faults come from the server, and a property is checked", async () => {
     await seen.extension.deactivate();
     fs.rmSync(folder, { recursive: true });
   }
+});
+
+test("constants of a check come from the settings, which are described", async () => {
+  const folder = copied();
+  const seen = load({ "symcheck.server.path": SERVER });
+  await seen.extension.activate({ subscriptions: [] });
+  try {
+    const model = "dtmc const int N; module m x : [0..N]; [] x<N -> (x'=x+1); endmodule";
+    fs.writeFileSync(path.join(folder, "count.prism"), model);
+    const asked = seen.open(path.join(folder, "count.pctl"), "prism-properties", "P=? [ F x=N ]");
+    const lenses = () => seen.lenses[0].provideCodeLenses(asked, new CancellationTokenSource().token);
+    const [lens] = await until(async () => (await lenses())?.length && lenses());
+    seen.vscode.window.activeTextEditor = { document: asked, selection: { active: lens.range.start } };
+    assert.match(await seen.commands["symcheck.checkHere"](), /N without a value: set symcheck\.constants to N=/);
+    seen.settings["symcheck.constants"] = "N=7";
+    assert.match(await seen.commands["symcheck.checkHere"](), /^1\.0 .*, N=7$/);
+  } finally {
+    await seen.extension.deactivate();
+    fs.rmSync(folder, { recursive: true });
+  }
+  const { properties } = require("../package.json").contributes.configuration;
+  const readme = fs.readFileSync(path.join(__dirname, "../README.md"), "utf8");
+  for (const name of Object.keys(properties)) assert.ok(readme.includes(`\`${name}\``), name);
 });
 
 test(".pm and .props are claimed for a workspace, by a command", async () => {

@@ -31,10 +31,13 @@ const event = () => new Disposable();
 const kind = (value) => ({ value, append: (part) => kind(value ? `${value}.${part}` : part) });
 
 function editor(settings) {
-  const seen = { commands: {}, lenses: [], errors: [], faults: {}, status: [], updates: [] };
+  const seen = { settings, commands: {}, lenses: [], errors: [], faults: {}, status: [], updates: [] };
   const opened = new EventEmitter();
+  const inside = (section) => Object.fromEntries(
+    Object.entries(settings).filter(([name]) => name.startsWith(`${section}.`)).map(([name, value]) => [name.slice(section.length + 1), value]),
+  );
   const configuration = (section) => ({
-    get: (name, usual) => settings[`${section}.${name}`] ?? usual,
+    get: (name, usual) => (section === undefined ? inside(name) : settings[`${section}.${name}`] ?? usual),
     inspect: (name) => ({ workspaceValue: settings[`${section}.${name}`] }),
     update: async (...words) => seen.updates.push([section, ...words]),
   });

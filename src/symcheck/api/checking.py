@@ -20,7 +20,6 @@ from symcheck.check.property_instance import (
     stopped,
 )
 from symcheck.check.result import Result
-from symcheck.check.results import Results
 from symcheck.constant_values import ConstantValue, GivenConstants, constant_values
 from symcheck.engines.states import States
 from symcheck.errors import ResourceError, SymcheckError, UsageError
@@ -32,6 +31,7 @@ from symcheck.syntax.declarations import PropertiesFile
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
+    from symcheck.check.results import Results
     from symcheck.check.testing.property_tests import PropertyTests
 
 __all__ = ["CheckedModel", "PreparedModel"]
@@ -254,10 +254,13 @@ class CheckedModel(Stages):
         constants: GivenConstants | str | None,
         observer: IterationObserver | None,
     ) -> Results:
+        from symcheck.check.results import Results
+
         given = constant_values(constants)
         instances = self.instances(file, {n: (v,) for n, v in given.items()})
-        for instance in instances:
-            instance.bind(self.bound)  # faults of the text are reported before anything is built
+        faults = [instance.bind(self.bound)[0].fault for instance in instances]
+        if (first := faults[0] if faults else None) is not None and None not in faults:
+            raise first  # nothing is built for faulty properties alone
         prepared = self.prepared_for(instances)
 
         def checked(index: int) -> tuple[BoundProperty, Result]:

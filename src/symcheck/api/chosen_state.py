@@ -34,6 +34,8 @@ def chosen_state(model: CheckedModel, text: str) -> State:
         given = _valuation(model.bound, [part for c in parsed for part in conjuncts(c)])
         if given is not None:
             return given
+    for condition in parsed:
+        bind_expression(condition, model.bound)  # its faults are at the places of this text
     found = model.where(" & ".join(f"({pretty(condition)})" for condition in parsed))
     if not found:
         raise UsageError(f"no reachable state satisfies {text}")

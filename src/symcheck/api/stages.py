@@ -18,7 +18,7 @@ from symcheck.semantics.binding.bind import bind, check_constant_names, undefine
 from symcheck.semantics.expressions.literals import as_expression
 from symcheck.semantics.features import Feature, offers
 from symcheck.semantics.model import BoundModel
-from symcheck.syntax.ast import WITHOUT_KEYWORD, ModelType
+from symcheck.syntax.ast import ModelType
 from symcheck.syntax.declarations import Program
 from symcheck.time_limit import seconds_left, within
 
@@ -84,7 +84,7 @@ class Stages:
     @property
     def type(self) -> ModelType:
         """The model type: the given one, or that of the text, in which no keyword means MDP."""
-        return self.given_type or self.program.type or WITHOUT_KEYWORD
+        return self.program.model_type(self.given_type)
 
     @property
     def is_timed(self) -> bool:

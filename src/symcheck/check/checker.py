@@ -16,6 +16,7 @@ import numpy as np
 from symcheck.check.context import CheckLog, Context
 from symcheck.check.filters import AppliedFilter, Bounds, Condition, Numeric
 from symcheck.check.omega_regular import ctl
+from symcheck.check.property_notes import property_notes
 from symcheck.check.result import (
     Accuracy,
     Answer,
@@ -38,6 +39,7 @@ from symcheck.numerics.tuning import ROUNDING_WIDTH
 from symcheck.options import Options
 from symcheck.semantics.expressions.rounding_notes import notes_about
 from symcheck.semantics.model import BoundModel
+from symcheck.semantics.model_warnings import property_warnings
 from symcheck.semantics.path_formulas import negated
 from symcheck.syntax.ast import (
     Expression,
@@ -109,6 +111,9 @@ def check(
         observer=observer,
     )
     kind = context.type(formula)
+    if options.warn_unsatisfiable:
+        for text in property_warnings(engine.model, formula):
+            log.warn(text)
     if options.strategy and engine.model.type.has_choices:
         from symcheck.check.strategies.to_explicit import check_rows_fit, to_explicit
 
@@ -148,7 +153,10 @@ def check(
         runs=tuple(log.runs),
         warnings=tuple(log.warnings),
         witness_or_none=log.witness,
-        notes=_rounding_notes(engine.model, formula),
+        notes=(
+            *property_notes(engine.model, formula, result.value),
+            *_rounding_notes(engine.model, formula),
+        ),
         seconds=perf_counter() - started,
         engine=engine,
         explain=partial(_explanation, replace(context, log=CheckLog()), formula),

@@ -12,10 +12,12 @@ import numpy as np
 from symcheck.check.result import Line, SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import Engine, Equations, StateSet, Values, erased
+from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import Diagnostic, NameFault, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
-from symcheck.matrices.rows import Int64s
+from symcheck.matrices.rows import Bools, Int64s
+from symcheck.numerics.concurrent_games import Game
 from symcheck.numerics.linear.problem import Observer, largest_width
 from symcheck.options import Options
 from symcheck.semantics.expressions.types import type_of
@@ -137,6 +139,9 @@ class Context:
         rows = self.engine.capability(ExplicitEngine)
         if rows is None:
             raise UnsupportedError(f"games are not solved by the engine {self.engine.name}")
+        if rows.model.type.concurrent:
+            mine = rows.at_once(query.coalition).most
+            return self, query.direction if mine.chooses else query.direction.dual
         game = rows.playing(query.coalition)
         assert game.opponents is not None
         assert rows.weights.groups is not None
@@ -147,9 +152,37 @@ class Context:
             return self, query.direction.dual
         return replace(self, engine=erased(game)), query.direction
 
+    def at_once(self, query: Query[StateSet]) -> Game | None:
+        """The concurrent game in which both sides of a query choose; None if it is none."""
+        if query.coalition is None or query.direction is None:
+            return None
+        rows = self.engine.capability(ExplicitEngine)
+        if rows is None or not rows.model.type.concurrent:
+            return None
+        maximisers = query.coalition
+        if query.direction is Direction.MIN:
+            maximisers = frozenset(range(len(rows.model.players))) - maximisers
+        game = rows.at_once(maximisers)
+        return game if game.most.chooses and game.least.chooses else None
+
     def with_any_method(self) -> Context:
         """The context of what needs proved bounds on the way, by whatever method."""
         return replace(self, options=replace(self.options, method="auto"))
+
+    def within(self, engine: ExplicitEngine, relevant: Bools, *, strategy: bool = False) -> Context:
+        """The context of an engine that is solved on the way, with bounds at relevant states and a
+        log of its own.
+        """
+        options = replace(
+            self.options, certify=True, bisim=False, everywhere=False, strategy=strategy
+        )
+        return replace(
+            self,
+            engine=erased(engine),
+            options=options,
+            log=CheckLog(),
+            relevant_states=ArraySet(relevant),
+        )
 
     def without_strategy(self) -> Context:
         """The context of what needs no strategy, such as formulas within an operator."""

@@ -202,8 +202,9 @@ class Result:
             for each point of the value. Empty if there is none.
         no_strategy: why there is none, although one was asked for.
         warnings: one sentence each.
-        notes: one sentence for each place where tools that round to doubles, such as PRISM, may
-            read the model or the property differently.
+        notes: one sentence for what may surprise in the property or its value, and for each place
+            where tools that round to doubles, such as PRISM, may read the model or the property
+            differently.
         seconds: time of the check.
         engine: on which the property was checked.
         explain: finds a counterexample with at most so many paths.

@@ -15,6 +15,7 @@ from symcheck.check.context import Context
 from symcheck.engines.base import Engine, StateSet, Values
 from symcheck.errors import NumericalError, SymcheckError, UnsupportedError
 from symcheck.numerics import rational_limits
+from symcheck.semantics.features import Feature, offers
 
 __all__ = ["by_rationals", "decide"]
 
@@ -95,8 +96,9 @@ def _undecided(
     states: StateSet,
     reason: SymcheckError,
 ) -> NumericalError:
+    has_rationals = offers(context.engine.model, Feature.RATIONALS)
     return NumericalError(
         f"cannot decide whether the value is {operator} {float(threshold)!r}, for example in state "
         f"{context.example(states)}: the two are too close for the accuracy reached ({reason})",
-        hint="-exact computes with rational numbers",
+        hint="-exact computes with rational numbers" if has_rationals else None,
     )

@@ -158,8 +158,14 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
         return build_intervals(model, inner, lambda m, o: on_rows(build(m, o, observer), o))
     try:
         built = BUILDERS[name](model, options, observer)
-        # Games are solved on rows, which diagrams list.
-        return erased(on_rows(built, options)) if model.type.players > 1 else built
+        if model.type.players < 2:
+            return built
+        rows = on_rows(built, options)  # games are solved on rows, which diagrams list
+        if model.type.concurrent:
+            from symcheck.engines.explicit.joint_rows import require_joint_actions
+
+            require_joint_actions(rows.explored)
+        return erased(rows)
     except AlmostOne as fault:
         model = normalised_at(model, fault)
     return build(model, options, observer)

@@ -12,9 +12,12 @@ from functools import cached_property
 from typing import NamedTuple
 
 from symcheck.errors import Diagnostic, InputError, Source, SymcheckError
+from symcheck.lsp.completion import Item, completions, model_type, place_in, typed
+from symcheck.lsp.fixes import quick_fixes
+from symcheck.lsp.help import FILTERS, HELP, OF_TERMINAL
 from symcheck.lsp.pieces import Pieces, parse_pieces
 from symcheck.lsp.symbols import QUOTED, Kind, Names, Occurrence, Symbol, names_of
-from symcheck.lsp.words import comments, keywords, words
+from symcheck.lsp.words import comments, words
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
 from symcheck.semantics.binding.bind_model import undefined_constants
@@ -23,10 +26,9 @@ from symcheck.semantics.binding.kept_modules import KeptModules
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.model_warnings import model_warnings
-from symcheck.syntax.ast import MEASURE_WORDS, TYPE_WORDS
+from symcheck.syntax.ast import TYPE_WORDS
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.grammars import load
-from symcheck.syntax.operators import Function
 from symcheck.syntax.parse import parse_properties
 from symcheck.syntax.words import Word
 
@@ -49,14 +51,6 @@ class Edit(NamedTuple):
 
     place: Place
     text: str
-
-
-class Item(NamedTuple):
-    """A completion: a word, what it is, and more about it."""
-
-    word: str
-    what: str
-    detail: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,11 +249,26 @@ class Document:
         word = next((w for w in self.words if w.start_pos <= offset < w.end_pos), None)
         if word is None:
             return None
+        shown = self._help(word)
         if word.value in TYPE_WORDS and states is not None:
-            return f"{states:,} reachable states", Place(self, word.start_pos, word.end_pos)
-        if word.value in HELP:
-            return HELP[word.value], Place(self, word.start_pos, word.end_pos)
-        return None
+            shown = f"{states:,} reachable states\n\n{shown}"
+        return None if shown is None else (shown, Place(self, word.start_pos, word.end_pos))
+
+    def _help(self, word: Word) -> str | None:
+        """What a word or sign means where it stands."""
+        at = self.words.index(word)
+        if [w.value for w in self.words[max(at - 2, 0) : at]] == ["filter", "("]:
+            meant = FILTERS.get(word.value)
+            return meant and f"{meant}: `filter({word.value}, …)`"
+        found = HELP.get(word.value)
+        if word.type in OF_TERMINAL and (found is None or self._follows_operand(word)):
+            found = OF_TERMINAL[word.type]
+        return None if found is None else found.markdown
+
+    def _follows_operand(self, word: Word) -> bool:
+        """Whether `U` could stand in the place of a word."""
+        place, _ = place_in(self.text, word.start_pos, self.language, self.words)
+        return "UNTIL" in place.expected
 
     def about(self, symbol: Symbol) -> str:
         """A declaration, and what is known of it, in Markdown."""
@@ -323,32 +332,24 @@ class Document:
     # ---------------------------------------------------------------------------------- completions
 
     def completions(self, offset: int) -> list[Item]:
-        """The words that may stand at an offset."""
-        line = self.text[self.text.rfind("\n", 0, offset) + 1 : offset]
-        if "//" in line:
-            return []
-        symbols = [(s, document) for document in self._family for s in document.names.symbols]
-        if line.count('"') % 2:
-            if line[: line.rindex('"')].endswith("{"):
-                return _items(symbols, (Kind.REWARDS,))
-            labels = [Item(w, "label") for w in ("deadlock", "init")]
-            return _items(symbols, (Kind.LABEL, Kind.PROPERTY)) + labels
-        before = line.rstrip(_NAME_CHARACTERS).rstrip()
-        if before.endswith("[") and self.language == "prism":
-            return _items(symbols, (Kind.ACTION,))
-        values = _items(symbols, (Kind.VARIABLE, Kind.CONSTANT, Kind.FORMULA))
-        functions = [Item(f"{f}(", "function") for f in Function]
-        if self.language == "prism":
-            return [*values, *functions, *(Item(w, "keyword") for w in keywords("prism"))]
-        measures = [Item(f"{word}=? [ ", "operator") for word in sorted(MEASURE_WORDS)]
-        paths = [Item(w, "path operator", HELP.get(w, "")) for w in "XFGUWR"]
-        return [
-            *measures,
-            *paths,
-            *values,
-            *functions,
-            *(Item(w, "keyword") for w in keywords("properties") if len(w) > 1),
+        """What can stand at an offset, in place of the name that ends there; the likeliest first.
+
+        It is written in place of the text from `typed(offset)` to the offset.
+        """
+        symbols = [
+            (s, " ".join(d.text[s.first : s.last].split())[:80])
+            for d in self._family
+            for s in d.names.symbols
         ]
+        model = self if self.language == "prism" else self.model
+        known = None
+        if model is not None:  # what more is known of it than its type is asked for properties only
+            known = model_type(model.words), None if model is self else model.bound
+        return completions(self.text, offset, self.language, self.words, symbols, known)
+
+    def typed(self, offset: int) -> int:
+        """Where the name begins that ends at an offset, or the offset."""
+        return typed(self.text, offset, self.words)
 
     # -------------------------------------------------------------------------------------- outline
 
@@ -398,7 +399,6 @@ class Document:
         return [(span.start, span.end, span.text) for span in spans]
 
 
-_NAME_CHARACTERS = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_"
 _VALUES = (Kind.VARIABLE, Kind.CONSTANT, Kind.FORMULA)
 _LIKE: Mapping[Kind, tuple[Kind, ...]] = dict.fromkeys(_VALUES, _VALUES)
 """The kinds that share their names."""
@@ -415,49 +415,6 @@ COLOURS: Mapping[Kind, str] = {
     Kind.PLAYER: "class",
 }
 """The type of semantic tokens for each kind."""
-
-HELP: Mapping[str, str] = {
-    "X": "`X a`: a holds in the next state",
-    "F": "`F a`: a holds now or later; `F<=k a`: within k steps, or units of time",
-    "G": "`G a`: a holds now and always",
-    "U": "`a U b`: b holds now or later, and a until then",
-    "W": "`a W b`: a holds until b does, or always",
-    "R": "`a R b`: b holds until a and b hold together, or always",
-    "S": "`S=? [ a ]`: the share of the time in which a holds, in the long run",
-    "C": "`C<=k`: the reward up to k; `C`: the whole reward",
-    "I": "`I=k`: the reward of the state at k",
-    "dtmc": "a Markov chain in discrete time: commands have probabilities",
-    "ctmc": "a Markov chain in continuous time: commands have rates",
-    "mdp": "a Markov decision process: somebody chooses among the enabled commands",
-    "init": "the initial value of a variable; `init … endinit`: a condition on initial states",
-    "global": "a variable that all modules may write",
-    "formula": "a name for an expression",
-    "label": "a name for the states in which something holds",
-}
-"""What words mean, in Markdown."""
-
-
-def _items(symbols: Sequence[tuple[Symbol, Document]], kinds: Sequence[Kind]) -> list[Item]:
-    found: dict[str, Item] = {}
-    for symbol, document in symbols:
-        if symbol.kind in kinds:
-            text = " ".join(document.text[symbol.first : symbol.last].split())
-            found.setdefault(symbol.name, Item(symbol.name, symbol.kind.value, text[:80]))
-    return sorted(found.values())
-
-
-_MEANT = re.compile(r"did you mean '?([A-Za-z_]\w*)'?\?")
-_MISSING = re.compile(r"put '(.+)' here")
-
-
-def quick_fixes(diagnostic: Diagnostic) -> list[tuple[str, int, int, str]]:
-    """What the hint of a fault can put right: a title, and a piece of text with its new text."""
-    span, hint = diagnostic.span, diagnostic.hint or ""
-    if meant := _MEANT.search(hint):
-        return [(f"Change to '{meant[1]}'", span.start, span.end, meant[1])]
-    if missing := _MISSING.fullmatch(hint):
-        return [(f"Insert '{missing[1]}'", span.end, span.end, missing[1])]
-    return []
 
 
 def formatted(text: str) -> str:

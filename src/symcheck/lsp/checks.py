@@ -19,6 +19,9 @@ SECONDS = 5.0
 CHECK_SECONDS = 60.0
 """The longest time of a check that is asked for."""
 
+SETTING = "symcheck.constants"
+"""The setting of an editor that has the values of constants."""
+
 
 @dataclass(frozen=True, slots=True)
 class Fault:
@@ -61,9 +64,15 @@ async def explore(text: str) -> Exploration:
     return Exploration(found["states"], tuple(Fault(**fault) for fault in found["faults"]))
 
 
-async def check(model: str, properties: str, number: int) -> Verdict:
-    """Check property `number`, counted from 0, of a properties text, in another process."""
-    found = await _answer({"model": model, "properties": properties, "number": number})
+async def check(model: str, properties: str, number: int, constants: str = "") -> Verdict:
+    """Check property `number`, counted from 0, of a properties text, in another process.
+
+    constants: values such as "N=3,p=0.5" of constants that texts leave open; this property may need
+        some of them.
+    """
+    found = await _answer(
+        {"model": model, "properties": properties, "number": number, "constants": constants}
+    )
     return Verdict("the check was stopped" if found is None else found["text"])
 
 
@@ -100,13 +109,29 @@ def _fault(d: Diagnostic) -> Fault:
     return Fault(d.message, d.code, d.hint, d.span.start, d.span.end, d.severity)
 
 
-def _checked(model: str, properties: str, number: int) -> Verdict:
+def _checked(model: str, properties: str, number: int, constants: str) -> Verdict:
     import symcheck
+    from symcheck.constant_values import constant_values
+    from symcheck.semantics.binding.bind import needed_constants, split_constants
 
     try:
+        given = constant_values(constants)
+    except SymcheckError as error:
+        return Verdict(f"{SETTING}: {error.message.removeprefix('constants: ')}")
+    try:
         loaded = symcheck.loads(model, time_limit=CHECK_SECONDS)
-        (instance,) = loaded.instances(symcheck.parse_properties(properties), {}, [number])
-        return Verdict(str(loaded.check_instance(instance)))
+        file = symcheck.parse_properties(properties)
+        needed = needed_constants(loaded.program, file)[number]
+        if missing := [name for name in needed if name not in given]:
+            values = ",".join(f"{name}=…" for name in missing)
+            return Verdict(f"{' and '.join(missing)} without a value: set {SETTING} to {values}")
+        used = {name: given[name] for name in needed}
+        split = split_constants(loaded.program, file, used)
+        values_of_properties = {name: (value,) for name, value in split.of_properties.items()}
+        loaded = loaded.with_constants(split.of_model)
+        (instance,) = loaded.instances(file, values_of_properties, [number])
+        told = f", {','.join(f'{name}={value}' for name, value in used.items())}" if used else ""
+        return Verdict(f"{loaded.check_instance(instance)}{told}")
     except ResourceError:
         return Verdict(f"no answer within {CHECK_SECONDS:.0f} seconds")
     except InputError as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 from weakref import WeakKeyDictionary
@@ -47,11 +47,18 @@ _ITEMS = {
     "variable": lsp.CompletionItemKind.Variable,
     "constant": lsp.CompletionItemKind.Constant,
     "formula": lsp.CompletionItemKind.Function,
+    "module": lsp.CompletionItemKind.Module,
+    "reward structure": lsp.CompletionItemKind.Struct,
     "function": lsp.CompletionItemKind.Function,
+    "filter": lsp.CompletionItemKind.Function,
     "action": lsp.CompletionItemKind.Event,
+    "command": lsp.CompletionItemKind.Event,
+    "declaration": lsp.CompletionItemKind.Snippet,
     "keyword": lsp.CompletionItemKind.Keyword,
-    "operator": lsp.CompletionItemKind.Operator,
+    "measure": lsp.CompletionItemKind.Operator,
+    "query": lsp.CompletionItemKind.Operator,
     "path operator": lsp.CompletionItemKind.Operator,
+    "sign": lsp.CompletionItemKind.Operator,
 }
 
 
@@ -91,6 +98,26 @@ class SymcheckServer(LanguageServer):
     def others(self) -> list[Document]:
         """All documents that are open."""
         return [self.document(uri) for uri in self.workspace.text_documents]
+
+    # --------------------------------------------------------------------------------------- client
+
+    async def constants(self, uri: str) -> str:
+        """The values of constants in the settings of the editor; "" for none.
+
+        The whole section is asked for, because not every editor follows the points in a name.
+        """
+        workspace = self.client_capabilities.workspace
+        if workspace is None or not workspace.configuration:
+            return ""
+        asked = lsp.ConfigurationItem(scope_uri=uri, section="symcheck")
+        (found,) = await self.workspace_configuration_async(lsp.ConfigurationParams([asked]))
+        return str(found.get("constants") or "") if isinstance(found, Mapping) else ""
+
+    def refresh_lenses(self) -> None:
+        """Let the editor ask for the lenses anew, if it can."""
+        workspace = self.client_capabilities.workspace
+        if workspace and workspace.code_lens and workspace.code_lens.refresh_support:
+            self.workspace_code_lens_refresh(None)
 
     # --------------------------------------------------------------------------------------- places
 
@@ -219,15 +246,27 @@ def make_server() -> SymcheckServer:
         return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text), ls.range(place))
 
     @server.feature(
-        lsp.TEXT_DOCUMENT_COMPLETION, lsp.CompletionOptions(trigger_characters=["[", '"', "{"])
+        lsp.TEXT_DOCUMENT_COMPLETION,
+        lsp.CompletionOptions(trigger_characters=["[", "(", ":", '"', "{"]),
     )
     def completion(ls: SymcheckServer, params: lsp.CompletionParams) -> list[lsp.CompletionItem]:
         document = ls.document(params.text_document.uri)
+        offset = ls.offset(document.uri, params.position)
+        typed = ls.range(Place(document, document.typed(offset), offset))
         return [
             lsp.CompletionItem(
-                item.word, kind=_ITEMS.get(item.what), detail=item.detail or item.what
+                item.word,
+                kind=_ITEMS.get(item.what),
+                detail=item.detail or item.what,
+                documentation=lsp.MarkupContent(
+                    lsp.MarkupKind.Markdown, f"```prism\n{item.example}\n```"
+                )
+                if item.example
+                else None,
+                sort_text=f"{place:04}",
+                text_edit=lsp.TextEdit(typed, item.word),
             )
-            for item in document.completions(ls.offset(document.uri, params.position))
+            for place, item in enumerate(document.completions(offset))
         ]
 
     @server.feature(lsp.TEXT_DOCUMENT_DEFINITION)
@@ -356,12 +395,16 @@ def make_server() -> SymcheckServer:
         if document.model is None or not 0 <= number < len(properties):
             return None
         model, text = document.model.text, properties[number][2]
-        verdict = await check(model, document.text, number)
+        verdict = await check(model, document.text, number, await ls.constants(uri))
         ls.verdicts[model, document.text, text] = verdict
-        capabilities = ls.client_capabilities.workspace
-        if capabilities and capabilities.code_lens and capabilities.code_lens.refresh_support:
-            ls.workspace_code_lens_refresh(None)
+        ls.refresh_lenses()
         return verdict.text
+
+    @server.feature(lsp.WORKSPACE_DID_CHANGE_CONFIGURATION)
+    def configured(ls: SymcheckServer, _: lsp.DidChangeConfigurationParams) -> None:
+        if ls.verdicts:  # they are those of other constants
+            ls.verdicts.clear()
+            ls.refresh_lenses()
 
     @server.feature(lsp.SHUTDOWN)
     def ended(ls: SymcheckServer, _: None) -> None:

@@ -129,6 +129,7 @@ class _Reading:
     def __init__(self, found: Sequence[Word], language: str) -> None:
         self.words, self.language = found, language
         self.symbols: list[Symbol] = []
+        self.actions: set[str] = set()  # those that have symbols
         self.occurrences: list[Occurrence] = []
         self.block: str | None = None
         self.module: str | None = None
@@ -209,6 +210,8 @@ class _Reading:
                     copy_of=old.value,
                 )
                 self.symbols.append(symbol)
+                if symbol.kind is Kind.ACTION:
+                    self.actions.add(symbol.name)
             self._add(new, _RENAMED)
 
     def _renamings(self) -> Iterator[tuple[Word, Word]]:
@@ -254,10 +257,9 @@ class _Reading:
         in_actions = self.block in ("module", "rewards") and before == "[" and after == "]"
         markovian = self.block == "module" and before == "<" and after == ">"
         if in_actions or markovian:
-            if self.block == "module" and not any(
-                s.kind is Kind.ACTION and s.name == word.value for s in self.symbols
-            ):
+            if self.block == "module" and word.value not in self.actions:
                 place = word.start_pos, word.end_pos
+                self.actions.add(word.value)
                 self.symbols.append(Symbol(Kind.ACTION, word.value, *place, *place, self.module))
             self._add(word, (Kind.ACTION,))
         elif after == ":" and self.language == "prism" and before in (";", "global", self.module):

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from functools import cache
 
 from symcheck.syntax.grammars import load
 from symcheck.syntax.words import Word
 
-__all__ = ["comments", "keywords", "words"]
+__all__ = ["comments", "words"]
 
 _COMMENT = re.compile(r"//[^\r\n]*")
 
@@ -29,9 +28,3 @@ def words(text: str, language: str) -> list[Word]:
 def comments(text: str) -> list[tuple[int, int]]:
     """Where comments stand: the offsets of their beginnings and ends."""
     return [match.span() for match in _COMMENT.finditer(text)]
-
-
-@cache
-def keywords(language: str) -> tuple[str, ...]:
-    """The words that a language reserves, in alphabetical order."""
-    return tuple(sorted({w for w in load(language).spelling.values() if w[0].isalpha()}))

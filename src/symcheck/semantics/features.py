@@ -109,6 +109,12 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
             Feature.STEPPING,
         }
     ),
+    ModelType.CSG: frozenset(
+        {
+            *(Feature.ROWS, Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY),
+            *(Feature.REACH_REWARDS, Feature.CUMULATIVE_REWARDS, Feature.INSTANTANEOUS_REWARDS),
+        }
+    ),
     ModelType.TPTG: frozenset(
         {
             *(Feature.ROWS, Feature.DIAGRAMS, Feature.RATIONALS, Feature.REACHABILITY),

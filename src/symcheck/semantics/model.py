@@ -83,7 +83,8 @@ class BoundUpdate(Node):
 @dataclass(frozen=True, slots=True)
 class BoundCommand(Node):
     """A guarded command of module number `module`; `is_markovian`: its updates have rates, in a
-    model that also has commands without.
+    model that also has commands without. `others`: the further actions that players of a concurrent
+    game have to pick at once.
     """
 
     module: int
@@ -91,6 +92,12 @@ class BoundCommand(Node):
     guard: Expression
     updates: tuple[BoundUpdate, ...]
     is_markovian: bool = False
+    others: tuple[str, ...] = ()
+
+    @property
+    def actions(self) -> frozenset[str]:
+        """Its action, and the others."""
+        return frozenset(() if self.action is None else (self.action, *self.others))
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,12 +115,15 @@ class BoundModule:
 
 @dataclass(frozen=True, slots=True)
 class BoundReward(Node):
-    """A reward of states (`on_states`), or of the transitions of `action` (None: unlabelled)."""
+    """A reward of states (`on_states`), or of the transitions of `action` (None: unlabelled) and
+    `others`.
+    """
 
     on_states: bool
     action: str | None
     guard: Expression
     value: Expression
+    others: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,10 +150,13 @@ class Event:
     The guard of a joint choice is the conjunction of the chosen guards, its updates are all
     combinations, and probabilities (rates) multiply. `action` None is the unlabelled (or hidden)
     action. An unlabelled command is an event with one participant and one command.
+
+    picks: in a concurrent game, the action that each player picks, None of those who pick none.
     """
 
     action: str | None
     participants: tuple[tuple[BoundCommand, ...], ...]
+    picks: tuple[str | None, ...] = ()
 
     @property
     def is_markovian(self) -> bool:

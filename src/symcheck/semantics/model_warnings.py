@@ -1,8 +1,8 @@
 """What a beginner may not have meant: conditions that never hold, and actions that never happen.
 
-Only what the ranges of the variables show is reported: no value within them makes the condition
-true. Conditions that constants switch off are meant, and conditions over very many valuations are
-not looked at.
+Guards, labels and the conditions of properties are looked at. Only what the ranges of the variables
+show is reported: no value within them makes the condition true. Conditions that constants switch
+off are meant, and conditions over very many valuations are not looked at.
 """
 
 from __future__ import annotations
@@ -17,10 +17,12 @@ from symcheck.errors import Diagnostic, Span
 from symcheck.options import Options
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns, open_mesh
 from symcheck.semantics.model import BoundModel, Event, Variable
-from symcheck.syntax.ast import Expression
-from symcheck.syntax.traversal import conjuncts, names
+from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Unary
+from symcheck.syntax.operators import UnaryOperator
+from symcheck.syntax.printer import pretty
+from symcheck.syntax.traversal import Tree, children, conjuncts, names, nodes
 
-__all__ = ["model_warnings"]
+__all__ = ["model_warnings", "property_warnings"]
 
 _VALUATIONS = 1 << 14
 """The most valuations that are looked at for a condition."""
@@ -54,7 +56,7 @@ def model_warnings(model: BoundModel, options: Options) -> list[Diagnostic]:
                 ranges = search.ranges(condition)
                 text = f"the {what} holds for no values of its variables: {ranges}"
                 found[condition.span] = _warning(text, condition.span, "unsatisfiable")
-    if options.warn_blocked:
+    if options.warn_blocked and not model.type.concurrent:  # players need not pick all at once
         actions: dict[str, list[Event]] = {}
         for event in model.events:
             if event.action is not None:
@@ -68,6 +70,44 @@ def model_warnings(model: BoundModel, options: Options) -> list[Diagnostic]:
                 text = f"[{action}] never happens: {parts} never enable it at once"
                 found[guards_of[-1].span] = _warning(text, guards_of[-1].span, "blocked-action")
     return list(found.values())
+
+
+def property_warnings(model: BoundModel, formula: Expression) -> list[str]:
+    """The conditions on states in a bound formula that no values of the variables satisfy.
+
+    Args:
+        model: the model; nothing is reported of timed automata.
+        formula: names are resolved and constants are folded.
+
+    Examples:
+        >>> import symcheck
+        >>> model = symcheck.loads("dtmc module m x : [0..3]; [] x<3 -> (x'=x+1); endmodule")
+        >>> model.check("P=? [ F x=7 ]").warnings
+        ('x=7 holds for no values of its variables: x is in [0..3]',)
+    """
+    if model.type.has_clocks or model.clocks is not None:
+        return []
+    search = _Search({v.name: v for v in model.variables})
+    found: list[str] = []
+    waiting: list[Tree] = [formula]
+    while waiting:
+        node = waiting.pop()
+        if not isinstance(node, _PLAIN) or not all(isinstance(n, _PLAIN) for n in nodes(node)):
+            waiting += reversed(children(node))
+        elif _is_condition(node) and names(node) and not search.may_hold([[node]]):
+            text = f"{pretty(node)} holds for no values of its variables: {search.ranges(node)}"
+            found.append(text)
+    return found
+
+
+def _is_condition(expression: Expression) -> bool:
+    if isinstance(expression, Unary):
+        return expression.operator is UnaryOperator.NOT
+    return isinstance(expression, Binary) and expression.operator.is_boolean
+
+
+_PLAIN = (Binary, Unary, Literal, Name, Call, Conditional)
+"""The nodes of conditions that the variables decide."""
 
 
 def _warning(message: str, span: Span, code: str) -> Diagnostic:

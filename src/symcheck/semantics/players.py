@@ -17,7 +17,7 @@ from symcheck.semantics.state_faults import describe_state
 from symcheck.syntax.ast import Binary, Coalition, Expression, Literal, Type
 from symcheck.syntax.operators import Operator
 
-__all__ = ["members", "owned_states", "two_owners"]
+__all__ = ["joined", "members", "owned_states", "two_owners"]
 
 
 def members(coalition: Coalition, model: BoundModel) -> frozenset[int]:
@@ -51,7 +51,7 @@ def owned_states(model: BoundModel) -> Sequence[Expression]:
     events: list[list[Event]] = [[] for _ in model.players]
     for event in _owned_events(model):
         events[_owner(event, model)].append(event)
-    return [_joined(Operator.OR, map(_enabled, of), False) for of in events]
+    return [joined(Operator.OR, map(_enabled, of), False) for of in events]
 
 
 def two_owners(model: BoundModel, state: Sequence[bool | int]) -> InputError:
@@ -96,12 +96,12 @@ def _owner(event: Event, model: BoundModel) -> int:
 
 
 def _enabled(event: Event) -> Expression:
-    parts = (_joined(Operator.OR, (c.guard for c in p), False) for p in event.participants)
-    return _joined(Operator.AND, parts, True)
+    parts = (joined(Operator.OR, (c.guard for c in p), False) for p in event.participants)
+    return joined(Operator.AND, parts, True)
 
 
-def _joined(operator: Operator, parts: Iterable[Expression], none: bool) -> Expression:
-    """The parts as a balanced tree; for no parts a truth value."""
+def joined(operator: Operator, parts: Iterable[Expression], none: bool) -> Expression:
+    """The parts, joined by an operator, as a balanced tree; for no parts a truth value."""
     level = list(parts)
     while len(level) > 1:
         level = [

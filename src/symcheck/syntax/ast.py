@@ -23,6 +23,7 @@ __all__ = [
     "LETTERS",
     "MEASURES",
     "MEASURE_WORDS",
+    "PRIME",
     "TYPE_WORDS",
     "AnyMeasure",
     "Binary",
@@ -256,9 +257,13 @@ class Parameter(Literal):
     name: str
 
 
+PRIME = "'"
+"""Ends the name of the value that a variable has after a step."""
+
+
 @dataclass(frozen=True, slots=True)
 class Name(ExpressionNode):
-    """A variable, constant or formula, by name."""
+    """A variable, constant or formula, by name; `x'` is the value of x after the step."""
 
     name: str
 

@@ -7,7 +7,7 @@ from typing import Literal as Choice
 
 from symcheck.errors import InputError
 from symcheck.lazy_dataclass import dataclass
-from symcheck.syntax.ast import Expression, ModelType, Node, Type
+from symcheck.syntax.ast import WITHOUT_KEYWORD, Expression, ModelType, Node, Type
 
 __all__ = [
     "Assignment",
@@ -109,12 +109,14 @@ class Command(Node):
     """`[action] guard -> updates;`; action None for `[]`.
 
     is_markovian: `<action> guard -> updates;` of a Markov automaton, whose updates have rates.
+    others: the further actions of `[a,b]`, which players of a concurrent game pick at once.
     """
 
     action: str | None
     guard: Expression
     updates: tuple[Update, ...]
     is_markovian: bool = False
+    others: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,11 +151,15 @@ class Player(Node):
 
 @dataclass(frozen=True, slots=True)
 class RewardItem(Node):
-    """`guard : value;` of states (action False), or `[a] guard : value;` (action None for `[]`)."""
+    """`guard : value;` of states (action False), or `[a] guard : value;` (action None for `[]`).
+
+    others: the further actions of `[a,b]`.
+    """
 
     action: str | Choice[False] | None
     guard: Expression
     value: Expression
+    others: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,6 +234,23 @@ class Program(Node):
     system: Composition | None = None
     players: tuple[Player, ...] = ()
     observables: tuple[Observable, ...] = ()
+
+    @property
+    def is_race(self) -> bool:
+        """Whether all commands are Markovian: then nothing is left to choose."""
+        bodies = [m.commands for m in self.modules if isinstance(m, Module)]
+        return any(bodies) and all(c.is_markovian for commands in bodies for c in commands)
+
+    def model_type(self, given: ModelType | None = None) -> ModelType:
+        """The type of the model: a Markov automaton in which nothing is left to choose is a CTMC.
+
+        Args:
+            given: the type that the text is read as, in place of its own.
+        """
+        kind = given or self.type or WITHOUT_KEYWORD
+        if kind.immediate_choices and self.is_race:
+            return ModelType.with_properties(continuous_time=True)
+        return kind
 
     def __repr__(self) -> str:
         """One line, as the nodes fill pages; `symcheck.pretty` gives the text."""

@@ -9,6 +9,7 @@ from symcheck.errors import Diagnostic, Source, Span
 from symcheck.syntax.ast import LETTERS, MEASURE_WORDS
 from symcheck.syntax.grammars import Language
 from symcheck.syntax.hints import meant
+from symcheck.syntax.model_hints import COMMAND, VARIABLE
 from symcheck.syntax.operators import Operator, function_hint
 from symcheck.syntax.recovery import FOREIGN, RESERVED, Fault
 from symcheck.syntax.words import Word
@@ -70,8 +71,8 @@ _SIGNS = {
     "□": "G",
     "○": "X",
     "∞": "no bound: F x=1 has none",
-    "→": "->",
-    "⇒": "=>",
+    "→": "-> before updates, and => for implication",
+    "⇒": "=> for implication, and -> before updates",
     "⇔": "<=>",
     "×": "*",
     "·": "*",
@@ -91,7 +92,29 @@ _SIGNS = {
     "\ufeff": "nothing",
 }
 _PROPERTY_WORDS = MEASURE_WORDS | _set("filter multi multilex quantile E A")
-_FOREIGN_OPERATORS = {"and": "&", "or": "|", "not": "!"}
+_FOREIGN_OPERATORS = {
+    "and": "&",
+    "or": "|",
+    "not": "!",
+    "implies": "=>",
+    "iff": "<=>",
+    "in": "(x=1 | x=2) for one of several values",
+}
+_FOREIGN_PATHS = {
+    "eventually": "F",
+    "finally": "F",
+    "always": "G",
+    "globally": "G",
+    "next": "X",
+    "until": "U",
+    "unless": "W",
+    "release": "R",
+    "within": "a bound behind the operator: F<=10",
+    "GF": "G F",
+    "FG": "F G",
+    "GG": "G",
+    "FF": "F",
+}
 _MODEL_WORDS = _set("dtmc ctmc mdp module endmodule probabilistic stochastic nondeterministic")
 _OTHER_MODELS = {
     "pta": "probabilistic timed automata",
@@ -177,10 +200,10 @@ def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
     if special is not None:
         return special
     if fault.mended is not None:
-        if len(fault.before) > 1 and fault.before[-2].value == "rewards":
-            named = _last_span(source, fault)
-            message = "the name of these rewards needs quotes"
-            return Diagnostic(message, named, "quotes", f'write "{fault.last}"')
+        if fault.last_but_one == "rewards":
+            return _rewards_without_quotes(source, fault)
+        if (mistaken := _mistaken_end(fault, source)) is not None:
+            return mistaken
         listed = fault.mended == "RPAR" and "COMMA" in expected and found in _PROPERTY_WORDS
         missing = "','" if listed else f"'{language.spelling[fault.mended]}'"
         where = f"before {_found(found)}" if found else "at the end of the text"
@@ -198,7 +221,27 @@ def diagnose(fault: Fault, source: Source, language: Language) -> Diagnostic:
         or _keyword(found, expected, language)
         or _not_a_name(found, expected, language)
     )
+    if hint is None and "MODULE" in expected and not fault.before:
+        hint = "a model begins with its type: dtmc, ctmc or mdp"
     return Diagnostic(message, _span(source, fault), "syntax", hint)
+
+
+def _mistaken_end(fault: Fault, source: Source) -> Diagnostic | None:
+    """What is wrong where a missing word would make the text fit, and is not what is missing."""
+    found, span = fault.token.value, _span(source, fault)
+    following = [str(word.value) for word in fault.after[1:3]]
+    if fault.mended == "ENDMODULE" and found:
+        end = re.search(r"\b(end)?module\b", source.text[fault.end :])
+        if found != "module" and end is not None and end[1]:
+            message = f"a module cannot contain '{found}'"
+            return Diagnostic(message, span, "order", "move it out of the module")
+    if fault.mended == "COLON" and found == "[" and following == ["]", ":"]:
+        message, hint = "there are no arrays", f"declare one variable for each: {fault.last}0 : …;"
+        return Diagnostic(message, span, "syntax", hint)
+    if fault.mended == "RPAR" and found == ":" and _in_update(fault):
+        message = "an update has no parentheses around its probability"
+        return Diagnostic(message, span, "update", "write 0.5 : (x'=…) + 0.5 : (x'=…)")
+    return None
 
 
 def _span(source: Source, fault: Fault) -> Span:
@@ -246,7 +289,11 @@ def _keyword(found: str, expected: set[str], language: Language) -> str | None:
     from difflib import get_close_matches
 
     keywords = [word for t, word in language.spelling.items() if t in expected and word.isalpha()]
-    near = get_close_matches(found, keywords, 1, 0.75) if found.isidentifier() else []
+    if not found.isidentifier():
+        return None
+    if found.lower() == "end" and "endmodule" in keywords:
+        return "did you mean 'endmodule'?"
+    near = get_close_matches(found.lower(), keywords, 1, 0.75)
     return f"did you mean '{near[0]}'?" if near else None
 
 
@@ -290,14 +337,6 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
             "model-type",
             "of an MDP, <<*>> is some strategy and <<>> are all strategies",
         )
-    if (
-        word == ","
-        and [str(w.value) for w in fault.before[-2:-1]] == ["["]
-        and fault.last.isidentifier()
-        and "ENDMODULE" not in expected
-    ):
-        message = "commands of several actions belong to concurrent stochastic games"
-        return Diagnostic(f"{message}, which are not supported", span, "model-type", "smg is")
     if word in ("max", "min") and fault.last.startswith("<<"):
         message = "equilibria of several coalitions are not supported"
         return Diagnostic(message, span, "model-type", "<<1,2>> Pmax=? [ … ] is one coalition")
@@ -347,12 +386,18 @@ def _lexical(fault: Fault, source: Source) -> Diagnostic | None:
                 "this quote is not closed", span, "quote", 'close it on this line: "name"'
             )
         inner = Span(source, start, start + line.index('"', 1) + 1)
+        quoted = inner.text[1:-1].strip()
+        if re.search(r"[=<>&|!]", quoted):
+            return Diagnostic("a condition has no quotes", inner, "quote", f"write {quoted}")
+        name = re.sub(r"\W+", "_", quoted, flags=re.ASCII).strip("_")
         return Diagnostic(
             "a quoted name is made of letters, digits and _",
             inner,
             "quote",
-            "it starts with a letter or _",
+            f'write "{name}"' if name[:1].isalpha() else "it starts with a letter or _",
         )
+    if character == "#" and not re.match(_PREPROCESSOR, text[start:]):
+        return Diagnostic("'#' begins no comment", span, "character", "a comment begins with //")
     if character == "#":
         return Diagnostic(
             "preprocessor text cannot be read",
@@ -360,10 +405,21 @@ def _lexical(fault: Fault, source: Source) -> Diagnostic | None:
             "character",
             "write out what the preprocessor would make of it",
         )
+    if character == "%" and not text[text.rfind("\n", 0, start) + 1 : start].strip():
+        return Diagnostic("'%' begins no comment", span, "character", "a comment begins with //")
+    if character == "%" and re.match(r"%[ \t]*[\w(]", text[start:]):
+        hint = "the remainder of x by 2 is written mod(x, 2)"
+        return Diagnostic("'%' is no operator of the language", span, "character", hint)
     if character == "%":
         message = "there is no sign of per cent"
         return Diagnostic(message, span, "character", "a probability is from 0 to 1: 50% is 0.5")
-    if character == ".":
+    if character == "." and fault.last.isidentifier() and fault.previous == start:
+        message, hint = "a name has no point", "a variable has the same name in all modules"
+        return Diagnostic(message, span, "character", hint)
+    if text.startswith("..", start):
+        message, hint = "'..' has no place here", "an interval of time is [low,high]"
+        return Diagnostic(message, span, "character", hint)
+    if character == "." and fault.last[-1:].isdigit():
         return Diagnostic("a number does not end with a point", span, "number", "write 1.0 or 1")
     name = repr(character) if not character.isprintable() else f"'{character}'"
     if character == "@" and not text[:start].strip():
@@ -371,19 +427,22 @@ def _lexical(fault: Fault, source: Source) -> Diagnostic | None:
         return Diagnostic(
             message, span, "model", "the name of a file in the DRN format ends in .drn"
         )
-    hint = "names are made of plain letters, digits and _" if character.isalpha() else None
     if character == "'":
-        hint = 'names of labels stand in double quotes: "name"'
+        return _prime(fault, source)
+    plain = "names are made of plain letters, digits and _" if character.isalpha() else None
     return Diagnostic(
-        f"{name} (U+{ord(character):04X}) has no place in the language", span, "character", hint
+        f"{name} (U+{ord(character):04X}) has no place in the language", span, "character", plain
     )
 
 
 def _reserved(word: str, span: Span) -> Diagnostic:
-    rest = span.source.text[span.end :]
-    if word in ("int", "bool", "double") and re.match(r"\s+\w+\s*[:;]", rest):
+    before, rest = span.source.text[: span.start], span.source.text[span.end :]
+    if word in ("int", "bool", "double") and re.match(r"\s+\w+\s*[:;=\[,]", rest):
+        if before.rstrip().endswith("formula"):
+            message, hint = "a formula has no type", "its expression tells: formula name = …;"
+            return Diagnostic(message, span, "reserved", hint)
         message = f"'{word}' does not begin the declaration of a variable"
-        return Diagnostic(message, span, "reserved", _VARIABLE)
+        return Diagnostic(message, span, "reserved", VARIABLE)
     return Diagnostic(
         f"'{word}' is a reserved word", span, "reserved", f"choose another name, such as {word}_"
     )
@@ -405,15 +464,31 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
         return wrong("'<>' is no comparison", "different is written !=", 2, start - 1)
     if two == ":=" or around == ":=":
         at = start if two == ":=" else start - 1
+        if text.startswith(":=?", at):
+            return wrong("':=' begins no bound", "a value is asked for by =?", 2, at)
         return wrong("':=' is no assignment", "an update is written (x'=…), a definition =", 2, at)
-    if glued and text[start - 1 : start + 1] in _DOUBLED:
+    if around in ("[]", "<>") and fault.last_but_one not in _PATH_OPERATORS:
+        pass  # empty brackets of another kind
+    elif glued and text[start - 1 : start + 1] in _DOUBLED:
         message, hint = _DOUBLED[text[start - 1 : start + 1]]
         hint = "a value is asked for by =?" if text[start:].startswith("=?") else hint
         return wrong(message, hint, 2, start - 1)
     for word, at in ((fault.token.value, start), (fault.last, fault.previous - len(fault.last))):
-        if word in _FOREIGN_OPERATORS:
-            hint = f"write {_FOREIGN_OPERATORS[word]}"
+        if word.lower() in _FOREIGN_OPERATORS:
+            hint = f"write {_FOREIGN_OPERATORS[word.lower()]}"
             return wrong(f"'{word}' is no operator of the language", hint, len(word), at)
+        if word in _FOREIGN_PATHS and _inside_path(fault.before):
+            hint = f"write {_FOREIGN_PATHS[word]}"
+            return wrong(f"'{word}' is no operator of paths", hint, len(word), at)
+    if _inside_path(fault.before) and fault.last.isdigit() and fault.mended == "RSQB":
+        words = [str(word.value) for word in fault.before[-2:]]
+        if words[0] in ("F", "G", "U", "W"):
+            at = fault.previous - len(words[1])
+            return wrong("a bound has a sign", f"write {words[0]}<={words[1]}", len(words[1]), at)
+    if around == "**" or (two == "**" and glued):
+        return wrong(
+            "'**' is no operator", "a power is written pow(x, 2)", 2, start - (two != "**")
+        )
     if two in ("[]", "<>") and "NEXT" in expected:
         return wrong(*_DOUBLED[two], 2)
     if two in ("||", "/*"):
@@ -422,26 +497,59 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
         if fault.last == "]" and "INTEGER" in expected:
             hint = "write true for a command that is always enabled"
             return wrong("the guard is missing before '->'", hint, 2)
+        if fault.last == "-" and glued:
+            return wrong("'-->' is no arrow", "write ->", 3, start - 1)
         if "INTEGER" in expected:
-            return wrong("an expression is missing before '->'", _COMMAND, 2)
-        if "RPAR" not in expected:
+            return wrong("an expression is missing before '->'", COMMAND, 2)
+        if "RPAR" not in expected and "ENDMODULE" not in expected and expected != {"EQ"}:
             rewards = any(word.value == "rewards" for word in fault.before)
             hint = "a reward is guard : value;" if rewards else "implication is written =>"
+            if _in_update(fault):
+                hint = "a probability stands before ':', as in 0.5 : (x'=1)"
             return wrong("'->' has no place here", hint, 2)
-    if two[:1] == "'":
-        if _in_command(fault) and not _has(fault.after, "->"):
-            arrows = [word for word in fault.before if word.value == "=>"]
-            if arrows:
-                at = arrows[-1].start_pos
-                return wrong("'=>' is implication, and no arrow of a command", _COMMAND, 2, at)
-            return wrong("'->' is missing between the guard and the updates", _COMMAND)
-        if _in_update(fault) and fault.before[-2].value != "(":
-            return wrong("an update stands in parentheses", f"write ({fault.last}' = …)")
-        hint = "write (x'=…) in an update, and x without prime elsewhere"
-        return wrong("a prime belongs to the left side of an update only", hint)
+    if two[:1] == "'" and "ENDMODULE" not in expected and expected != {"COLON"}:
+        return _prime(fault, source)
     if two[:1] == "=" and glued and text[start - 1 : start] in ("<", ">"):
         return wrong("this is no comparison", "comparisons are < <= > >= = !=")
     return _misplaced(fault, source, expected)
+
+
+def _prime(fault: Fault, source: Source) -> Diagnostic:
+    """A prime that is not behind the name of an update."""
+    text, start, words = source.text, fault.start, fault.before
+    span = Span(source, start, start + 1)
+    quoted = re.match(r"'(\w+)'", text[start:])
+    if quoted and (fault.previous < start or not fault.last.isidentifier()):
+        span = Span(source, start, start + quoted.end())
+        hint = f'write "{quoted[1]}"'
+        return Diagnostic("a name stands in double quotes", span, "quote", hint)
+    if _in_command(fault) and not _has(fault.after, "->"):
+        arrows = [word for word in words if word.value == "=>"]
+        if arrows:
+            span = Span(source, arrows[-1].start_pos, arrows[-1].end_pos)
+            message = "'=>' is implication, and no arrow of a command"
+            return Diagnostic(message, span, "syntax", COMMAND)
+        message = "'->' is missing between the guard and the updates"
+        return Diagnostic(message, span, "syntax", COMMAND)
+    if _in_update(fault) and fault.last.isidentifier() and len(words) > 3:
+        signs = [str(word.value) for word in words[-4:-1]]
+        if signs[-1] != "(":
+            message, hint = "an assignment stands in parentheses", f"write ({fault.last}'=…)"
+            return Diagnostic(message, span, "syntax", hint)
+        if signs[1] == "*":
+            span = Span(source, words[-3].start_pos, words[-3].end_pos)
+            message, hint = "a probability stands before ':'", f"write 0.5 : ({fault.last}'=…)"
+            return Diagnostic(message, span, "syntax", hint)
+        if signs[:2] in ([")", "+"], ["true", "+"]):
+            span = Span(source, words[-2].start_pos, fault.end)
+            message = "the probability of this update is missing"
+            return Diagnostic(message, span, "probability", f"write 0.5 : ({fault.last}'=…)")
+    if _in_update(fault) and fault.last in ("(", "->", ":", "&"):
+        name = str(fault.after[0].value) if fault.after else "x"
+        return Diagnostic("a prime stands behind a name", span, "syntax", f"write ({name}'=…)")
+    message = "a prime belongs to the left side of an update only"
+    hint = "write (x'=…) in an update, and x without prime elsewhere"
+    return Diagnostic(message, span, "syntax", hint)
 
 
 def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | None:
@@ -473,12 +581,18 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
         hint = "write R=? [ C<=k ] for the reward up to k, R=? [ I=k ] for that at k"
         return Diagnostic(f"{found} stands in the brackets of R only", span, "reward", hint)
     if found in ("X", "F", "G") and "INTEGER" in expected and "NEXT" not in expected:
+        steady = [word.value for word in fault.before[-4:]] == ["S", "=", "?", "["]
         hint = (
-            f"put it in parentheses: ({found} …)"
+            "S=? [ … ] has a condition on states: leave the operator out"
+            if steady
+            else f"put it in parentheses: ({found} …)"
             if _inside_path(fault.before)
             else f"write P=? [ {found} … ]"
         )
         return Diagnostic(f"the path operator {found} cannot stand here", span, "path", hint)
+    if found in ("U", "W") and "INTEGER" in expected and "AND" in expected:
+        message = f"the path operator {found} cannot stand here"
+        return Diagnostic(message, span, "path", f"write P=? [ … {found} … ]")
     if found in _CLOSERS.values() and not _open_bracket(fault.before):
         return Diagnostic(
             f"this '{found}' closes nothing",
@@ -488,6 +602,11 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
         )
     if last == "=" and "QMARK" in expected and len(expected) == 1:
         hint = "an exact bound is not meaningful; compare with <, <=, > or >="
+        measure = fault.last_but_one
+        if found in ("min", "max"):
+            hint = f"write {measure}{found}=? [ … ]"
+        elif found == "[":
+            hint = f"write {measure}=? [ … ]"
         return Diagnostic(
             f"unexpected {_found(found)} after '='; expected '?'", span, "bound", hint
         )
@@ -506,6 +625,9 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
         return Diagnostic(
             f"the prime is missing in the update of {last}", named, "prime", f"write ({last}'=…)"
         )
+    if expected == {"LPAR"} and last in ("min", "max") and found in _LETTERS_WITH_DIRECTION:
+        message = f"'{last}' stands behind {found}"
+        return Diagnostic(message, _last_span(source, fault), "syntax", f"write {found}{last}=?")
     if expected == {"LPAR"} and last in ("min", "max"):
         return _reserved(last, _last_span(source, fault))
     if found in (";", "+") and "COLON" in expected and _in_update(fault):
@@ -522,11 +644,11 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
         and "OR" not in expected
     ):
         return Diagnostic(
-            "'&' is missing between two updates", span, "update", "write (x'=…) & (y'=…)"
+            "'&' is missing between two assignments", span, "update", "write (x'=…) & (y'=…)"
         )
     if found in (":", "(") and "ARROW" in expected and not last.isidentifier():
         return Diagnostic(
-            "'->' is missing between the guard and the updates", span, "arrow", _COMMAND
+            "'->' is missing between the guard and the updates", span, "arrow", COMMAND
         )
     if (
         fault.token.type not in (FOREIGN, RESERVED)
@@ -554,6 +676,13 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
             "function",
             function_hint(last),
         )
+    if found == "init" and "ENDMODULE" in expected:
+        message = "init … endinit stands outside of modules"
+        hint = "one variable is given its initial value as x : [0..3] init 0;"
+        return Diagnostic(message, span, "order", hint)
+    if last == "(" and fault.last_but_one == "filter" and found in _PROPERTY_WORDS:
+        hint = "filter(max, P=? [ … ])"
+        return Diagnostic("the kind of the filter comes first", span, "filter", hint)
     if (
         found.isidentifier()
         and fault.token.type not in (FOREIGN, RESERVED)
@@ -572,7 +701,41 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
         return Diagnostic(
             f"the name of this {last} needs quotes", span, "quotes", f'write "{found}"'
         )
+    if fault.last_but_one == "rewards" and last.isidentifier():
+        return _rewards_without_quotes(source, fault)
+    if fault.token.type == "STRING" and "NAME" in expected and "INTEGER" not in expected:
+        message, hint = "this name has no quotes", "write " + found.strip('" \t')
+        return Diagnostic(message, span, "quotes", hint)
+    if (
+        "EQ" in expected <= {"EQ", "SEMICOLON"}
+        and fault.last_but_one in _NAMED
+        and (found[:1].isalnum() or found in ('"', "(", "!", "-"))
+        and not (found == "(" and fault.last_but_one == "formula")
+        and not (fault.last_but_one == "const" and found.isidentifier())
+    ):
+        place = Span(source, fault.previous - 1, fault.previous)
+        message = f"'=' is missing before {_found(found)}"
+        return Diagnostic(message, place, "missing", "put '=' here")
+    if last.isidentifier() and (ending := _ending_meant(fault, expected)) is not None:
+        named = _last_span(source, fault)
+        return Diagnostic(f"unexpected '{last}'", named, "syntax", f"did you mean '{ending}'?")
     return None
+
+
+def _ending_meant(fault: Fault, expected: set[str]) -> str | None:
+    """The end of a block that was read as the name of a variable, or as the guard of a reward."""
+    from difflib import get_close_matches
+
+    if fault.last_but_one not in ("", ";") and expected != {"COLON"}:
+        return None
+    end = "endmodule" if expected == {"COLON"} else "endrewards"
+    is_end = "COLON" in expected and get_close_matches(fault.last.lower(), [end], 1, 0.75)
+    return end if is_end and fault.last.lower().startswith("end") else None
+
+
+def _rewards_without_quotes(source: Source, fault: Fault) -> Diagnostic:
+    message = "the name of these rewards needs quotes"
+    return Diagnostic(message, _last_span(source, fault), "quotes", f'write "{fault.last}"')
 
 
 def _operator_as_name(fault: Fault, found: str) -> Word | None:
@@ -603,6 +766,7 @@ def _interval_bracket(fault: Fault, found: str) -> Word | None:
     opening = str(fault.before[i].value)
     inside = [word.value for word in fault.before[i + 1 :]]
     wrong = found == "," if opening != "[" else found in (")", "}") and "," in inside
+    wrong = wrong and not _BOUNDS & {word.type for word in fault.before[i + 1 :]}
     return fault.before[i] if wrong else None
 
 
@@ -620,10 +784,20 @@ def _last_span(source: Source, fault: Fault) -> Span:
 def _no_update(source: Source, fault: Fault, span: Span) -> Diagnostic:
     """The diagnostic of an update without an assignment; perhaps its prime was forgotten."""
     words = fault.before
+    if fault.last.lower() == "true":
+        message = f"unexpected '{fault.last}'"
+        return Diagnostic(message, _last_span(source, fault), "update", "did you mean 'true'?")
     for i in range(len(words) - 1, 1, -1):
         if words[i].value in ("->", ";"):
             break
         name = words[i - 1].value
+        if words[i].value == "=" and words[i - 2].value == "->" and name.isidentifier():
+            where = Span(source, words[i - 1].start_pos, fault.previous)
+            value = source.text[words[i].end_pos : fault.previous].strip()
+            message = f"the prime and the parentheses are missing in the update of {name}"
+            several = any(w.value in ("&", ",") for w in words[i + 1 :])
+            written = "(x'=…) & (y'=…)" if several else f"({name}'={value})"
+            return Diagnostic(message, where, "prime", f"write {written}")
         if words[i].value == "=" and words[i - 2].value == "(" and name.isidentifier():
             where = Span(source, words[i - 1].start_pos, words[i - 1].end_pos)
             return Diagnostic(
@@ -644,8 +818,9 @@ _DOUBLED = {
     "<>": ("'<>' is not an operator of paths", "eventually is written F"),
     "/*": ("this comment cannot be read", "comments start with // and end with the line"),
 }
-_VARIABLE = "a variable is declared as name : [low..high] or name : bool"
-_COMMAND = "a command is [action] guard -> updates;"
+_NAMED = _set("const int double bool formula") | {"label", "rate", "prob"}
+_LETTERS_WITH_DIRECTION = _set("P R S T")
+_PREPROCESSOR = r"#(define|include|undef|ifn?def|if|else|endif|const|for|end|[-+&|*]|\w+#)"
 _UPDATE = "an update is true, (x'=…), or probability : (x'=…)"
 _STATE_OPERATORS = MEASURE_WORDS | _set("A E")
 _KEYWORD_NAMES = _set(

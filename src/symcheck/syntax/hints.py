@@ -3,95 +3,121 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Set
 
 from symcheck.errors import Source
-from symcheck.syntax.ast import MEASURE_WORDS, TYPE_WORDS, AnyMeasure, letters_of
+from symcheck.syntax.ast import MEASURE_WORDS, AnyMeasure, letters_of
 from symcheck.syntax.grammars import Language
+from symcheck.syntax.model_hints import meant_in_model
 from symcheck.syntax.recovery import Fault
 
 __all__ = ["meant"]
 
 _MEASURES = frozenset(word for word in MEASURE_WORDS if word[0] != "S")  # S has no path
-_OTHER = {
-    spelling: measure + direction
-    for measure in "PR"
-    for direction in ("min", "max")
-    for spelling in ((measure + direction).lower(), (direction + measure).lower())
-}
+_OTHER = (
+    {
+        spelling: measure + direction
+        for measure in "PR"
+        for direction in ("min", "max")
+        for spelling in ((measure + direction).lower(), (direction + measure).lower())
+    }
+    | dict.fromkeys(("p", "pr", "prob", "probability"), "P")
+    | {"r": "R", "s": "S"}
+)
 """Names that stand for measures in other tools, in lower case."""
 _STRUCTURE = re.compile(r"[\[{]\s*\"?(\w+)\"?\s*[\]}]\s*(min|max|)")
-_RANGE = "a variable is declared as name : [low..high] or name : bool"
-_BRACKETS = "its path stands in brackets: P=? [ F … ]"
-_COMMAND = "a command starts with [action] or []: [] guard -> updates;"
 
 
 def meant(fault: Fault, source: Source, language: Language) -> str | None:
     """What was perhaps meant, as a hint; None if the words do not tell."""
+    signs = {language.spelling.get(name) for name in fault.expected}
+    after_fault = source.text[fault.start :]
+    if re.match(r",\d", after_fault) and fault.last.isdigit() and ".." not in signs:
+        return f"a decimal has a point: {fault.last}.{after_fault[1]}"
+    if signs <= {"=", ";"} and fault.token.value == ":" and fault.last_but_one != "const":
+        return "write = in place of :"
+    if fault.token.value in ("<", "<=", ">", ">=", "=", "!=") and fault.last in ("&", "|"):
+        return f"each comparison has two sides: x>=1 {fault.last} x{fault.token.value}…"
+    if "ENDMODULE" in language.spelling:
+        if fault.token.type == "STRING" and "INTEGER" in fault.expected:
+            return "a label is no expression of a model: use a formula, which has no quotes"
+        return meant_in_model(fault, source, signs)
+    return _meant_in_properties(fault, source, signs)
+
+
+def _meant_in_properties(fault: Fault, source: Source, signs: Set[str | None]) -> str | None:
     found, last, expected = fault.token.value, fault.last, fault.expected
     before = [str(word.value) for word in fault.before]
-    in_model = "ENDMODULE" in language.spelling
-    signs = {language.spelling.get(name) for name in expected}
+    measure = next((word for word in reversed(before) if word in _MEASURES), "P")
+    brackets = f"its path stands in brackets: {measure}=? [ F … ]"
+    after = [str(word.value) for word in fault.after[:1]]
     after_fault = source.text[fault.start :]
-    if found == ",":
-        if ".." in signs:
-            return _RANGE
-        if re.match(r",\d", after_fault) and last.isdigit():
-            return f"a decimal has a point: {last}.{after_fault[1]}"
-        if "->" in before:
-            return "alternatives are joined by +: 0.5 : (x'=1) + 0.5 : (x'=2)"
-        return None if in_model or "(" in before else "properties are separated by ;"
-    if before[-2:-1] == ["const"] and found.isidentifier() and last.isidentifier():
+    if (
+        before[-2:-1] == ["const"]
+        and last.isidentifier()
+        and (found.isidentifier() or found == ":")
+    ):
         return "a constant is of type int, double or bool: const double p = 0.5;"
-    if in_model and found in ("int", "double", "bool") and "module" in signs:
-        return f"a constant is declared as const {found} …;, a variable as name : [low..high];"
-    if in_model and last == "end" and found:
-        return f"write end{found}, one word"
-    if in_model and found == "{" and before[-2:-1] == ["module"]:
-        return "a module ends with endmodule, and has no braces"
-    if found == "=" and {";", "init"} <= signs:
-        return "the initial value is written init 0"
-    if in_model and found == "]" and ".." in signs:
-        return _RANGE
-    if found.isidentifier() and {"(", "true"} <= signs and "->" in before:
-        return f"an update stands in parentheses: ({found}'=…)"
-    if last == "I" and signs == {"="}:
-        return "I takes a point of time, I=k; C<=k is the reward up to k"
-    if last == ":" and {"[", "bool"} <= signs:
-        return _RANGE
-    if not in_model and re.match(r"\[(exp|var)\]", after_fault):
-        return "R=? is the expected value; variances are not supported"
-    if found == "[" and last == "int" and ";" in signs:
-        return _RANGE
-    if in_model and found.lower() in TYPE_WORDS and not before:
-        return f"write {found.lower()}"
-    if found == ";" and last in TYPE_WORDS:
-        return "leave out the semicolon"
     if last == "if":
         return "a condition is written condition ? value : other value"
-    if in_model and signs == {":"} and "->" in after_fault.partition(";")[0]:
-        return _COMMAND
-    if not in_model and (last in _MEASURES or last in ("S", "E")) and found != "{":
-        if last == "R" and re.match(r"\(\s*\"", after_fault):
-            return 'a reward structure stands in braces: R{"name"}=? [ F … ]'
+    if found == "," and "[" in before and "]" not in before:
+        return None if "(" in before else "and is written &"
+    if found == ",":
+        return None if "(" in before else "properties are separated by ;"
+    if found == "]" and "," in signs:
+        return "an interval of time is [low,high]"
+    if found == ":" and last.isidentifier() and before in ([last], [";", last]):
+        return f'the name of a property stands in quotes: "{last}"'
+    if found == "?" and last in ("<", "<=", ">", ">="):
+        return "a value is asked for by =?"
+    if last == "I" and signs == {"="}:
+        return "I takes a point of time, I=k; C<=k is the reward up to k"
+    if last == "C" and "<=" in signs and found.isalnum():
+        return f"write C<={found}"
+    if re.match(r"\[(exp|var)\]", after_fault):
+        return "R=? is the expected value; variances are not supported"
+    if found in ("<", "<=", ">", ">=") and "NEXT" not in expected and "INTEGER" in expected:
+        asked = next((w.value for w in fault.after[:3] if w.value in _MEASURES | {"S"}), None)
+        if asked is not None and after:
+            return f"the bound stands behind {asked}: {asked}{found}{after[0]} [ … ]"
+    if last in _MEASURES | {"S", "E"} and found != "{":
+        if last == "R" and (named := re.match(r"\(?\s*(\"\w+\")", after_fault)):
+            return f"a reward structure stands in braces: R{{{named[1]}}}=? [ F … ]"
         if last == "E" and found == "=":
             return "E [ … ] asks for a path; its probability is P=? [ … ], a reward R=? [ … ]"
+        if found == "=>" and ">=" in signs:
+            return f"at least is written >=: {last}>=0.5 [ … ]"
         if last != "E" and ">=" in signs and not _STRUCTURE.match(after_fault):
             return f"{last}=? [ … ] asks for the value, {last}>=0.5 [ … ] whether a bound holds"
-    if not in_model and found in ("F", "G", "X") and "[" in signs:
-        return f"its path stands in brackets: {last} [ {found} … ]" if last in "AE" else _BRACKETS
-    if "[" in signs and (last == "?" or (not found and _MEASURES & set(before))):
-        return _BRACKETS
-    if not in_model and (hint := _measure_meant(found, last, after_fault)) is not None:
+    if last == "?" and found in ("min", "max"):
+        return f"write {before[-3]}{found}=?" if before[-3:-2] else None
+    if found in ("F", "G", "X") and "[" in signs:
+        return f"its path stands in brackets: {last} [ {found} … ]" if last in "AE" else brackets
+    if "[" in signs and (last == "?" or found == "(" or (not found and _MEASURES & set(before))):
+        steady = before[-3:-2] == ["S"]
+        return "its states stand in brackets: S=? [ x=1 ]" if steady else brackets
+    if (hint := _measure_meant(found, last, after_fault)) is not None:
         return hint
-    if found == "?" and last == "=" and before[-2:-1] and (name := _OTHER.get(before[-2].lower())):
-        return f"write {name}=?"
-    if found == "?" and last == "=" and before[-2:-1] and before[-2].isidentifier():
-        return f"{letters_of(AnyMeasure)} ask for values: P=? [ F … ]"
-    if not in_model and re.match(r"\[\s*\]|<>", after_fault):
+    if found == "?" and last == "=" and before[-2:-1]:
+        if before[-2] == "]":
+            return "the bound stands before the brackets: P=? [ F … ]"
+        if name := _OTHER.get(before[-2].lower()):
+            return f"write {name}=?"
+        if before[-2].isidentifier():
+            return f"{letters_of(AnyMeasure)} ask for values: P=? [ F … ]"
+    if found == "[" and (name := _OTHER.get(last.lower())):
+        return f"write {name}=? [ … ] for the value, {name}>=0.5 [ … ] for whether a bound holds"
+    if re.match(r"\[\s*\]|<>", after_fault):
         letter, name = ("G", "always") if found == "[" else ("F", "eventually")
         return f"{name} is written {letter}: P>=1 [ {letter} … ], or A [ {letter} … ]"
-    if in_model and found.isdigit() and not before:
-        return "explicit files are read by -importtrans and -importmodel"
+    if "NEXT" in expected and found in ("U", "W", "R"):
+        return f"{found} stands between two formulas: P=? [ x=1 {found} y=2 ]"
+    if last in ("F", "G", "X") and found == "=>":
+        return f"at least is written >=: {last}>=k"
+    if fault.last_but_one in ("F", "G", "X", "U") and last in ("(", "{", "^"):
+        operator = before[-2]
+        if found.isdigit() or found in ("<", "<=", ">", ">=", "="):
+            return f"a bound is written {operator}<=k"
     return None
 
 

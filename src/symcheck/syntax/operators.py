@@ -290,6 +290,23 @@ CTL_HINTS = {
 """What to write instead of the names that other tools give to pairs of a quantifier and a path."""
 
 
+_FUNCTION_HINTS = {
+    "abs": "write max(x, -x)",
+    "sqrt": "write pow(x, 0.5)",
+    "exp": "write pow(2.718281828459045, x)",
+    "ceiling": "did you mean ceil?",
+    "power": "did you mean pow?",
+    "next": "the next value is written in an update: (x'=…)",
+    "pr": "write P=? [ … ]",
+    "prob": "write P=? [ … ]",
+} | {str(f): f"did you mean {f}?" for f in Function}
+"""What to write instead of functions of other languages, by their names in lower case."""
+
+
 def function_hint(name: str) -> str:
     """The hint for a name that stands like a function and is none."""
-    return CTL_HINTS.get(name) or f"the functions are {', '.join(FUNCTION_BY_NAME)}"
+    return (
+        CTL_HINTS.get(name)
+        or _FUNCTION_HINTS.get(name.lower())
+        or f"the functions are {', '.join(FUNCTION_BY_NAME)}"
+    )

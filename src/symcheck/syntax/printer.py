@@ -359,7 +359,8 @@ def _player(player: decl.Player) -> str:
 def _command(command: decl.Command) -> str:
     updates = " + ".join(map(_update, command.updates))
     opening, closing = "<>" if command.is_markovian else "[]"
-    return f"{opening}{command.action or ''}{closing} {_tree(command.guard)} -> {updates};"
+    actions = ",".join((command.action or "", *command.others))
+    return f"{opening}{actions}{closing} {_tree(command.guard)} -> {updates};"
 
 
 def _update(update: decl.Update) -> str:
@@ -373,6 +374,7 @@ def _update(update: decl.Update) -> str:
 def _rewards(rewards: decl.RewardStructure) -> str:
     lines = ["rewards" if rewards.name is None else f'rewards "{rewards.name}"']
     for item in rewards.items:
-        action = "" if item.action is False else f"[{item.action or ''}] "
+        actions = ",".join((item.action or "", *item.others))
+        action = "" if item.action is False else f"[{actions}] "
         lines.append(f"  {action}{_tree(item.guard)} : {_tree(item.value)};")
     return "\n".join([*lines, "endrewards"])

@@ -25,7 +25,7 @@ from symcheck.syntax.words import Word
 if TYPE_CHECKING:
     from lark.parsers.lalr_interactive_parser import InteractiveParser
 
-__all__ = ["FOREIGN", "RESERVED", "Fault", "read_text"]
+__all__ = ["FOREIGN", "RESERVED", "Fault", "Place", "place_at_end", "read_text"]
 
 FOREIGN = "FOREIGN"
 """The terminal of a character that starts no word of the language."""
@@ -98,6 +98,35 @@ class Fault:
     def last(self) -> str:
         """The word before it."""
         return str(self.before[-1].value) if self.before else ""
+
+    @property
+    def last_but_one(self) -> str:
+        """The word before that one."""
+        return str(self.before[-2].value) if len(self.before) > 1 else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place in a text: one of the terminals `expected` can stand there.
+
+    `open` has the words before it that belong to what is not complete, such as `module` and its
+    name within a module.
+    """
+
+    expected: frozenset[str]
+    open: tuple[Word, ...]
+
+
+def place_at_end(language: Language, start: str, text: str) -> Place:
+    """The place at the end of a text that may have faults. No builder is called.
+
+    Examples:
+        >>> from symcheck.syntax.grammars import load
+        >>> place = place_at_end(load("prism"), "program", "module m x : ")
+        >>> sorted(place.expected), [word.value for word in place.open]
+        (['BOOL', 'CLOCK', 'INT', 'LSQB'], ['module', 'm', 'x', ':'])
+    """
+    return _Placing(language, start, text).place()
 
 
 def read_text(language: Language, start: str, text: str) -> tuple[Any, list[Fault]]:
@@ -216,16 +245,21 @@ class _Reading:
                 self._outside = self._part
 
     def _fault(self, token: Word) -> Fault:
-        # Lark has reduced symbols before it refused `token`, which hides some of the expected
-        # words: read the last words once more to have the state before that.
+        expected = _accepted(self._parser_before_fault())
+        after = self._words.statement()
+        missing = self._missing((token, *after[:1]), expected)
+        return Fault(token, tuple(self._before), after, expected, missing)
+
+    def _parser_before_fault(self) -> InteractiveParser:
+        """The parser behind the last words.
+
+        Lark has reduced symbols before it refused a word, which hides some of the expected ones.
+        """
         parser = _without_values(self._anchor)
         feed = _feeding(parser)
         for word in self._before[self._anchored :]:
             feed(word, word.type == _END)
-        expected = _accepted(parser)
-        after = self._words.statement()
-        missing = self._missing((token, *after[:1]), expected)
-        return Fault(token, tuple(self._before), after, expected, missing)
+        return parser
 
     def _missing(self, following: tuple[Word, ...], expected: frozenset[str]) -> str | None:
         """The terminal of a single missing word with which the following words fit."""
@@ -303,6 +337,38 @@ class _Reading:
         """Whether no other word stands before this one on its line."""
         previous = self._before[-1].end_pos if self._before else 0
         return not self._before or "\n" in self._text[previous : token.start_pos]
+
+
+class _Placing(_Reading):
+    """A reading that stays where the text ends, also if a module, say, is not complete there."""
+
+    def __init__(self, language: Language, start: str, text: str) -> None:
+        super().__init__(language, start, text)
+        self._parser = _without_values(self._parser)
+        self._part = self._outside = self._anchor = _copied(self._parser)
+
+    def place(self) -> Place:
+        while (token := self._read()) is not None and token.type != _END:
+            fault = self._fault(token)
+            if _SEMICOLON in (word.type for word in (token, *fault.after)):
+                self._mend(fault)
+            else:
+                self._mend_last(fault)
+        parser = self._parser_before_fault()
+        words = (value for value in parser.parser_state.value_stack if isinstance(value, Word))
+        return Place(_accepted(parser), tuple(words))
+
+    def _mend_last(self, fault: Fault) -> None:
+        """Mend a fault of the last statement, of which no word is skipped that may be needed."""
+        kind = fault.mended or ("NAME" if self._fits((self._inserted("NAME"), fault.token)) else "")
+        if kind:
+            self._words.put_back(fault.token)
+            self._words.put_back(self._inserted(kind))
+
+    def _resume(self, states: list[tuple[InteractiveParser, frozenset[str]]], token: Word) -> bool:
+        if token.type == _END:
+            states = [(self._part, frozenset({_END}))]
+        return super()._resume(states, token)
 
 
 def _feeding(parser: InteractiveParser) -> Callable[[Word, bool], Any]:

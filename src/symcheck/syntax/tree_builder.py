@@ -125,6 +125,12 @@ def _listed(_: Builder, values: Values) -> tuple[Value, ...]:
     return cast("tuple[Value, ...]", _text(values[::2]))
 
 
+def _actions(given: Value) -> tuple[str | None, tuple[str, ...]]:
+    """The first action between brackets, and the others."""
+    names = given if isinstance(given, tuple) else (given and given.value,)
+    return names[0], names[1:]
+
+
 def _of_kind(kind: Value, values: Values) -> tuple[Value, ...]:
     return tuple(v for v in values if isinstance(v, kind))
 
@@ -443,6 +449,9 @@ class ModelBuilder(Builder):
             kind = kind if clock else ast.Type(domain[0].value)
         else:
             low, high = self.measure(domain[1]), self.measure(domain[3])
+            if self.source.text.startswith("...", domain[2].start_pos):
+                place = Span(self.source, domain[2].start_pos, domain[2].end_pos + 1)
+                self._wrong("a range has two points", place, "range", "write [low..high]")
         initial, span = self.measure(initial), self._words(values)
         return decl.VariableDeclaration(name.value, kind, low, high, initial, clock, span=span)
 
@@ -474,10 +483,11 @@ class ModelBuilder(Builder):
         return decl.Player(values[1].value, modules, actions, span=self._words(values))
 
     def command(self, values: Values) -> decl.Command:
-        opening, action, _, guard, _, updates, _ = values
+        opening, given, _, guard, _, updates, _ = values
         self._outer.clear()
-        name, has_rates = action and action.value, opening.value == "<"
-        return decl.Command(name, self.measure(guard), updates, has_rates, span=self._words(values))
+        action, others = _actions(given)
+        span, has_rates = self._words(values), opening.value == "<"
+        return decl.Command(action, self.measure(guard), updates, has_rates, others, span=span)
 
     updates = _listed
 
@@ -503,6 +513,10 @@ class ModelBuilder(Builder):
     def assignments(self, values: Values) -> tuple[tuple[decl.Assignment, ...], Span]:
         return _of_kind(decl.Assignment, values), self._span(values)
 
+    def primed(self, values: Values) -> ast.Name:
+        """The value of a variable after the step."""
+        return ast.Name(values[0].value + ast.PRIME, span=self._words(values))
+
     def assignment(self, values: Values) -> decl.Assignment:
         _, variable, _, _, value, _ = values
         return decl.Assignment(variable.value, self.measure(value), span=self._words(values))
@@ -522,7 +536,10 @@ class ModelBuilder(Builder):
         span = self._span(values)
         return decl.RewardItem(False, self.measure(guard), self.measure(value), span=span)
 
-    transition_reward = _node(decl.RewardItem, 1, 3, 5)
+    def transition_reward(self, values: Values) -> decl.RewardItem:
+        _, given, _, guard, _, value, _ = values
+        (action, others), span = _actions(given), self._words(values)
+        return decl.RewardItem(action, self.measure(guard), self.measure(value), others, span=span)
 
     # ---------------------------------------------------------------------------------- composition
 
@@ -784,7 +801,7 @@ def _is_temporal(path: ast.PathFormula) -> bool:
 
 _UNARY_PATHS = {kind.symbol: kind for kind in (ast.Next, ast.Eventually, ast.Globally)}
 _BINARY_PATHS = {kind.symbol: kind for kind in (ast.Until, ast.WeakUntil, ast.Release)}
-_DECLARATIONS = frozenset({decl.Formula, decl.Label, decl.Observable, decl.RewardItem})
+_DECLARATIONS = frozenset({decl.Formula, decl.Label, decl.Observable})
 """The nodes whose expressions are complete, so that their depth is measured."""
 
 

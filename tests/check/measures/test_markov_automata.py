@@ -13,6 +13,7 @@ import pytest
 import symcheck
 from symcheck.check.result import Certified, Exact
 from symcheck.errors import InputError, UnsupportedError
+from symcheck.syntax.ast import ModelType
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 from markov_automata import run
@@ -191,6 +192,32 @@ def test_what_is_not_there_is_refused_by_name(formula: str, message: str):
         symcheck.loads(WORKER).check(formula)
 
 
+NO_CHOICE = """ma
+module m x:[0..3]; <up> x<3 -> 2:(x'=x+1); <> x>0 -> 1:(x'=x-1); endmodule
+module k y:bool; <> true -> 1:(y'=!y); endmodule
+rewards [up] true : 2; y : 3; endrewards
+"""
+
+
+@pytest.mark.parametrize("engine", [*ENGINES, "exact"])
+def test_an_automaton_without_choices_is_a_ctmc(engine: str):
+    """It has the values, distributions and estimates of the same text as a CTMC."""
+    model = symcheck.loads(NO_CHOICE, engine=engine)
+    same = "ctmc" + NO_CHOICE.replace("<>", "[]").replace("<up>", "[up]").removeprefix("ma")
+    chain = symcheck.loads(same, engine=engine)
+    assert model.type is chain.type is ModelType.CTMC
+    for formula in ("Smax=? [ x=3 & y ]", "R=? [ F x=3 ]", "Tmin=? [ F x=3 & y ]", "P=? [ X x=1 ]"):
+        assert model.check(formula).value == chain.check(formula).value
+    if engine != "exact":
+        assert model.check("P=? [ F<=2 x=3 ]").value == chain.check("P=? [ F<=2 x=3 ]").value
+        assert list(model.steady_state()) == list(chain.steady_state())
+
+
+def test_a_command_with_a_choice_makes_it_an_automaton_again():
+    text = NO_CHOICE + "module n z:bool; [] x=3 & !z -> (z'=true); endmodule"
+    assert symcheck.loads(text).type is ModelType.MA
+
+
 def test_markovian_commands_belong_to_markov_automata():
     with pytest.raises(InputError, match="has no Markovian commands"):
         symcheck.loads("mdp module m x:[0..1]; <> x=0 -> 1:(x'=1); endmodule").bound  # noqa: B018
@@ -278,7 +305,12 @@ def test_a_long_time_is_not_gone_through_where_nothing_is_left_to_happen():
 
 
 def test_too_much_work_leaves_the_bounds_of_less_time(monkeypatch: pytest.MonkeyPatch):
-    text = chain("<> x=0 -> 1:(x'=1) + 1:(x'=2);", "<> x=1 -> 1:true;", "<> x=2 -> 1:true;")
+    text = chain(
+        "<> x=0 -> 1:(x'=1) + 1:(x'=2);",
+        "<> x=1 -> 1:true;",
+        "<> x=2 -> 1:true;",
+        "[] x>2 -> true;",
+    )
     monkeypatch.setattr("symcheck.numerics.tuning.TIMED_WORK", 1e4)
     result = symcheck.loads(text).check("Pmax=? [ F<=1000000 x=1 ]")
     lower, upper = result.bounds

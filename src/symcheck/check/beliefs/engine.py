@@ -2,63 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-
 import numpy as np
 
-from symcheck.check.context import CheckLog, Context
+from symcheck.check.context import Context
 from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.direction import Direction
-from symcheck.engines.base import erased
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.engine import ExplicitEngine
-from symcheck.errors import UnsupportedError
-from symcheck.explicit.explored import States
+from symcheck.engines.explicit.given_rows import engine_of_rows
 from symcheck.matrices.numbers import Numbers, full
-from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, starts_of
+from symcheck.matrices.rows import Bools, SparseMatrix, starts_of
 from symcheck.numerics.beliefs.exploration import Rows
 from symcheck.numerics.beliefs.observed import GOAL
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
-from symcheck.semantics.model import BoundModel, BoundRewards
 from symcheck.semantics.rewards import Structure
-from symcheck.syntax.ast import Expression
 
-__all__ = ["belief_context", "engine_of", "reached", "rows_matrix"]
-
-
-@dataclass(frozen=True, eq=False)
-class _BeliefModel:
-    """A matrix over beliefs or pairs, with one reward structure, as an explored model."""
-
-    model: BoundModel = field(repr=False)
-    matrix: SparseMatrix
-    state_rewards: Sequence[Numbers]
-    choice_rewards: Sequence[Numbers]
-
-    @property
-    def choice_actions(self) -> Int32s:
-        """No action is known."""
-        return np.full(self.matrix.rows, -1, np.int32)
-
-    @property
-    def initial(self) -> Int64s:
-        """None: values are asked for where they are relevant."""
-        return np.zeros(0, np.int64)
-
-    @property
-    def deadlocks(self) -> Int64s:
-        """None."""
-        return np.zeros(0, np.int64)
-
-    @property
-    def states(self) -> States:
-        """Beliefs have no variables."""
-        raise UnsupportedError("beliefs have no variables")
-
-    def evaluate(self, _: Expression) -> Numbers:
-        """Beliefs have no variables."""
-        raise UnsupportedError("beliefs have no variables")
+__all__ = ["engine_of", "reached", "rows_matrix"]
 
 
 def engine_of(
@@ -68,14 +27,9 @@ def engine_of(
 
     terms: the most numbers of which an entry is the sum.
     """
-    rational = matrix.is_rational
-    states = full(matrix.states, 0, rational=rational)
-    rows = full(matrix.rows, 0, rational=rational) if earned is None else earned
-    model = replace(base.model, rewards=(BoundRewards(None, ()),))
     # Numbers are products of two quotients of whole numbers.
     error = (matrix.longest + terms + 8) * UNIT_ROUNDOFF
-    beliefs = _BeliefModel(model, matrix, [states], [rows])
-    return ExplicitEngine(beliefs, "beliefs", number_error=error)
+    return engine_of_rows(base, matrix, earned, name="beliefs", number_error=error)
 
 
 def reached(
@@ -105,7 +59,7 @@ def reached(
     Returns:
         The bounds where they are relevant, and whether equal ones are rounded.
     """
-    inner = belief_context(context, engine_of(base, matrix, earned, terms), relevant)
+    inner = context.within(engine_of(base, matrix, earned, terms), relevant)
     target, members = ArraySet(goal), ArraySet(relevant)
     if earned is None:
         through = inner.engine.all if left is None else ArraySet(left)
@@ -113,22 +67,6 @@ def reached(
     else:
         values = reach_reward(inner, Structure(0), target, direction)
     return *values.at(members), values.rounded(members)
-
-
-def belief_context(
-    context: Context, engine: ExplicitEngine, relevant: Bools, *, strategy: bool = False
-) -> Context:
-    """The context in which values of beliefs are computed: bounds at the relevant ones."""
-    options = replace(
-        context.options, certify=True, bisim=False, everywhere=False, strategy=strategy
-    )
-    return replace(
-        context,
-        engine=erased(engine),
-        options=options,
-        log=CheckLog(),
-        relevant_states=ArraySet(relevant),
-    )
 
 
 def rows_matrix(

@@ -21,7 +21,7 @@ from math import inf
 import numpy as np
 
 from symcheck.check import tuning
-from symcheck.check.beliefs.engine import belief_context, reached, rows_matrix
+from symcheck.check.beliefs.engine import reached, rows_matrix
 from symcheck.check.beliefs.model import ObservedModel
 from symcheck.check.beliefs.policies import Policies, Policy
 from symcheck.check.context import Context
@@ -204,7 +204,7 @@ class _Search:
             return
         p, base = self.problem, self.base
         everywhere = np.ones(base.states, np.bool_)
-        inner = belief_context(self.context, base, everywhere)
+        inner = self.context.within(base, everywhere)
         if p.reward is None:
             values = until(inner, ArraySet(p.left), ArraySet(p.right), p.direction)
         else:

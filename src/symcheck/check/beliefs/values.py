@@ -8,7 +8,7 @@ from math import inf, nan
 import numpy as np
 
 from symcheck.check import tuning
-from symcheck.check.beliefs.engine import belief_context, engine_of, rows_matrix
+from symcheck.check.beliefs.engine import engine_of, rows_matrix
 from symcheck.check.beliefs.model import observed_model, require_observable
 from symcheck.check.beliefs.search import Enough, Problem, search
 from symcheck.check.context import Context
@@ -217,7 +217,7 @@ def _within_steps(context: Context, query: Query[StateSet], asked: StateSet) -> 
     matrix, _ = rows_matrix(found.rows(), None, reward=False)
     relevant = np.zeros(len(found), np.bool_)
     relevant[points] = True
-    inner = belief_context(context, engine_of(model.engine, matrix), relevant)
+    inner = context.within(engine_of(model.engine, matrix), relevant)
     over = [_of_beliefs(found, s) for s in sets]
     node_path = (
         replace(path, target=ArraySet(over[0]))

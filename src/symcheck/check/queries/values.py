@@ -57,6 +57,10 @@ def values(
     """
     context, query = against_nature(context, query)
     quantity = query.quantity
+    if (game := context.at_once(query)) is not None:
+        from symcheck.check.measures.concurrent import values_at_once
+
+        return values_at_once(context, game, quantity)
     context, direction = context.playing(query)
     match quantity:
         case PathProbability(path):

@@ -12,7 +12,7 @@ from typing import cast
 
 import numpy as np
 
-from symcheck.check.beliefs.engine import belief_context, engine_of, reached, rows_matrix
+from symcheck.check.beliefs.engine import engine_of, reached, rows_matrix
 from symcheck.check.beliefs.search import Found, Plan, Problem
 from symcheck.check.context import Context
 from symcheck.check.result import SolverRun
@@ -101,7 +101,7 @@ def _choices(context: Context, problem: Problem, rows: Rows, cut: Numbers | None
     reward = problem.reward is not None
     matrix, earned = rows_matrix(rows, cut, reward=reward)
     engine = engine_of(problem.model.engine, matrix, earned)
-    inner = belief_context(context, engine, np.ones(matrix.states, np.bool_), strategy=True)
+    inner = context.within(engine, np.ones(matrix.states, np.bool_), strategy=True)
     builder = StrategyBuilder(inner, problem.direction)
     goal = np.zeros(matrix.states, np.bool_)
     goal[GOAL] = True

@@ -52,6 +52,7 @@ from symcheck.syntax.ast import Expression, Type
 if TYPE_CHECKING:
     from symcheck.engines.explicit.product import ExplicitProduct
     from symcheck.explicit.orbits import Represented
+    from symcheck.numerics.concurrent_games import Game
 
 __all__ = ["ExplicitEngine", "ExplicitSystem"]
 
@@ -109,6 +110,22 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
             opponents = ~np.isin(self.owners, list(coalition))
             self._coalitions[coalition] = replace(self, opponents=opponents)
         return self._coalitions[coalition]
+
+    def at_once(self, maximisers: frozenset[int]) -> Game:
+        """The concurrent game of some players, who maximise, against all others.
+
+        Args:
+            maximisers: the players, numbered from 0.
+        """
+        from symcheck.engines.explicit.joint_rows import game_between
+
+        if maximisers not in self._games:
+            self._games[maximisers] = game_between(self.explored, maximisers)
+        return self._games[maximisers]
+
+    @cached_property
+    def _games(self) -> dict[frozenset[int], Game]:
+        return {}
 
     @property
     def is_rational(self) -> bool:

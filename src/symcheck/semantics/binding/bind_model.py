@@ -24,6 +24,7 @@ from symcheck.semantics.diagnostics import DiagnosticCollector
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.features import require_type
+from symcheck.semantics.joint_actions import joint_events, joint_rewards
 from symcheck.semantics.model import (
     BoundCommand,
     BoundModel,
@@ -131,6 +132,11 @@ def bind(
     return bound
 
 
+def _of_chain(module: BoundModule) -> tuple[BoundCommand, ...]:
+    """The commands of a module where none has a choice: all of them race, as in a CTMC."""
+    return tuple(replace(command, is_markovian=False) for command in module.commands)
+
+
 class _Builder:
     """Builds the bound model of a checked program; collects evaluation faults and raises them."""
 
@@ -171,16 +177,29 @@ class _Builder:
         initial = None if self.program.initial is None else root.expand(self.program.initial)
         if initial is not None:
             self._check_enumerable(variables)
-        composed = events(modules, self.program.system)
+        players = tuple(
+            BoundPlayer(p.name, frozenset(p.modules), frozenset(p.actions))
+            for p in self.program.players
+        )
+        composed = self._events(kind, modules, players, variables)
+        if kind.concurrent:
+            rewards = tuple(
+                joint_rewards(r, modules, players, composed, self.report) for r in rewards
+            )
         self._check_markovian(kind, composed)
         self.report.raise_all()
+        racing = modules
+        if (without_choices := self.program.model_type(kind)) is not kind:
+            kind = without_choices
+            racing = tuple(replace(m, commands=_of_chain(m)) for m in modules)
+            composed = events(racing, self.program.system)
         self._check_clocks(kind, variables, modules)
-        sums = NormalisedModules(modules)
+        sums = NormalisedModules(racing)
         if normalise and kind.has_probabilities:
             right = frozenset() if self.kept is None else self.kept.sums_to_one
             sums = normalised_modules(modules, variables, right)
             if sums.modules is not modules:
-                composed = events(sums.modules, self.program.system)
+                composed = self._events(kind, sums.modules, players, variables)
         if self.kept is not None:
             instances = (instance for instance, _ in self.checked.modules)
             self.kept.keep(instances, modules, sums.right)
@@ -195,10 +214,7 @@ class _Builder:
             rewards=rewards,
             constants=constants,
             is_rational=self.table.exact,
-            players=tuple(
-                BoundPlayer(p.name, frozenset(p.modules), frozenset(p.actions))
-                for p in self.program.players
-            ),
+            players=players,
             given=dict(self.given),
             system=self.program.system,
             warnings=sums.warnings,
@@ -208,6 +224,17 @@ class _Builder:
             definitions={name: self.table.expression(name) for name in constants},
             weights=weights,
         )
+
+    def _events(
+        self,
+        kind: ModelType,
+        modules: tuple[BoundModule, ...],
+        players: tuple[BoundPlayer, ...],
+        variables: tuple[Variable, ...],
+    ) -> tuple[Event, ...]:
+        if not kind.concurrent:
+            return events(modules, self.program.system)
+        return joint_events(modules, players, [v.name for v in variables], self.report)
 
     def _weights(self, modules: tuple[BoundModule, ...], kind: ModelType) -> Weights:
         updates = (u for m in modules for c in m.commands for u in c.updates)
@@ -313,7 +340,8 @@ class _Builder:
         action = None if command.action is None else scope.renamed(command.action)
         updates = tuple(self._update(scope, u, command.span) for u in command.updates)
         guard, has_rates = scope.expand(command.guard), command.is_markovian
-        return BoundCommand(module, action, guard, updates, has_rates, span=command.span)
+        others = tuple(map(scope.renamed, command.others))
+        return BoundCommand(module, action, guard, updates, has_rates, others, span=command.span)
 
     def _check_markovian(self, kind: ModelType, composed: tuple[Event, ...]) -> None:
         """Markovian commands are for Markov automata, and none of them synchronises."""
@@ -344,7 +372,7 @@ class _Builder:
         for item in structure.items:
             on_states, action = item.action is False, item.action or None
             guard, value = scope.expand(item.guard), scope.expand(item.value)
-            items.append(BoundReward(on_states, action, guard, value, span=item.span))
+            items.append(BoundReward(on_states, action, guard, value, item.others, span=item.span))
         return BoundRewards(structure.name, tuple(items))
 
 

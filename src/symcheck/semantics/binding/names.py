@@ -19,7 +19,7 @@ from symcheck.semantics.expressions.literals import (
 from symcheck.semantics.expressions.simplify import simplify, simplify_node
 from symcheck.semantics.expressions.types import Typer, type_of
 from symcheck.semantics.model import Value
-from symcheck.syntax.ast import Expression, LabelReference, Literal, Name, Type
+from symcheck.syntax.ast import PRIME, Expression, LabelReference, Literal, Name, Type
 from symcheck.syntax.declarations import Constant, Formula
 from symcheck.syntax.operators import CTL_HINTS
 from symcheck.syntax.traversal import Tree, nodes, transform
@@ -36,6 +36,8 @@ __all__ = [
 
 _MOST_CHARACTERS = 60
 """Names of variables up to this length are listed in a hint."""
+
+_TRUTHS = ("true", "false")
 
 ConstantValue = Value | str
 
@@ -344,10 +346,15 @@ def unknown(node: Name, table: SymbolTable, why: str | None = None) -> Diagnosti
     """The diagnostic about an unknown name, or about a variable that is not allowed (`why`)."""
     if node.name in table.variables:
         return Diagnostic(f"{node.name} is a variable: {why}", node.span, "not-constant")
+    if node.name.endswith(PRIME):
+        before = node.name.removesuffix(PRIME)
+        message = f"{node.name} is a value after the step, which is not known here"
+        return Diagnostic(message, node.span, "prime", f"the value before the step is {before}")
     known = (*table.constants, *table.formulas, *table.variables)
     hint = (
         (f'the label is written "{node.name}"' if node.name in table.labels else None)
         or _reward_structure(node)
+        or (f"did you mean {node.name.lower()}?" if node.name.lower() in _TRUTHS else None)
         or CTL_HINTS.get(node.name)
         or suggest(node.name, known)
         or f"{_variables(table)}declare a constant: const int {node.name}; "
@@ -371,7 +378,11 @@ class Scope:
         self._formulas: dict[str, Expression] = {}
 
     def renamed(self, name: str) -> str:
-        """The new name of a variable, action or constant of the base module."""
+        """The new name of a variable (with or without a prime), action or constant of the base
+        module.
+        """
+        if name.endswith(PRIME):
+            return self.renamed(name.removesuffix(PRIME)) + PRIME
         return self._renaming.get(name, name)
 
     # ---------------------------------------------------------------------------------------- types
@@ -379,6 +390,16 @@ class Scope:
     def typer(self, label: Callable[[LabelReference], Type | None] | None = None) -> Typer:
         """A type checker for expressions over these names; for `label` see `Typer`."""
         return Typer(self.table.report, self.type, label)
+
+    def typer_after_step(self) -> Typer:
+        """A type checker for expressions that may also read the values after the step."""
+
+        def name(node: Name) -> Type | None:
+            variable = self.renamed(node.name).removesuffix(PRIME)
+            is_known = node.name.endswith(PRIME) and variable in self.table.variables
+            return self.table.variables[variable] if is_known else self.type(node)
+
+        return Typer(self.table.report, name, None)
 
     def constant_typer(self) -> Typer:
         """A type checker for expressions that must not depend on variables."""

@@ -5,6 +5,7 @@ They check names, types, and which modules and commands write which variables.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -15,7 +16,7 @@ from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, 
 from symcheck.semantics.diagnostics import suggest
 from symcheck.semantics.expressions.literals import type_of_value
 from symcheck.semantics.expressions.types import article, rounding_hint
-from symcheck.syntax.ast import Type
+from symcheck.syntax.ast import PRIME, Binary, Name, Type
 from symcheck.syntax.declarations import (
     Assignment,
     Command,
@@ -29,7 +30,8 @@ from symcheck.syntax.declarations import (
     Synchronised,
     VariableDeclaration,
 )
-from symcheck.syntax.traversal import Tree, nodes
+from symcheck.syntax.operators import Operator
+from symcheck.syntax.traversal import Tree, conjuncts, nodes
 
 if TYPE_CHECKING:
     from symcheck.semantics.binding.kept_modules import KeptModules
@@ -73,6 +75,11 @@ class CheckedProgram:
     root: Scope
     modules: Sequence[tuple[ModuleInstance, Scope]]
     declared: Mapping[str, DeclaredVariable]
+
+    @property
+    def is_concurrent(self) -> bool:
+        """Whether players choose at once, so that updates may read the values after the step."""
+        return self.program.type is not None and self.program.type.concurrent
 
 
 def check_program(
@@ -182,8 +189,27 @@ def check_constants(scope: Scope, constants: Iterable[Constant]) -> None:
         if constant.value is not None:
             actual = scope.constant_typer().state(constant.value)
             check_assignable(
-                scope.table, f"constant {constant.name}", constant.type, actual, constant.value.span
+                scope.table,
+                f"constant {constant.name}",
+                constant.type,
+                actual,
+                constant.value.span,
+                _constant_hint(constant, actual),
             )
+
+
+def _constant_hint(constant: Constant, actual: Type | None) -> str | None:
+    """How a constant with a value of another type is declared."""
+    if actual is None or constant.value is None:
+        return None
+    from symcheck.syntax.printer import pretty
+
+    written = f"write const {actual.value} {constant.name} = {pretty(constant.value)};"
+    if re.match(r"const\s+\w+\s*=", constant.span.text):
+        return f"const alone is const int: {written}"
+    if rounding_hint(actual, (constant.type,)) is not None:
+        return f"{written} or round the value by floor(…), ceil(…) or round(…)"
+    return written
 
 
 def check_values_given(table: SymbolTable, constants: Iterable[Constant]) -> None:
@@ -194,7 +220,12 @@ def check_values_given(table: SymbolTable, constants: Iterable[Constant]) -> Non
 
 
 def check_assignable(
-    table: SymbolTable, what: str, expected: Type, actual: Type | None, span: Span
+    table: SymbolTable,
+    what: str,
+    expected: Type,
+    actual: Type | None,
+    span: Span,
+    hint: str | None = None,
 ) -> None:
     """Check that a value of type `actual` can be assigned to type `expected`.
 
@@ -205,8 +236,14 @@ def check_assignable(
     table.report.type(
         f"{what} is of type {expected.value}: its value cannot be {article(actual)}",
         span,
-        rounding_hint(actual, (expected,)),
+        hint or rounding_hint(actual, (expected,)) or _CONVERSIONS.get((actual, expected)),
     )
+
+
+_CONVERSIONS = {
+    (Type.BOOL, Type.INT): "condition ? 1 : 0 converts a bool to an int",
+    (Type.INT, Type.BOOL): "a bool is true or false; n!=0 converts an int to a bool",
+}
 
 
 def check_label(table: SymbolTable, label: Label | Observable, taken: set[str]) -> None:
@@ -231,8 +268,18 @@ def _check_variable(checked: CheckedProgram, variable: DeclaredVariable) -> None
     for bound in (declaration.low, declaration.high):
         if bound is not None:
             typer.integer(bound, f"a bound of {declaration.name}")
-    if declaration.initial is None:
-        return
+    match declaration.initial:
+        case None:
+            return
+        case Binary(Operator.EQ, Name(declaration.name), value):
+            from symcheck.syntax.printer import pretty
+
+            message = "the initial value of a variable is written without its name"
+            hint = f"write init {pretty(value)}"
+            table.report.input("init-value", message, declaration.initial.span, hint)
+            return
+        case _:
+            pass
     check_assignable(
         table,
         f"variable {declaration.name}",
@@ -251,6 +298,8 @@ def _check_command(
     checked: CheckedProgram, instance: ModuleInstance, scope: Scope, command: Command
 ) -> None:
     typer = scope.typer()
+    if command.others:
+        _check_several_actions(checked, command.span)
     typer.boolean(command.guard, "the guard")
     for update in command.updates:
         if update.probability is not None:
@@ -269,6 +318,13 @@ def _check_command(
             written.add(assignment.variable)
 
 
+def _check_several_actions(checked: CheckedProgram, span: Span) -> None:
+    if not checked.is_concurrent:
+        message = "several actions at once belong to concurrent games"
+        hint = "the first word of a concurrent game is csg"
+        checked.table.report.input("several-actions", message, span, hint)
+
+
 def _check_assignment(
     checked: CheckedProgram,
     instance: ModuleInstance,
@@ -277,7 +333,11 @@ def _check_assignment(
     assignment: Assignment,
 ) -> None:
     name, report = scope.renamed(assignment.variable), checked.table.report
-    actual = scope.typer().state(assignment.expression)
+    if (hint := _joined_assignments(checked, assignment)) is not None:
+        report.input("update", "several assignments share these parentheses", assignment.span, hint)
+        return
+    typer = scope.typer_after_step() if checked.is_concurrent else scope.typer()
+    actual = typer.state(assignment.expression)
     if name not in checked.declared:
         message, hint = f"unknown variable {name}", suggest(name, checked.declared)
         hint = hint or f"declare it: {name} : [low..high];"
@@ -320,16 +380,30 @@ def _check_assignment(
         )
 
 
+def _joined_assignments(checked: CheckedProgram, assignment: Assignment) -> str | None:
+    """How `(x'=1 & y'=2)` is written, where no update reads values after the step."""
+    first, *others = conjuncts(assignment.expression)
+    parts = [f"({assignment.variable}'={first.span.text})"]
+    for other in others:
+        match other:
+            case Binary(Operator.EQ, Name(name)) if name.endswith(PRIME):
+                parts.append(f"({other.span.text})")
+            case _:
+                return None
+    return None if checked.is_concurrent or not others else f"write {' & '.join(parts)}"
+
+
 # -------------------------------------------------------------------------- rewards and composition
 
 
 def _actions(checked: CheckedProgram) -> dict[str, None]:
     """The actions of all modules, and the new actions of renamings in `system … endsystem`."""
     actions_of_commands = {
-        scope.renamed(c.action): None
+        scope.renamed(action): None
         for instance, scope in checked.modules
         for c in instance.base_module.commands
-        if c.action is not None
+        for action in (c.action, *c.others)
+        if action is not None
     }
     parts = nodes(checked.program.system) if checked.program.system is not None else ()
     pairs = (pair for part in parts if isinstance(part, Renaming) for pair in part.pairs)
@@ -348,11 +422,12 @@ def _check_rewards(checked: CheckedProgram) -> None:
             )
         seen.add(structure.name or "")
         for item in structure.items:
-            if isinstance(item.action, str) and item.action not in actions:
-                hint = suggest(item.action, actions)
-                report.name(
-                    "unknown-action", f"no command has the action {item.action}", item.span, hint
-                )
+            if item.others:
+                _check_several_actions(checked, item.span)
+            for action in (item.action, *item.others):
+                if isinstance(action, str) and action not in actions:
+                    message, hint = f"no command has the action {action}", suggest(action, actions)
+                    report.name("unknown-action", message, item.span, hint)
             typer.boolean(item.guard, "the guard of a reward")
             typer.numeric(item.value, "a reward")
 

@@ -160,9 +160,13 @@ class Typer:
 
     def boolean(self, expression: Expression, what: str) -> bool:
         """Check that a state expression is a bool; messages call it `what`, such as 'the guard'."""
-        return self._expect(
-            self.state(expression), (Type.BOOL,), expression.span, f"{what} must be a bool"
-        )
+        return self._boolean(expression, what, None)
+
+    def _boolean(self, expression: Expression, what: str, hint: str | None) -> bool:
+        if hint is None and isinstance(expression, Name):
+            hint = f"compare it, as in {expression.name}=1"
+        message = f"{what} must be a bool"
+        return self._expect(self.state(expression), (Type.BOOL,), expression.span, message, hint)
 
     def numeric(self, expression: Expression, what: str) -> bool:
         """Check that a state expression is an int or a double."""
@@ -180,12 +184,16 @@ class Typer:
         )
 
     def _expect(
-        self, actual: Type | None, expected: tuple[Type, ...], span: Span, message: str
+        self,
+        actual: Type | None,
+        expected: tuple[Type, ...],
+        span: Span,
+        message: str,
+        hint: str | None = None,
     ) -> bool:
         if actual is not None and actual not in expected:
-            self._report.type(
-                f"{message}, not {article(actual)}", span, rounding_hint(actual, expected)
-            )
+            hint = hint or rounding_hint(actual, expected)
+            self._report.type(f"{message}, not {article(actual)}", span, hint)
         return actual in expected
 
     # ---------------------------------------------------------------------------- state expressions
@@ -251,13 +259,26 @@ class Typer:
         self, operator: Operator | Function, operands: tuple[Expression, ...], span: Span
     ) -> Type | None:
         match operator.signature:
-            case Signature.LOGICAL | Signature.ORDER as signature:
-                check = self.boolean if signature is Signature.LOGICAL else self.numeric
+            case Signature.LOGICAL:
+                left, right = operands
+                self.boolean(left, f"the left operand of {operator}")
+                hint = _repeated(operator, left, right)
+                self._boolean(right, f"the right operand of {operator}", hint)
+                return Type.BOOL
+            case Signature.ORDER:
                 for side, operand in zip(("left", "right"), operands, strict=True):
-                    check(operand, f"the {side} operand of {operator}")
+                    actual, message = self.state(operand), f"the {side} operand of {operator}"
+                    self._expect(
+                        actual,
+                        (Type.INT, Type.DOUBLE),
+                        operand.span,
+                        f"{message} must be a number",
+                        _repeated(operator, *operands),
+                    )
                 return Type.BOOL
             case Signature.EQUALITY:
-                self._common(span, *map(self.state, operands))
+                one, other = map(self.state, operands)
+                self._common(span, one, other, _repeated(operator, *operands))
                 return Type.BOOL
             case Signature.ARITHMETIC:
                 return self._arithmetic(operator, operands)
@@ -287,14 +308,17 @@ class Typer:
             return Type.DOUBLE
         return Type.INT if all(are_numeric) else None
 
-    def _common(self, span: Span, left: Type | None, right: Type | None) -> Type | None:
+    def _common(
+        self, span: Span, left: Type | None, right: Type | None, hint: str | None = None
+    ) -> Type | None:
         """The common type of two expressions that are compared or are branches of `?:`."""
         if left is None or right is None:
             return None
         if left is right:
             return left
         if Type.BOOL in (left, right):
-            self._report.type(f"{article(left)} and {article(right)} have no common type", span)
+            message = f"{article(left)} and {article(right)} have no common type"
+            self._report.type(message, span, hint)
             return None
         return Type.DOUBLE
 
@@ -366,7 +390,7 @@ class Typer:
 
     # ---------------------------------------------------------------------------------------- paths
 
-    def path(self, formula: PathFormula) -> None:
+    def path(self, formula: PathFormula, hint: str | None = None) -> None:
         """Check a path formula: temporal and logical operators over boolean state formulas."""
         match formula:
             case UnaryTemporal(operand, bound):
@@ -380,12 +404,12 @@ class Typer:
                 self.path(operand)
             case Binary(operator, left, right) if operator.is_logical:
                 self.path(left)
-                self.path(right)
+                self.path(right, _repeated(operator, left, right))
             case Conditional(condition, then, otherwise):
                 for part in (condition, then, otherwise):
                     self.path(part)
             case ExpressionNode():
-                self.boolean(formula, "a path formula")
+                self._boolean(formula, "a path formula", hint)
             case _:
                 assert_never(formula)
 
@@ -428,6 +452,30 @@ class Typer:
                 self.path(query)
             case _:
                 assert_never(query)
+
+
+_COMPARISONS = (Signature.ORDER, Signature.EQUALITY)
+
+
+def _repeated(operator: Operator | Function, left: Expression, right: Expression) -> str | None:
+    """A hint at `0<=x & x<3` for `0<=x<3`, and at `x=1 | x=2` for `x=1|2`."""
+    from symcheck.syntax.printer import pretty
+
+    match left:
+        case Binary(comparison, first, middle) if comparison.signature in _COMPARISONS:
+            if isinstance(first, Binary) and first.operator.signature in _COMPARISONS:
+                return None
+            if isinstance(middle, Conditional) or isinstance(right, Conditional):
+                return None
+            if comparison is operator is Operator.EQ and isinstance(middle, Literal):
+                return None  # `(x=1)=1`: of a truth value, perhaps
+            if operator.signature in _COMPARISONS:
+                return f"write {pretty(left)} & {pretty(middle)}{operator}{pretty(right)}"
+            if isinstance(first, Name) and isinstance(right, Literal):
+                if comparison is Operator.NE and operator is Operator.OR:
+                    operator = Operator.AND  # one of both holds always
+                return f"write {pretty(left)} {operator} {pretty(first)}{comparison}{pretty(right)}"
+    return None
 
 
 def article(kind: Type) -> str:

@@ -1,0 +1,87 @@
+"""What may surprise a reader of a result: a path formula without operators, and Infinity."""
+
+from __future__ import annotations
+
+from math import inf
+
+from symcheck.check.result import Answer
+from symcheck.semantics.model import BoundModel
+from symcheck.syntax.ast import (
+    BinaryTemporal,
+    ExpectedTime,
+    Expression,
+    ExpressionNode,
+    LabelReference,
+    Measure,
+    Name,
+    ProbabilityOperator,
+    RewardOperator,
+    TotalReward,
+    UnaryTemporal,
+)
+from symcheck.syntax.printer import pretty
+from symcheck.syntax.traversal import nodes
+
+__all__ = ["property_notes"]
+
+
+def property_notes(model: BoundModel, formula: Expression, value: Answer) -> tuple[str, ...]:
+    """One sentence for each surprise.
+
+    Args:
+        model: that which was checked.
+        formula: a bound formula; only measures as the outermost operator are looked at.
+        value: its value.
+
+    Examples:
+        >>> import symcheck
+        >>> model = symcheck.loads("dtmc module m x : [0..3]; [] x=0 -> (x'=1); endmodule")
+        >>> model.check("P=? [ x=1 ]").notes
+        ('x=1 without a path operator is about the first state, F x=1 about all',)
+        >>> model.check("T=? [ F x=3 ]").notes
+        ('Infinity: the probability of F x=3 is less than 1',)
+    """
+    reason = _reason(model, formula) if value == inf else ()
+    match formula:
+        case ProbabilityOperator(path=path) | ExpectedTime(path=path):
+            pass
+        case RewardOperator(query=ExpressionNode() as path):
+            pass
+        case _:
+            return reason
+    parts = tuple(nodes(path))
+    if any(isinstance(node, UnaryTemporal | BinaryTemporal) for node in parts) or not any(
+        isinstance(node, Name | LabelReference) for node in parts
+    ):
+        return reason
+    text = pretty(path)
+    about = f"is about the first state, F {text} about all"
+    return (f"{text} without a path operator {about}",)
+
+
+def _reason(model: BoundModel, formula: Expression) -> tuple[str, ...]:
+    """Why the value of a reward or of a time is infinite, if one sentence tells."""
+    if model.type.players > 1 or model.type.partially_observed or _has_intervals(model):
+        return ()
+    match formula:
+        case RewardOperator(query=TotalReward()):
+            return (f"Infinity: rewards are earned for ever{_under(formula)}",)
+        case (
+            RewardOperator(query=(UnaryTemporal() | BinaryTemporal()) as path)
+            | ExpectedTime(path=path)
+        ):
+            return (f"Infinity: the probability of {pretty(path)} is less than 1{_under(formula)}",)
+        case _:
+            return ()
+
+
+def _has_intervals(model: BoundModel) -> bool:
+    commands = (c for module in model.modules for c in module.commands)
+    return any(update.upper is not None for c in commands for update in c.updates)
+
+
+def _under(formula: Measure) -> str:
+    """Under which strategies the target is missed."""
+    return {"min": " under every strategy", "max": " under some strategy"}.get(
+        formula.direction or "", ""
+    )
