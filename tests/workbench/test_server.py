@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import signal
@@ -217,6 +218,14 @@ def test_a_file_is_renamed_to_a_free_name_only(user: Client, folder: Path) -> No
     assert not (folder / "third.nm").exists()
 
 
+def test_a_compressed_file_keeps_its_ending(tmp_path: Path) -> None:
+    (tmp_path / "m.prism.gz").write_bytes(gzip.compress(MODEL.encode()))
+    project = Project(tmp_path, ("m.prism.gz",))
+    with pytest.raises(UsageError, match="is not compressed as"):
+        project.rename("m.prism.gz", "n.prism")
+    assert project.read("m.prism.gz").text == MODEL
+
+
 def test_only_the_version_that_was_seen_is_deleted(user: Client, folder: Path) -> None:
     file = ask(user, "read", name="walk.nm")
     (folder / "walk.nm").write_text("theirs")
@@ -365,6 +374,9 @@ def test_an_experiment_tells_its_rows_one_by_one(user: Client) -> None:
     assert last["result"]["csv"].startswith("property,N,value")
 
 
+WAITING = "dtmc module m x:[0..3]; [] true -> 0.5 : (x'=0) + 0.5 : (x'=1); endmodule"
+
+
 def test_a_path_grows_and_shrinks(user: Client) -> None:
     assert "no path" in run(user, "explore", do="move", move="step")[-1]["error"]["message"]
     start = run(user, "simulate", do="start", seed="3")[-1]["result"]
@@ -373,6 +385,28 @@ def test_a_path_grows_and_shrinks(user: Client) -> None:
     assert (step["length"], step["state"]) == (2, "x=2 & lost=false")
     back = run(user, "simulate", do="move", move="back")[-1]["result"]
     assert (back["length"], back["rows"]) == (1, [])
+
+
+def test_going_back_to_a_step_twice_goes_there_once(user: Client) -> None:
+    run(user, "simulate", do="start", seed="3", model=WAITING)
+    run(user, "simulate", do="move", move="run", steps="20")
+    for _ in range(2):
+        back = run(user, "simulate", do="move", move="back", to=7)[-1]["result"]
+        assert (back["length"], back["rows"]) == (8, [])
+
+
+@pytest.mark.parametrize("seed", ["abc", "-1", "1.5"])
+def test_a_seed_is_a_whole_number(user: Client, seed: str) -> None:
+    told = run(user, "simulate", do="start", seed=seed)[-1]["error"]["message"]
+    assert told.startswith("seed: ")
+
+
+def test_faults_are_underlined_after_a_file_was_renamed(user: Client) -> None:
+    text = "dtmc module m x:[0..3]; [] x<4 -> (x'=x+1); endmodule"
+    for name in ("a.prism", "b.prism"):
+        answer = run(user, "explore", do="explore", model=text, model_name=name)[-1]["error"]
+        assert answer["faults"]["model"]
+        assert answer["message"].startswith(f"{name}:")
 
 
 @pytest.mark.parametrize(

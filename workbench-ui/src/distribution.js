@@ -13,9 +13,9 @@ export function distributions(bench) {
     }, time ? `the distribution at time ${time}` : "the steady state");
     if (found.error || of !== bench.stateOf()) return;
     shown = asked;
-    const { variables, rows, positive, states, about, seconds } = found;
+    const { variables, rows, positive, within, states, about, seconds } = found;
     const count = (n) => n.toLocaleString("en");
-    at("distribution-about").textContent = `${time ? `At time ${time}` : "In the long run"}, ${count(positive)} of ${count(states)} states have positive probability; ${about}`
+    at("distribution-about").textContent = `${time ? `At time ${time}` : "In the long run"}, ${count(positive)} of ${count(states)} states have ${within ? "more than the error" : "positive probability"}; ${about}`
       + (rows.length < positive ? `. These are the ${rows.length} likeliest:` : "");
     at("distribution-table").replaceChildren(make("tr", {}, ...[...variables, "probability"].map((h) => make("th", {}, h))),
       ...rows.map((row) => make("tr", {}, ...row.map((x) => make("td", {}, x)))));

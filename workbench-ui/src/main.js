@@ -13,7 +13,7 @@ const files = { model: { name: "", version: "", saved: "" }, properties: { name:
 const values = {}; // of constants, as texts
 const ranges = {};
 const options = {};
-const results = new Map(); // by the text of a property
+const results = new Map(); // by the name and the text of a property
 let list = [], constants = [], ofModel = [], timed = false, known = {}, seenFaults = [];
 
 // ------------------------------------------------------------------------------------------- log
@@ -305,7 +305,7 @@ async function analyse() {
   const faults = PARTS.flatMap((part) => found[part].faults.map((f) => ({ ...f, part })));
   seenFaults = found.model.faults;
   if (found.list) list = found.list;
-  listOf = now.properties;
+  listOf = JSON.stringify(now);
   timed = found.timed ?? timed;
   const isEmpty = !now.model.trim();
   constants = found.constants ?? (isEmpty ? [] : constants); // the fields stay while a text is faulty
@@ -463,7 +463,10 @@ function listed(p, number, { result, error, isOld }) {
 
 /** The list, which is that of the text after a moment. */
 async function currentList() {
-  if (listOf !== editors.properties.text) await analyse();
+  clearTimeout(timer); // a second analysis would take the answer of this one for an old one
+  const isOld = () => listOf !== JSON.stringify(texts());
+  for (let tries = 0; isOld() && tries < 9; tries++) await analyse();
+  if (isOld()) return []; // the server has ended, and that is told
   if (!list.length) trouble("check", "there is no property yet: write one", JSON.stringify(job()));
   return list;
 }

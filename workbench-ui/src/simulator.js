@@ -1,5 +1,5 @@
 // The tab of the simulator: a path that grows step by step.
-import { at, button, csv, make, option, save, whole } from "./dom.js";
+import { at, button, csv, make, option, save } from "./dom.js";
 import { Chart } from "./plot.js";
 
 const SHOWN = 300; // rows of a path
@@ -20,7 +20,7 @@ export function simulator(bench) {
 
   const start = () => move({ do: "start", seed: at("sim-seed").value, from: at("sim-from").value.trim() }, "new path");
   const step = (more) => move({ do: "move", ...more }, "simulator");
-  const far = () => (at("sim-unit").value === "time" ? { time: at("sim-far").value } : { steps: whole(at("sim-far").value) });
+  const far = () => (at("sim-unit").value === "time" ? { time: at("sim-far").value } : { steps: at("sim-far").value.trim() });
 
   /** What can be done: it depends on the path, the type of the model, and the properties. */
   function enable() {
@@ -64,7 +64,7 @@ export function simulator(bench) {
     const row = (i) => {
       const [number, ...others] = cells(path[i], i);
       const to = i === last ? number : button(number, () => {}, { class: "link", "aria-label": `Back to step ${i}` });
-      const back = i < last && (() => String(getSelection()) || step({ move: "back", steps: last - i }));
+      const back = i < last && (() => String(getSelection()) || step({ move: "back", to: i }));
       return make("tr", { class: i === last ? "now" : "", title: i === last ? "" : `Back to step ${i}`, click: back }, make("td", {}, to), ...others.map((x) => make("td", {}, String(x))));
     };
     at("sim-path").replaceChildren(make("tr", {}, ...titles.map((h) => make("th", {}, h))), ...(from ? [make("tr", {}, make("td", { class: "left", colspan: titles.length }, `${from} earlier steps are in the CSV file and in the plot`))] : []),

@@ -10,7 +10,7 @@ from math import inf, isfinite
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -51,6 +51,7 @@ __all__ = ["EXPORTS", "JOBS", "done"]
 Job = Mapping[str, Any]
 Answer = dict[str, Any]
 Say = Callable[[Answer], None]
+T = TypeVar("T")
 
 EXPORTS = ("tra", "sta", "lab", "srew", "trew", "pexp", "dot", "drn", "jani")
 """The files that a model is written to; `symcheck.export` describes them."""
@@ -83,7 +84,12 @@ class _Session:
         split = split_constants(program, file, given)
         of_properties = {n: str(v) for n, v in split.of_properties.items()}
         options = {**_options(job.get("options", {})), **more}
-        key = (job["model"], sorted(split.of_model.items()), sorted(options.items(), key=str))
+        key = (
+            program.span.source.name,
+            job["model"],
+            sorted(split.of_model.items()),
+            sorted(options.items(), key=str),
+        )
         if key != self._key or self._model is None:
             given_options = make_options(options)
             model = Model(program, split.of_model, given_options, observer=self.reporter)
@@ -204,16 +210,21 @@ _SAMPLING: Mapping[str, Callable[[str], Any]] = {
 """How the fields of a plan are read."""
 
 
+def _field(name: str, read: Callable[[str], T], text: str) -> T:
+    """The value of a field. Raises UsageError."""
+    try:
+        return read(text)
+    except ValueError as error:
+        raise UsageError(f"{name}: {error}") from None
+
+
 def _plan(texts: Mapping[str, str]) -> Plan:
     """How paths are sampled. Raises UsageError."""
     given = {}
     for name, text in texts.items():
         if name not in _SAMPLING:
             raise UsageError(f"there is no setting '{name}'")
-        try:
-            given[name] = _SAMPLING[name](text)
-        except ValueError as error:
-            raise UsageError(f"{name}: {error}") from None
+        given[name] = _field(name, _SAMPLING[name], text)
     if given.get("method", "ci") not in METHODS:
         raise UsageError(f"method: {given['method']!r} is none of {', '.join(METHODS)}")
     return Plan(**given)
@@ -242,7 +253,7 @@ def _distribution(job: Job) -> Answer:
     if job.get("all"):
         return {"csv": _csv(found)}
     values = doubles(found.values)
-    positive = np.flatnonzero(values > 0)
+    positive = np.flatnonzero(values > (0 if found.exact else found.error))
     listed = positive[np.argsort(-values[positive], kind="stable")][:_LISTED]
     engine, members = found.engine, np.zeros(len(found), np.bool_)
     members[listed] = True
@@ -263,6 +274,7 @@ def _distribution(job: Job) -> Answer:
             )
         ],
         "positive": len(positive),
+        "within": 0 if found.exact else found.error,
         "states": len(found),
         "about": f"each probability is {accuracy} ({found.explanation})",
         "seconds": found.seconds,
@@ -414,8 +426,8 @@ def _export(job: Job) -> Answer:
 
 def _start(job: Job) -> Answer:
     model = _SESSION.model(job)[0]
-    seed = job.get("seed")
-    _SESSION.simulator = model.simulator(int(seed) if seed else None, job.get("from") or None)
+    seed = _field("seed", read_count, job["seed"]) if job.get("seed") else None
+    _SESSION.simulator = model.simulator(seed, job.get("from") or None)
     return {**snapshot(_SESSION.simulator), "seed": _SESSION.simulator.seed}
 
 
@@ -433,12 +445,15 @@ def _move(job: Job) -> Answer:
             time, now = _time(job["time"]) if "time" in job else inf, simulator.path[-1].time
             if time <= now:
                 raise UsageError(f"the path is at time {now:.6g} already", hint="a later time")
-            steps = min(int(job.get("steps", _MOST_STEPS)), _MOST_STEPS)
+            steps = _MOST_STEPS
+            if "steps" in job:
+                steps = min(_field("steps", read_count, job["steps"]), _MOST_STEPS)
             simulator.run(steps, strategy, time=time)
             if len(simulator.path) - known == _MOST_STEPS:
                 note = f"stopped after {_MOST_STEPS:,} steps: Run goes on"
         case "back":
-            simulator.back(min(int(job.get("steps", 1)), known))
+            if (steps := known - job.get("to", known - 1)) > 0:  # else it is there already
+                simulator.back(steps)
         case "restart":
             simulator.restart()
         case other:

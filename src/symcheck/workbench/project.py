@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from symcheck.errors import SymcheckError, UsageError
 from symcheck.lsp.answers import MODELS
-from symcheck.whole_file import read_whole, write_whole
+from symcheck.whole_file import read_whole, uncompressed_name, write_whole
 
 __all__ = ["PROPERTIES", "File", "NewerFileError", "Project"]
 
@@ -113,6 +113,11 @@ class Project:
         the system refuses.
         """
         path, target = self._existing(name), self.path(new)
+        if (kept := uncompressed_name(name)[1]) != uncompressed_name(new)[1]:
+            raise UsageError(
+                f"'{name}' is not compressed as '{new}' says",
+                hint=f"end with {kept}" if kept else None,
+            )
         try:
             target.touch(exist_ok=False)  # nobody else takes the name meanwhile
         except FileExistsError:
