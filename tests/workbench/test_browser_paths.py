@@ -27,6 +27,13 @@ endmodule
 """
 OFTEN = """P>0.5 [ F<=50 q=5 ];
 """
+COIN = """dtmc
+const double p;
+module coin
+  side : [0..2] init 0;
+  [] side=0 -> p : (side'=1) + 1-p : (side'=2);
+endmodule
+"""
 STEPS = """const int T;
 "least": Pmin=? [ F "done" ];
 "soon": Pmax=? [ F<=T "done" ];
@@ -137,6 +144,41 @@ def test_strategies_are_followed_where_a_property_chooses(
     assert not bench.at("sim-follow").is_enabled()
 
 
+def test_a_path_of_an_earlier_text_goes_back_but_not_on(bench: Workbench, given: Any) -> None:
+    given(N="4")
+    bench.at("simulator-tab").click()
+    bench.click("sim-start", "sim-step")
+    onward = ["sim-step", "sim-run", "sim-follow", "sim-graph"]
+    others = ["sim-back", "sim-reset", "sim-csv"]
+    kept = bench.at("sim-state").text
+    bench.at("check-tab").click()
+    given(N="5")
+    bench.at("simulator-tab").click()
+    past = "of the text before the last changes: start a new path"
+    bench.until(lambda: bench.at("sim-state").text == f"{kept}; {past}")
+    assert not any(bench.at(name).is_enabled() for name in onward)
+    assert not any(button.is_enabled() for button in bench.all("#sim-choices button"))
+    assert all(bench.at(name).is_enabled() for name in others)
+    bench.click("sim-back")
+    assert "Step 0: x=0, lost=false" in bench.at("sim-state").text
+    assert past in bench.at("sim-state").text
+    bench.click("sim-start")
+    assert past not in bench.at("sim-state").text
+    assert all(bench.at(name).is_enabled() for name in onward)
+
+
+def test_the_state_of_a_path_has_its_time_where_there_is_time(
+    bench: Workbench, folder: Path, given: Any
+) -> None:
+    given(N="4")
+    bench.at("simulator-tab").click()
+    bench.click("sim-start", "sim-step")
+    assert "time" not in bench.at("sim-state").text
+    opened(bench, folder, QUEUE, OFTEN)
+    bench.click("sim-start", "sim-run")
+    assert f"; time {rows(bench)[-1][2]}" in bench.at("sim-state").text
+
+
 # ------------------------------------------------------------------------------------ experiments
 
 
@@ -169,6 +211,52 @@ def test_errors_of_single_runs_are_told(bench: Workbench, folder: Path) -> None:
     told = [e.text for e in bench.all("#experiment-notes .bad")]
     assert [text.split(":")[0] for text in told] == ["wrong at N=4, T=3", "wrong at N=4, T=4"]
     assert "2 of them errors" in bench.log
+
+
+@pytest.mark.parametrize("keep", [False, True])
+def test_a_run_that_is_refused_changes_nothing(bench: Workbench, keep: bool) -> None:
+    run(bench, N="2:4")
+    if keep:
+        bench.at("keep").click()
+    before = bench.at("experiment-table").text, bench.at("experiment-chart").text
+    bench.fill("#ranges input[name=N]", "7:3")
+    bench.click("experiment-run")
+    assert "the range 'N=7:3' is empty" in bench.at("trouble").text
+    assert (bench.at("experiment-table").text, bench.at("experiment-chart").text) == before
+    run(bench, N="2:3")
+    rows = 4 + 6 * keep
+    bench.until(lambda: len(bench.all("#experiment-table tr")) == 1 + rows)
+    assert ("run 2" in bench.at("experiment-chart").text) == keep
+    assert "run 3" not in bench.at("experiment-chart").text
+
+
+def test_an_experiment_asks_for_constants_without_a_value(bench: Workbench) -> None:
+    bench.at("experiment-tab").click()
+    bench.click("experiment-run")
+    assert "N has no value: write one into its field" in bench.at("trouble").text
+    field = bench.browser.switch_to.active_element
+    assert field == bench.all("#ranges input[name=N]")[0]
+    field.send_keys("2:4")
+    bench.click("experiment-run")
+    bench.until(lambda: len(bench.all("#experiment-table tr")) == 7)
+    assert not bench.at("trouble").is_displayed()
+
+
+def test_a_range_with_one_value_is_told(bench: Workbench, folder: Path) -> None:
+    (folder / "coin.pm").write_text(COIN)
+    bench.until(lambda: "coin.pm" in bench.at("model-file").get_property("textContent"))
+    (folder / "walk.props").write_text("P=? [ F side=1 ];")
+    bench.choose("model-file", "coin.pm")
+    field = bench.until(lambda: bench.all("#ranges input[name=p]")[0])
+    assert field.get_attribute("placeholder") == "0.1:0.1:1"
+    bench.until(lambda: "side=1" in bench.at("list").get_property("textContent"))
+    run(bench, p="0.3:0.7")
+    told = (
+        "p=0.3 is the only value of 0.3:0.7, whose step is 1: write another step between its ends"
+    )
+    bench.until(lambda: bench.at("experiment-notes").text == told)
+    run(bench, p="0.3:0.2:0.7")
+    bench.until(lambda: not bench.at("experiment-notes").text)
 
 
 @pytest.mark.parametrize("width", [1280, 420])
@@ -251,6 +339,27 @@ def test_options_have_the_words_of_the_command_line(bench: Workbench, given: Any
     given(N="4")
     bench.click("check-all")
     assert bench.until(lambda: len(bench.values) == 2 and bench.values)[0] == "9/16"
+
+
+def test_options_are_there_again_after_a_reload(bench: Workbench, given: Any) -> None:
+    tab = bench.at("options-tab")
+    assert tab.text == "Options"
+    tab.click()
+    bench.at("option-exact").click()
+    assert tab.text == "Options ●"
+    bench.browser.refresh()
+    bench.until(lambda: bench.at("options-tab").text == "Options ●")
+    assert "Not the default: " in bench.at("options-tab").get_attribute("title")
+    assert bench.at("option-exact").is_selected()
+    bench.until(lambda: bench.all("#constants input[name=N]"))
+    given(N="4")
+    bench.click("check-all")
+    assert bench.until(lambda: len(bench.values) == 2 and bench.values)[0] == "9/16"
+    bench.at("options-tab").click()
+    bench.at("option-exact").click()
+    bench.browser.refresh()
+    bench.until(lambda: bench.all("#option-fields label"))
+    assert bench.at("options-tab").text == "Options"
 
 
 # -------------------------------------------------------------------------------------- the end

@@ -229,11 +229,11 @@ def test_a_file_is_renamed_with_what_is_not_saved(bench: Workbench, folder: Path
     bench.until(lambda: "'grid.pm' exists already" in bench.at("trouble").text)
     bench.at("rename").click()
     answer(bench, "new")
-    bench.until(lambda: bench.at("model-tab").text == "● new.prism")
+    bench.until(lambda: bench.at("model-tab").text == "● new.nm")
     assert not (folder / "walk.nm").exists()
-    assert (folder / "new.prism").read_text() == MODEL
+    assert (folder / "new.nm").read_text() == MODEL
     bench.browser.refresh()
-    bench.until(lambda: bench.at("model-tab").text == "● new.prism")
+    bench.until(lambda: bench.at("model-tab").text == "● new.nm")
     assert "// mine" in shown(bench)
 
 

@@ -8,19 +8,24 @@ export function experiments(bench) {
   const chart = new Chart(at("experiment-chart"), "experiment");
 
   async function experiment() {
-    const property = bench.list[at("experiment-property").value]?.text ?? null;
-    if (!at("keep").checked) series = [];
-    const mine = { rows: [], run: series.length + 1 };
-    series.push(mine);
+    const asked = bench.list[at("experiment-property").value], keep = at("keep").checked;
+    if (!bench.complete((asked ? [asked] : bench.list).flatMap((p) => p.constants), "ranges")) return;
     const given = Object.fromEntries(bench.constants.map((c) => [c.name, bench.ranges[c.name] || bench.values[c.name] || ""]));
-    const found = await bench.enqueue("check", () => ({ do: "experiment", ...bench.job(), constants: given, property }), "experiment", (message) => {
-      if (message.rows) mine.rows.push(...message.rows), plot();
-    });
+    const mine = { rows: [], given };
+    const add = (rows) => {
+      if (!series.includes(mine)) { // a run that is refused changes nothing
+        series = keep ? series : [];
+        mine.run = series.push(mine);
+      }
+      mine.rows.push(...rows);
+      plot();
+    };
+    const found = await bench.enqueue("check", () => ({ do: "experiment", ...bench.job(), constants: given, property: asked?.text ?? null }), "experiment", ({ rows }) => rows?.length && add(rows));
     if (found.error) return;
     mine.csv = found.csv;
+    add([]);
     const errors = mine.rows.filter((r) => r.error).length;
     bench.log(`experiment: ${mine.rows.length} results${errors ? `, ${errors} of them errors` : ""}`, errors ? "bad" : "");
-    plot();
   }
 
   /** The plot, what it does not show, and the table. */
@@ -49,10 +54,19 @@ export function experiments(bench) {
 
   const settings = (r, names) => names.filter((n) => n in r.constants).map((n) => `${n}=${r.constants[n]}`);
 
-  /** What the lines do not tell: level ones, results without a number, errors. */
+  /** Ranges of a run that have one value. */
+  function single({ rows, given, csv }) {
+    const valuesOf = (name) => [...new Set(rows.filter((r) => name in r.constants).map((r) => r.constants[name]))];
+    const ranges = Object.entries(given).filter(([, text]) => csv !== undefined && text.includes(":"));
+    return ranges.map(([name, text]) => [name, text, valuesOf(name)]).filter(([, , values]) => values.length === 1)
+      .map(([name, text, [value]]) => `${name}=${value} is the only value of ${text}${text.split(":").length === 2 ? ", whose step is 1: write another step between its ends" : ""}`);
+  }
+
+  /** What the lines do not tell: single and level ones, results without a number, errors. */
   function notes(rows, x, names) {
     const level = [...new Set(rows.filter((r) => !(x in r.constants)).map((r) => r.property))];
-    const found = x && level.length ? [make("li", {}, `${level.join(", ")} ${level.length > 1 ? "do" : "does"} not depend on ${x}: level lines`)] : [];
+    const found = [...new Set(series.flatMap(single))].map((text) => make("li", {}, text));
+    if (x && level.length) found.push(make("li", {}, `${level.join(", ")} ${level.length > 1 ? "do" : "does"} not depend on ${x}: level lines`));
     const undrawn = new Map(); // by what they have in common
     for (const r of rows.filter((r) => r.numbers[0] === null)) {
       const key = JSON.stringify([r.property, r.error || r.text]);

@@ -13,7 +13,7 @@ const files = { model: { name: "", version: "", saved: "" }, properties: { name:
 const values = {}; // of constants, as texts
 const ranges = {};
 const options = {};
-const results = new Map(); // by the name and the text of a property
+const results = new Map(); // by how a property is answered, its name and its text
 let list = [], constants = [], ofModel = [], timed = false, known = {}, seenFaults = [];
 
 // ------------------------------------------------------------------------------------------- log
@@ -138,17 +138,20 @@ async function format(part) {
 
 const ENDING = { model: ".prism", properties: ".props" };
 
-/** A name that is asked for; "" if none is given. */
+/** A name that is asked for, with an ending of its kind; "" if none is given. */
 function nameFor(part, question) {
-  const name = prompt(question, files[part].name || `model${ENDING[part]}`)?.trim() ?? "";
-  return !name || name.includes(".") ? name : name + ENDING[part];
+  const before = files[part].name, ending = /\.\w+$/.exec(before)?.[0] ?? ENDING[part];
+  const given = prompt(question, before || `model${ending}`)?.trim() ?? "";
+  const name = !given || given.includes(".") ? given : given + ending, endings = known.endings[part];
+  if (name && name !== before && !(/^\w/.test(name) && endings.some((e) => name.toLowerCase().endsWith(e))))
+    throw new Error(`'${name}' is no name of ${part === "model" ? "a model" : "properties"}: it ends with one of ${endings.join(" ")}`);
+  return name;
 }
 
 let filing = 0, filed = 0; // what is being done with files, and what was begun
 
 /** Do something with the file of a text. The names that are shown are those afterwards. */
 async function withFile(part, what, does) {
-  const { name } = files[part];
   let isNewer = false;
   trouble();
   filing++, filed++;
@@ -156,7 +159,7 @@ async function withFile(part, what, does) {
     await does(part);
     known = await ask("project");
   } catch (error) {
-    fail(error, `${what} ${name || `the ${part}`}`);
+    fail(error, `${what} the ${part}`);
     isNewer = error.newer;
   }
   filing--;
@@ -283,7 +286,7 @@ function choose(part) {
 
 // -------------------------------------------------------------------------------------- analysis
 
-let timer = null, analysed = 0, exploring = null, listOf = null;
+let timer = null, analysed = 0, exploring = null, listOf = null, isFaulty = false;
 
 function later() {
   if (troubleOf && troubleOf !== JSON.stringify(job())) trouble();
@@ -304,6 +307,7 @@ async function analyse() {
   for (const part of PARTS) editors[part].show(found[part].faults, found[part].colours);
   const faults = PARTS.flatMap((part) => found[part].faults.map((f) => ({ ...f, part })));
   seenFaults = found.model.faults;
+  isFaulty = !found.list && !!now.properties.trim(); // the list is that of an earlier text then
   if (found.list) list = found.list;
   listOf = JSON.stringify(now);
   timed = found.timed ?? timed;
@@ -314,7 +318,7 @@ async function analyse() {
   showList();
   const errors = faults.filter((f) => f.severity === "error").length;
   tell(faults.length ? `${faults[0].part}: ${faults[0].message}` : isEmpty ? "There is no model yet: write one, or choose a file above." : "", errors > 0);
-  if (!errors && !isEmpty && ofModel.every((name) => values[name])) timer = setTimeout(explore, 500);
+  if (!seenFaults.some((f) => f.severity === "error") && !isEmpty && ofModel.every((name) => values[name])) timer = setTimeout(explore, 500);
 }
 
 /** Faults that only the states show. */
@@ -323,7 +327,7 @@ async function explore() {
   try {
     const { states, faults, about } = await run("explore", { do: "explore", ...job() }, { signal: exploring.signal });
     if (faults.length) editors.model.show([...seenFaults, ...faults]);
-    tell([`${states.toLocaleString("en")} reachable states`, about].filter(Boolean).join("; "));
+    if (!at("state").classList.contains("bad")) tell([`${states.toLocaleString("en")} reachable states`, about].filter(Boolean).join("; "));
   } catch (error) {
     if (error.faults?.model.length) {
       editors.model.show(error.faults.model);
@@ -337,7 +341,7 @@ function showConstants() {
     const shown = [...at(box).querySelectorAll("input")].map((i) => i.name).join();
     if (shown === constants.map((c) => c.name).join()) continue;
     at(box).replaceChildren(...constants.map((c) => make("label", {}, `${c.name} (${c.type}) `,
-      make("input", { name: c.name, size: 9, value: store[c.name] ?? "", placeholder: hint, autocomplete: "off", input: (e) => {
+      make("input", { name: c.name, size: 9, value: store[c.name] ?? "", placeholder: box === "ranges" && c.type === "double" ? "0.1:0.1:1" : hint, autocomplete: "off", input: (e) => {
         store[c.name] = e.target.value.trim();
         sessionStorage.setItem(box, JSON.stringify(store));
         if (box === "constants") later();
@@ -351,13 +355,14 @@ const job = () => ({ ...texts(), constants: { ...values }, options: { ...options
 
 const lanes = {}; // a worker does one job at a time: the jobs that wait, and the one that runs
 
-/** Whether each of these constants has a value; if not, its field gets the focus. */
-function complete(needed) {
-  const open = needed.find((name) => !values[name]);
+/** Whether each of these constants has a value; if not, its field gets the focus. Ranges are values
+ * where there are fields for them. */
+function complete(needed, box = "constants") {
+  const open = needed.find((name) => !values[name] && !(box === "ranges" && ranges[name]));
   if (!open) return true;
   trouble("constants", `${open} has no value: write one into its field`, JSON.stringify(job()));
-  showTool("check");
-  at("constants").querySelector(`[name="${open}"]`)?.focus();
+  if (box === "constants") showTool("check");
+  at(box).querySelector(`[name="${open}"]`)?.focus();
   return false;
 }
 
@@ -417,7 +422,8 @@ function cancel(lane) {
 
 const nameOf = (p) => p.name || p.text;
 const CANCELLED = "cancelled";
-const keyOf = (p) => `${p.name}:${p.text}`;
+const HOW = ["check", "estimate"];
+const keyOf = (p, how = "check") => `${how} ${p.name}:${p.text}`;
 
 const shownIn = new WeakMap();
 
@@ -435,29 +441,39 @@ function show(box, what, children) {
 
 function showList() {
   const now = JSON.stringify(job());
-  const seen = list.map((p) => ({ ...results.get(keyOf(p)) })).map(({ of, ...seen }) => ({ ...seen, isOld: of !== undefined && of !== now }));
+  const seenBy = (p) => HOW.map((how) => results.get(keyOf(p, how))).filter(Boolean);
+  const seen = list.map((p) => seenBy(p).map(({ of, errorOf, ...one }) => ({ ...one, isOld: of !== now, isPast: errorOf !== now })));
   forget();
   at("no-properties").hidden = list.length > 0;
-  show(at("list"), [list, seen], () => list.map((p, number) => listed(p, number, seen[number])));
+  at("list").classList.toggle("old", isFaulty);
+  show(at("list"), [list, seen, isFaulty], () => list.map((p, number) => listed(p, number, seen[number])));
   experiment.enable();
   simulation.enable();
 }
 
-/** The item of a property: its text, and its result if it was checked. */
-function listed(p, number, { result, error, isOld }) {
+/** The item of a property: its text, and its results if it was checked or estimated. */
+function listed(p, number, answers) {
   const name = nameOf(p);
-  const item = make("li", { class: isOld ? "old" : "" }, button(p.name ? `"${p.name}": ${p.text}` : p.text, () => { showText("properties"); editors.properties.go(p.at); }, { class: "link mono", title: "Go to the text" }), make("br"),
-    button("Check", () => check(number), { "aria-label": `Check ${name}`, title: "Check it (Ctrl+Enter at its text)" }),
-    button("Estimate", () => check(number, "estimate"), { "aria-label": `Estimate ${name}`, title: "Estimate it from random paths" }));
+  const item = make("li", {}, button(p.name ? `"${p.name}": ${p.text}` : p.text, () => { showText("properties"); editors.properties.go(p.at); }, { class: "link mono", title: "Go to the text" }), make("br"),
+    button("Check", () => check(number), { "aria-label": `Check ${name}`, title: "Check it (Ctrl+Enter at its text)", disabled: isFaulty }),
+    button("Estimate", () => check(number, "estimate"), { "aria-label": `Estimate ${name}`, title: "Estimate it from random paths", disabled: isFaulty }));
+  for (const answer of answers) item.append(answered(p, number, answer));
+  return item;
+}
+
+/** What one way of answering a property has found, and what went wrong the last time. */
+function answered(p, number, { result, error, isOld, isPast }) {
+  const item = make("div", { class: isOld ? "old result" : "result" });
   if (result) {
     const mark = result.holds === null ? "" : result.holds ? "✓ " : "✗ ";
-    item.append(" ", make("span", { class: `value ${result.holds === null ? "" : result.holds ? "good" : "bad"}` }, mark + result.value),
+    item.append(make("span", { class: `value ${result.holds === null ? "" : result.holds ? "good" : "bad"}` }, mark + result.value),
       make("span", { class: "of" }, [isOld ? "before the last changes" : "", result.sampled ? `sampled: ${result.accuracy}` : result.accuracy, result.sampled ? "" : result.bounds, result.about, `${result.seconds.toFixed(3)} s`].filter(Boolean).join("; ")),
       " ", result.explains ? button("Why?", () => explain("explain", number), { title: "Counterexample or witness" }) : "",
       p.chooses && !result.sampled ? button("Strategy", () => explain("strategy", number)) : "",
       result.lines.length ? make("pre", {}, result.lines.join("\n")) : "");
-  } else if (error === CANCELLED) item.append(" ", make("span", { class: "of" }, error));
-  else if (error && !isOld) item.append(" ", make("pre", { class: "of bad" }, error));
+  }
+  if (error === CANCELLED) item.append(" ", make("span", { class: "of" }, error));
+  else if (error && !isPast) item.append(" ", make("pre", { class: "of bad" }, error));
   return item;
 }
 
@@ -467,18 +483,28 @@ async function currentList() {
   const isOld = () => listOf !== JSON.stringify(texts());
   for (let tries = 0; isOld() && tries < 9; tries++) await analyse();
   if (isOld()) return []; // the server has ended, and that is told
+  if (isFaulty) {
+    trouble("check", at("state").title, JSON.stringify(job()));
+    return [];
+  }
   if (!list.length) trouble("check", "there is no property yet: write one", JSON.stringify(job()));
   return list;
 }
 
-async function checkAll(how) {
+/** The tab of checks, also where it is below the texts. */
+function showCheck() {
   showTool("check");
+  at("check").scrollIntoView({ block: "nearest" });
+}
+
+async function checkAll(how) {
+  showCheck();
   (await currentList()).forEach((_, number) => check(number, how));
 }
 
 /** Check the property at the cursor: the last one that begins before it, or in its line. */
 async function checkHere() {
-  showTool("check");
+  showCheck();
   const now = await currentList(), { at, from, to } = editors.properties.cursor;
   const number = Math.max(now.findLastIndex((p) => p.at <= at), now.findIndex((p) => from <= p.at && p.at <= to), 0);
   if (now.length) check(number);
@@ -496,7 +522,8 @@ async function check(number, how = "check") {
   };
   const found = await queue("check", asked, nameOf(property), property.constants);
   if (found.incomplete) return;
-  results.set(keyOf(property), found.error ? { error: found.error.name === "AbortError" ? CANCELLED : found.error.message, of } : { result: found, of });
+  const { error } = found, key = keyOf(property, how);
+  results.set(key, error ? { ...results.get(key), error: error.name === "AbortError" ? CANCELLED : error.message, errorOf: of } : { result: found, of });
   if (!found.error) warn(found.warnings);
   if (!found.error) log(`${nameOf(property)}: ${found.value} (${found.accuracy}), ${found.seconds.toFixed(3)} s`);
   showList();
@@ -583,13 +610,13 @@ async function exported(kind) {
 }
 
 function exportResults() {
-  const seen = list.map((p) => [p, results.get(keyOf(p))?.result]).filter(([, r]) => r);
+  const seen = list.flatMap((p) => HOW.map((how) => [p, results.get(keyOf(p, how))?.result])).filter(([, r]) => r);
   save("results.csv", csv([["property", "value", "accuracy", "bounds", "seconds"], ...seen.map(([p, r]) => [nameOf(p), r.value, r.accuracy, r.bounds, r.seconds])]), "text/csv");
 }
 
 // What the tabs with a script of their own take from here.
 const bench = {
-  values, ranges, job, stateOf, queue, enqueue, log, trouble, show, drawNear,
+  values, ranges, job, stateOf, complete, queue, enqueue, log, trouble, show, drawNear,
   get list() { return list; }, get constants() { return constants; }, get timed() { return timed; },
 };
 const experiment = experiments(bench), simulation = simulator(bench);

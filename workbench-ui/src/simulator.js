@@ -7,12 +7,18 @@ const SHOWN = 300; // rows of a path
 /** bench: what the page has: texts, jobs and log. */
 export function simulator(bench) {
   let path = [], sim = null, shownVariables = new Set();
+  let of = "", timed = false; // the model of the path, and whether it has time
   const chart = new Chart(at("sim-chart"), "path", { steps: true });
 
   async function move(asked, what) {
-    const found = await bench.queue("simulate", () => ({ ...bench.job(), ...asked }), what);
+    let now = "";
+    const found = await bench.queue("simulate", () => {
+      now = bench.stateOf();
+      return { ...bench.job(), ...asked };
+    }, what);
     if (found.error) return;
     path = path.slice(0, found.length - found.rows.length).concat(found.rows);
+    if (asked.do === "start") [of, timed] = [now, bench.timed];
     if (asked.do === "start") at("sim-seed").placeholder = found.seed, bench.log(`new path, seed ${found.seed}`), (shownVariables = new Set(found.variables.slice(0, 3)));
     sim = found;
     showPath();
@@ -22,9 +28,12 @@ export function simulator(bench) {
   const step = (more) => move({ do: "move", ...more }, "simulator");
   const far = () => (at("sim-unit").value === "time" ? { time: at("sim-far").value } : { steps: at("sim-far").value.trim() });
 
-  /** What can be done: it depends on the path, the type of the model, and the properties. */
+  const isOld = () => sim !== null && of !== bench.stateOf();
+
+  /** What can be done: it depends on the path, whether it is one of the text, the type of the
+   * model, and the properties. */
   function enable() {
-    const ends = !sim?.choices.length;
+    const ends = !sim?.choices.length || isOld();
     const choosing = bench.list.flatMap((p, i) => (p.chooses ? [[i, p.name || p.text]] : []));
     const before = at("sim-property").value;
     bench.show(at("sim-property"), choosing, () => (choosing.length ? choosing : [["", "none"]]).map((one) => option(...one)));
@@ -36,16 +45,26 @@ export function simulator(bench) {
     at("sim-step").disabled = at("sim-run").disabled = ends;
     at("sim-follow").disabled = ends || !choosing.length;
     at("sim-back").disabled = at("sim-reset").disabled = !(sim?.length > 1);
-    at("sim-graph").disabled = at("sim-csv").disabled = !sim;
+    at("sim-csv").disabled = !sim;
+    at("sim-graph").disabled = !sim || isOld();
+    if (sim) showState();
+  }
+
+  /** The last state of the path, and its choices. */
+  function showState() {
+    const { labels, totals, choices, length, note } = sim, old = isOld();
+    const earned = Object.entries(totals).map(([n, x]) => `${n} so far ${Number(x.toPrecision(6))}`);
+    const time = timed ? `time ${Number(path.at(-1)[1].toPrecision(6))}` : "";
+    const past = old ? "of the text before the last changes: start a new path" : "";
+    const words = [sim.state.replaceAll(" & ", ", "), time, labels.length ? `labels ${labels.join(", ")}` : "", ...earned, choices.length ? "" : "a deadlock", note ?? "", past].filter(Boolean).join("; ");
+    bench.show(at("sim-state"), [length, words], () => [make("strong", {}, `Step ${length - 1}: `), words]);
+    bench.show(at("sim-choices"), [choices, old], () => choices.map((c, i) => make("li", {}, make("code", {}, `${c.module ? `${c.module}: ` : ""}${c.text}`),
+      ...c.branches.map(([weight, change], j) => button(`${weight}: ${change}`, () => step({ move: "step", choice: i, branch: j }), { disabled: old })))));
   }
 
   function showPath() {
     enable();
-    const { variables, rewards, labels, totals, choices, length, note } = sim;
-    const earned = Object.entries(totals).map(([n, x]) => `${n} so far ${Number(x.toPrecision(6))}`);
-    at("sim-state").replaceChildren(make("strong", {}, `Step ${length - 1}: `), [sim.state.replaceAll(" & ", ", "), labels.length ? `labels ${labels.join(", ")}` : "", ...earned, choices.length ? "" : "a deadlock", note ?? ""].filter(Boolean).join("; "));
-    bench.show(at("sim-choices"), choices, () => choices.map((c, i) => make("li", {}, make("code", {}, `${c.module ? `${c.module}: ` : ""}${c.text}`),
-      ...c.branches.map(([weight, change], j) => button(`${weight}: ${change}`, () => step({ move: "step", choice: i, branch: j }))))));
+    const { variables, rewards } = sim;
     showRows();
     const numbers = (row, name) => [...row[2], ...row[3]][[...variables, ...rewards].indexOf(name)];
     at("sim-variables").replaceChildren(...[...variables, ...rewards].map((name) => make("label", {}, make("input", { type: "checkbox", checked: shownVariables.has(name), change: (e) => {

@@ -22,11 +22,12 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from symcheck.errors import SymcheckError, UsageError
+from symcheck.lsp.answers import MODELS
 from symcheck.version import __version__
 from symcheck.workbench.language import Texts, analysis, completions, formatted, hover
 from symcheck.workbench.option_fields import option_fields
 from symcheck.workbench.processes import Worker
-from symcheck.workbench.project import NewerFileError, Project
+from symcheck.workbench.project import PROPERTIES, NewerFileError, Project
 
 __all__ = ["Access", "make_app"]
 
@@ -173,6 +174,7 @@ def make_app(project: Project, access: Access, start: Mapping[str, str]) -> Star
             "start": dict(start),
             "options": option_fields(),
             "exports": EXPORTS,
+            "endings": {"model": MODELS, "properties": PROPERTIES},
         }
 
     def renamed(asked: Mapping[str, Any]) -> dict[str, Any]:

@@ -76,7 +76,7 @@ class _Session:
 
     def model(self, job: Job, **more: object) -> tuple[Model, PropertiesFile, dict[str, str]]:
         """The model of a job with its options, its properties, and the constants of these."""
-        program = parse_model(job["model"], job.get("model_name") or "model")
+        program = parse_model(job["model"], _name(job))
         file = PropertiesFile()
         if job.get("properties"):
             file = parse_properties(job["properties"], job.get("properties_name") or "properties")
@@ -96,6 +96,16 @@ class _Session:
             self._model = model.checked()
             self._key = key
         return self._model, file, of_properties
+
+    def model_alone(self, job: Job, **more: object) -> Model:
+        """The model of a job that no property is about: those may have faults."""
+        declared = {c.name for c in parse_model(job["model"], _name(job)).constants}
+        given = {n: v for n, v in job.get("constants", {}).items() if n in declared}
+        return self.model({**job, "properties": "", "constants": given}, **more)[0]
+
+
+def _name(job: Job) -> str:
+    return job.get("model_name") or "model"
 
 
 _SESSION = _Session()
@@ -135,7 +145,7 @@ def _number(file: PropertiesFile, wanted: str) -> int:
 
 
 def _build(job: Job) -> Answer:
-    model, _, _ = _SESSION.model(job)
+    model = _SESSION.model_alone(job)
     started = perf_counter()
     engine = model.engine
     facts = [["type", model.type.value], ["states", f"{engine.states:,}"]]
@@ -159,7 +169,7 @@ def _with_line(found: Diagnostic) -> str:
 
 def _explore(job: Job) -> Answer:
     """Find the faults of a model that only its states show, for some seconds."""
-    model, _, _ = _SESSION.model(job, time_limit=5.0)
+    model = _SESSION.model_alone(job, time_limit=5.0)
     found = model.state_warnings
     return {
         "states": model.engine.states,
@@ -248,7 +258,7 @@ def _told(model: Model, result: Result) -> Answer:
 
 def _distribution(job: Job) -> Answer:
     """The likeliest states at a time, or in the long run (""); as CSV all of them."""
-    model = _SESSION.model(job)[0]
+    model = _SESSION.model_alone(job)
     found = model.transient(_time(job["time"])) if job["time"] else model.steady_state()
     if job.get("all"):
         return {"csv": _csv(found)}
@@ -334,14 +344,17 @@ def _saved(save: Callable[[Path], object], name: str) -> str:
 
 def _page(job: Job) -> Answer:
     """The state graph, the simulator, the diagrams, and the iterations of each property."""
-    model, file, constants = _SESSION.model(job)
+    try:
+        model, file, constants = _SESSION.model(job)
+    except InputError:  # of the properties, perhaps: the model is drawn without them
+        model, file, constants = _SESSION.model_alone(job), PropertiesFile(), {}
     page = model.page(file, constants, max_states=job["states"], title=job["model_name"])
     return {"html": page.html}
 
 
 def _graph(job: Job) -> Answer:
     """The states near those that satisfy a formula, with the path of the simulator."""
-    model, around = _SESSION.model(job, engine="explicit")[0], job["around"]
+    model, around = _SESSION.model_alone(job, engine="explicit"), job["around"]
     drawn, radius = neighbourhood(model, around, room=_room(job))
     note = f"The states that are at most {radius} steps from these, which are green: {around}"
     return {"html": _picture("Neighbourhood", note, drawn)}
@@ -413,10 +426,14 @@ def _export(job: Job) -> Answer:
     kind = job["kind"]
     if kind not in EXPORTS:
         raise UsageError(f"there is no export '{kind}'", hint=", ".join(EXPORTS))
-    model, file, constants = _SESSION.model(job)
+    file: PropertiesFile | None
+    if kind == "jani":
+        model, file, constants = _SESSION.model(job)
+    else:
+        model, file, constants = _SESSION.model_alone(job), None, {}
     with TemporaryDirectory() as folder:
         target = str(Path(folder) / f"model.{kind}")
-        export(model, target, file if kind == "jani" else None, constants)
+        export(model, target, file, constants)
         found = {p.name: p.read_text(encoding="utf-8") for p in sorted(Path(folder).iterdir())}
     return {"files": found}
 
@@ -425,7 +442,7 @@ def _export(job: Job) -> Answer:
 
 
 def _start(job: Job) -> Answer:
-    model = _SESSION.model(job)[0]
+    model = _SESSION.model_alone(job)
     seed = _field("seed", read_count, job["seed"]) if job.get("seed") else None
     _SESSION.simulator = model.simulator(seed, job.get("from") or None)
     return {**snapshot(_SESSION.simulator), "seed": _SESSION.simulator.seed}
