@@ -197,7 +197,9 @@ def test_an_mdp():
     assert model.matrix.toarray().tolist() == [[0, 0, 1], [0.5, 0.5, 0], [0, 1, 0], [0, 0, 1]]
     assert model.transitions.source.tolist() == [0, 0, 0, 1, 2]
     assert model.transitions.choice.tolist() == [0, 1, 1, 2, 3]
-    assert model.transitions.action == [None, "go", "go", None, "stay"]
+    assert model.transitions.action.tolist() == [None, "go", "go", None, "stay"]
+    assert (model.transitions.action == "go").tolist() == [False, True, True, False, False]
+    assert model.transitions.probability.tolist() == [1, 0.5, 0.5, 1, 1]
     assert isinstance(model.to_networkx(), networkx.MultiDiGraph)
     assert [*model.deadlocks] == [{"x": 1}]
     strategy = model.check("Pmax=? [ F x=1 ]").strategy

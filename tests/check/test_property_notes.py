@@ -48,14 +48,27 @@ def test_a_finite_value_needs_no_reason(model: str, formula: str) -> None:
     assert symcheck.loads(model).check(formula).notes == ()
 
 
-@pytest.mark.parametrize("formula", ["P=? [ x=1 ]", "R=? [ x=1 ]", 'P>0 [ "end" ]', "T=? [ x=1 ]"])
-def test_a_path_formula_without_operator_is_about_the_first_state(formula: str) -> None:
+@pytest.mark.parametrize(
+    ("formula", "others"),
+    [
+        ("P=? [ x=1 ]", "F x=1 about some, G x=1 about all"),
+        ("P>=1 [ x<2 ]", "F x<2 about some, G x<2 about all"),
+        ('P>0 [ "end" ]', 'F "end" about some, G "end" about all'),
+        ("A [ x<2 ]", "F x<2 about some, G x<2 about all"),
+        ("E [ x=1 ]", "F x=1 about some, G x=1 about all"),
+        ("R=? [ x=1 ]", "F x=1 about some"),
+        ("T=? [ x=1 ]", "F x=1 about some"),
+    ],
+)
+def test_a_path_formula_without_operator_is_about_the_first_state(
+    formula: str, others: str
+) -> None:
     (note,) = symcheck.loads(CHAIN).check(formula).notes
-    assert "without a path operator is about the first state" in note
+    assert note.endswith(f" without a path operator is about the first state, {others}")
 
 
 @pytest.mark.parametrize(
-    "formula", ["P=? [ X x=1 ]", "P=? [ !(F x=1) ]", "P=? [ true ]", "S=? [ x=1 ]"]
+    "formula", ["P=? [ X x=1 ]", "P=? [ !(F x=1) ]", "P=? [ true ]", "S=? [ x=1 ]", "A [ G x<3 ]"]
 )
 def test_other_path_formulas_have_no_note(formula: str) -> None:
     assert symcheck.loads(CHAIN).check(formula).notes == ()

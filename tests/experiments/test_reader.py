@@ -25,6 +25,7 @@ ROWS = Experiment(
         Row(
             "a", {"N": 5, "value": 0.5}, 0.5, Statistical(0.99, 0.25, 0.75, 9, "Student's t", True)
         ),
+        Row("a", {"N": 6, "value": 0.5}, 0.5, Statistical(0.99, 0.25, 0.75, 9, uniform=True)),
         Row("b", {"N": 1}, (0.25, 0.75), Exact(rounding=True)),
         Row("b", {"N": 2}, [(0.0, 1.0), (1.0, 0.5)], Exact()),
         Row("b", {"N": 3}, error='no, "such" label'),

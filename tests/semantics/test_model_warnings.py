@@ -162,3 +162,16 @@ def test_conditions_of_properties_that_no_value_satisfies(formula: str, conditio
 )
 def test_conditions_of_properties_that_some_values_satisfy(formula: str) -> None:
     assert of_property(formula) == ()
+
+
+@pytest.mark.parametrize(
+    ("old", "warned"), [("lamda1", True), ("lambda1", False), ("mu", False), ("unrelated", False)]
+)
+def test_a_renamed_name_that_is_misspelt(old: str, warned: bool) -> None:
+    text = (
+        "ctmc const double lambda1=1; const double lambda2=2; const double mu=3;\n"
+        "module a s : [0..1]; [] s=0 -> lambda1 : (s'=1); endmodule\n"
+        f"module b = a [ s=t, {old}=lambda2 ] endmodule"
+    )
+    found = [d.message for d in symcheck.loads(text).warnings]
+    assert found == (["module a has no lamda1; did you mean lambda1?"] if warned else [])

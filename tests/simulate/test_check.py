@@ -101,6 +101,16 @@ def test_uniform_choices_of_an_mdp_lie_between_minimum_and_maximum(seed: int) ->
     assert result.accuracy.upper >= low - 1e-9
     assert result.accuracy.lower <= high + 1e-9
     assert "that strategy" in result.warnings[0]
+    assert "(under the uniform strategy, in [" in str(result)
+
+
+def test_an_infinite_estimate_of_an_mdp_is_that_of_the_uniform_strategy() -> None:
+    text = """mdp module m x:[0..2]; [] x=0 -> (x'=1); [] x=0 -> (x'=2); endmodule
+rewards true : 1; endrewards"""
+    result = sample(text, "Rmin=? [ F x=1 ]")  # 1 under another strategy
+    assert result.value == np.inf
+    assert isinstance(result.accuracy, Statistical)
+    assert result.accuracy.uniform
 
 
 def test_the_same_seed_gives_the_same_result() -> None:

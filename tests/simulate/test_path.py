@@ -147,4 +147,7 @@ def test_library() -> None:
     path = loaded.simulate(10, seed=1)
     assert str(path).splitlines()[-1] == "counter 4 3 true"
     assert "<td>counter</td>" in path._repr_html_()
+    assert (path[-1]["x"], path[-1]["b"]) == path[-1].state == (3, True)
+    with pytest.raises(KeyError, match="there are x, b"):
+        path[-1]["unknown"]
     assert loaded.estimate("P=? [ F<=4 b ]", samples=50, seed=1).value == 1.0

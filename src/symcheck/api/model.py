@@ -414,8 +414,10 @@ class Model(CheckedModel):
         """Estimate one property from random paths; the model is not built.
 
         The keyword parameters are those of `symcheck.simulate.statistics.Plan`. The accuracy of the
-        result is an interval with a confidence. The processes (`jobs`) or the executor that sample
-        the paths (see `symcheck.experiment`) do not change the result. Raises SymcheckError.
+        result is an interval with a confidence; for an MDP it is one for the value of the uniform
+        strategy, which takes each choice of a state with equal probability. The processes (`jobs`)
+        or the executor that sample the paths (see `symcheck.experiment`) do not change the result.
+        Raises SymcheckError.
         """
         from symcheck.parallel.workers import Workers
         from symcheck.simulate.statistics import METHODS, Plan

@@ -14,6 +14,7 @@ from symcheck.syntax.ast import (
     LabelReference,
     Measure,
     Name,
+    PathQuantifier,
     ProbabilityOperator,
     RewardOperator,
     TotalReward,
@@ -30,23 +31,23 @@ def property_notes(model: BoundModel, formula: Expression, value: Answer) -> tup
 
     Args:
         model: that which was checked.
-        formula: a bound formula; only measures as the outermost operator are looked at.
+        formula: a bound formula; only a measure, A or E as the outermost operator is looked at.
         value: its value.
 
     Examples:
         >>> import symcheck
         >>> model = symcheck.loads("dtmc module m x : [0..3]; [] x=0 -> (x'=1); endmodule")
         >>> model.check("P=? [ x=1 ]").notes
-        ('x=1 without a path operator is about the first state, F x=1 about all',)
+        ('x=1 without a path operator is about the first state, F x=1 about some, G x=1 about all',)
         >>> model.check("T=? [ F x=3 ]").notes
         ('Infinity: the probability of F x=3 is less than 1',)
     """
     reason = _reason(model, formula) if value == inf else ()
     match formula:
-        case ProbabilityOperator(path=path) | ExpectedTime(path=path):
-            pass
-        case RewardOperator(query=ExpressionNode() as path):
-            pass
+        case ProbabilityOperator(path=path) | PathQuantifier(path=path):
+            others = "F {0} about some, G {0} about all"
+        case ExpectedTime(path=path) | RewardOperator(query=ExpressionNode() as path):
+            others = "F {0} about some"
         case _:
             return reason
     parts = tuple(nodes(path))
@@ -55,7 +56,7 @@ def property_notes(model: BoundModel, formula: Expression, value: Answer) -> tup
     ):
         return reason
     text = pretty(path)
-    about = f"is about the first state, F {text} about all"
+    about = f"is about the first state, {others.format(text)}"
     return (f"{text} without a path operator {about}",)
 
 

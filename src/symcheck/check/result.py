@@ -88,6 +88,10 @@ class Estimate:
         return "estimate"
 
 
+UNIFORM = "under the uniform strategy, "
+"""How the text of the accuracy of a `Statistical` begins that is `uniform`."""
+
+
 @dataclass(frozen=True, slots=True)
 class Statistical:
     """The interval [lower, upper] contains the true value with probability `confidence`.
@@ -95,6 +99,8 @@ class Statistical:
     Attributes:
         bound: by whose theorem.
         approximate: the probability is that of the limit of many samples.
+        uniform: the true value is that of the strategy that takes each choice of an MDP with equal
+            probability, which lies between the minimum and the maximum.
     """
 
     confidence: float
@@ -103,11 +109,13 @@ class Statistical:
     samples: int
     bound: str = ""
     approximate: bool = False
+    uniform: bool = False
 
     def __str__(self) -> str:
         about = "about " if self.approximate else ""
         return (
-            f"in [{self.lower:.6g}, {self.upper:.6g}] with probability {about}"
+            (UNIFORM if self.uniform else "")
+            + f"in [{self.lower:.6g}, {self.upper:.6g}] with probability {about}"
             f"{self.confidence:.6g}, {self.samples} samples"
             + (f", by {self.bound}" if self.bound else "")
             + (", an approximation" if self.approximate else "")
@@ -363,8 +371,8 @@ class Result:
             )
         return NoStrategyError(
             "the result has no strategy",
-            hint="the option strategy=True computes one for Pmin, Pmax, Rmin and Rmax of an MDP:"
-            " model.with_options(strategy=True).check(…)",
+            hint="the option strategy=True computes one where a value is that of one strategy, such"
+            " as Pmax=?, Rmin=? and Smax=? of an MDP: model.with_options(strategy=True).check(…)",
         )
 
     @property

@@ -174,7 +174,8 @@ def _prepared(engine: Engine, start: Numbers | None, kind: _Kind) -> Numbers:
     if engine.model.type.has_choices:
         raise UnsupportedError(
             f"an MDP has no {kind} distribution over its states: it depends on the strategy",
-            hint=f"{_OF_AN_MDP[kind]}; -importstrat gives the chain of one strategy",
+            hint=f"{_OF_AN_MDP[kind]}; the chain of one strategy has one: "
+            "symcheck.induced_chain(model, strategy), or -importstrat FILE",
         )
     if start is None:
         return initial_distribution(engine)

@@ -53,7 +53,7 @@ class Named(dict[str, T]):
 
 
 def _unknown(name: str, names: Iterable[str]) -> str:
-    near = suggest(name, names)
+    near = suggest(str(name), names)
     return f"there is no {name!r}, " + (near or f"there are {', '.join(names) or 'none'}")
 
 

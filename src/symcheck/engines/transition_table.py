@@ -8,11 +8,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from symcheck.engines.base import Engine
 from symcheck.engines.capabilities import HasActions
 from symcheck.engines.states import State, States, refuse_many
 from symcheck.engines.transition_actions import transition_parts
+from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Int64s, SparseMatrix
 from symcheck.matrices.transition_kernel import TransitionKernel
 from symcheck.tables import SHOWN_ROWS, Columns, Table, Tabular, optional_package
@@ -96,14 +98,24 @@ class TransitionTable(Tabular):
         return self.matrix.indices.astype(np.int64)
 
     @property
-    def action(self) -> list[str | None]:
-        """The action of each transition, None for none; those of a chain's are joined by commas."""
+    def action(self) -> NDArray[np.object_]:
+        """The action of each transition, object[transitions]; None for none.
+
+        Those of a transition of a chain are joined by commas.
+        """
         model = self.engine.model
         if model.type.has_choices:
-            return [self._actions[row] for row in self.choice.tolist()]
-        parts = transition_parts(self.engine)
-        joined = [] if parts is None else parts.joined(model.actions, self.matrix.entries)
-        return [text or None for text in joined] or [None] * self.matrix.entries
+            return np.array(self._actions, object)[self.choice]
+        actions = np.full(self.matrix.entries, None, object)
+        if (parts := transition_parts(self.engine)) is not None:
+            joined = parts.joined(model.actions, self.matrix.entries)
+            actions[:] = [text or None for text in joined]
+        return actions
+
+    @property
+    def probability(self) -> Numbers:
+        """The probability (rate) of each transition: float64[transitions], or Fractions."""
+        return self.matrix.data.copy()
 
     @cached_property
     def _actions(self) -> Sequence[str | None]:
@@ -137,9 +149,8 @@ class TransitionTable(Tabular):
         return (Transition(states[s], a, states[t], p) for s, _, a, t, p in self._rows())
 
     def _rows(self) -> Iterator[tuple[int, int, str | None, int, float | Fraction]]:
-        columns = (self.source, self.choice, self.target, self.matrix.data)
-        source, choice, target, data = (c.tolist() for c in columns)
-        return zip(source, choice, self.action, target, data, strict=True)
+        columns = (self.source, self.choice, self.action, self.target, self.matrix.data)
+        return zip(*(c.tolist() for c in columns), strict=True)
 
     def __repr__(self) -> str:
         return f"<TransitionTable: {len(self):,} transitions>"
@@ -157,7 +168,7 @@ class TransitionTable(Tabular):
             "choice": self.choice,
             "action": self.action,
             "target": self.target,
-            "probability": self.matrix.data,
+            "probability": self.probability,
         }
 
     def to_networkx(self) -> DiGraph:

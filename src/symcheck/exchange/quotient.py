@@ -199,6 +199,8 @@ def quotient(
         >>> smaller.check('P=? [ F "six" ]').value == die.check("P=? [ F d=6 ]").value
         True
     """
+    if not isinstance(cast(object, model), Model):
+        raise UsageError(f"a model is expected, not {model!r}", hint="symcheck.load reads a file")
     clocks = model.bound.clocks
     require(model.bound if clocks is None else clocks.automaton, Feature.BISIMULATION)
     options = model.options

@@ -10,7 +10,16 @@ from fractions import Fraction
 from io import StringIO
 from pathlib import Path
 
-from symcheck.check.result import Accuracy, Answer, Certified, Estimate, Exact, Number, Statistical
+from symcheck.check.result import (
+    UNIFORM,
+    Accuracy,
+    Answer,
+    Certified,
+    Estimate,
+    Exact,
+    Number,
+    Statistical,
+)
 from symcheck.constant_values import ConstantValue, typed_value
 from symcheck.errors import UsageError
 from symcheck.experiments.rows import Row, records
@@ -208,12 +217,12 @@ def _accuracy(said: str, value: Answer, lower: float | None, upper: float | None
         return Exact() if said == "exact" else Exact(True, lower, upper)
     if said in ("estimate", ""):
         return Estimate()
-    if match := _STATISTICAL.fullmatch(said):
+    interval = said.removeprefix(UNIFORM)
+    if match := _STATISTICAL.fullmatch(interval):
         low, high, confidence = map(float, match.groups()[:3])
         low, high = low if lower is None else lower, high if upper is None else upper
-        return Statistical(
-            confidence, low, high, int(match[4]), match[5] or "", match[6] is not None
-        )
+        bound, approximate, uniform = match[5] or "", match[6] is not None, interval != said
+        return Statistical(confidence, low, high, int(match[4]), bound, approximate, uniform)
     start, plus, printed = said.partition("+/- ")
     if start != "certified: " or not plus:
         raise ValueError(f"'{said}' is no accuracy of a value")

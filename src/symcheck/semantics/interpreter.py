@@ -233,7 +233,23 @@ class _StateEvaluator:
         worst = max(range(len(sums)), key=lambda i: abs(to_float(sums[i]) - 1))
         if is_one:
             raise state_faults.AlmostOne(commands[worst], sums[worst], self.describe())
-        raise ModelFault(state_faults.update_sum(commands[worst], sums[worst], self.describe()))
+        command, total = commands[worst], sums[worst]
+        other = self.completing(command, total)
+        raise ModelFault(state_faults.update_sum(command, total, self.describe(), other))
+
+    def completing(self, command: BoundCommand, total: Value) -> BoundCommand | None:
+        """Another enabled command of its module that has the probability which is missing."""
+        for other in self.model.modules[command.module].commands:
+            if (
+                other.action == command.action
+                and other.span != command.span
+                and self.value(other.guard)
+                and state_faults.sums_to_one(
+                    total + sum(self.real(u.probability) for u in other.updates)
+                )
+            ):
+                return other
+        return None
 
     def probability(self, command: BoundCommand, update: BoundUpdate) -> Fraction | float:
         value = self.real(update.probability)

@@ -7,7 +7,7 @@ off are meant, and conditions over very many valuations are not looked at.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import prod
 
 import numpy as np
@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 
 from symcheck.errors import Diagnostic, Span
 from symcheck.options import Options
+from symcheck.semantics.diagnostics import suggest
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns, open_mesh
 from symcheck.semantics.model import BoundModel, Event, Variable
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Unary
+from symcheck.syntax.declarations import Module, Program, RenamedModule
 from symcheck.syntax.operators import UnaryOperator
 from symcheck.syntax.printer import pretty
 from symcheck.syntax.traversal import Tree, children, conjuncts, names, nodes
@@ -31,8 +33,8 @@ _ALL_VALUATIONS = 1 << 20
 
 
 def model_warnings(model: BoundModel, options: Options) -> list[Diagnostic]:
-    """Guards and labels that no values of the variables satisfy, and actions on which modules never
-    agree.
+    """Guards and labels that no values of the variables satisfy, actions on which modules never
+    agree, and copies of modules that rename what is misspelt.
 
     Args:
         model: the model; nothing is reported of timed automata, whose clocks have no range.
@@ -69,7 +71,7 @@ def model_warnings(model: BoundModel, options: Options) -> list[Diagnostic]:
                 )
                 text = f"[{action}] never happens: {parts} never enable it at once"
                 found[guards_of[-1].span] = _warning(text, guards_of[-1].span, "blocked-action")
-    return list(found.values())
+    return [*_misspelt_renamings(model.program), *found.values()]
 
 
 def property_warnings(model: BoundModel, formula: Expression) -> list[str]:
@@ -98,6 +100,27 @@ def property_warnings(model: BoundModel, formula: Expression) -> list[str]:
             text = f"{pretty(node)} holds for no values of its variables: {search.ranges(node)}"
             found.append(text)
     return found
+
+
+def _misspelt_renamings(program: Program) -> Iterator[Diagnostic]:
+    """Names that copies of modules rename and that the text declares nowhere, but for others that
+    are like them.
+    """
+    declared = {c.name for c in program.constants} | {f.name for f in program.formulas}
+    declared |= {v.name for v in program.globals} | {label.name for label in program.labels}
+    for module in program.modules:
+        if isinstance(module, Module):
+            declared |= {v.name for v in module.variables}
+            declared |= {a for c in module.commands for a in (c.action, *c.others) if a is not None}
+        else:
+            declared |= {new for _, new in module.renaming}
+    for module in program.modules:
+        if isinstance(module, RenamedModule):
+            free = declared - {name for pair in module.renaming for name in pair}
+            for old, _ in module.renaming:
+                if old not in declared and (hint := suggest(old, free)):
+                    text = f"module {module.base} has no {old}; {hint}"
+                    yield _warning(text, module.span, "renaming")
 
 
 def _is_condition(expression: Expression) -> bool:

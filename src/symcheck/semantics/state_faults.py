@@ -14,7 +14,7 @@ from typing import Any
 from symcheck.errors import NO_SPAN, Diagnostic, InputError, ModelFault, Span
 from symcheck.semantics.expressions.literals import format_value, to_float
 from symcheck.semantics.model import BoundCommand, BoundReward, BoundUpdate, Value, Variable
-from symcheck.syntax.ast import ModelType
+from symcheck.syntax.ast import Literal, ModelType
 from symcheck.tables import counted
 
 __all__ = [
@@ -46,6 +46,7 @@ _UNCHECKED_TOLERANCE = 2.0**-40
 
 _SHOWN = 3
 _MAX_VARIABLES = 10  # shown of an example state
+_MOST_CHARACTERS = 60  # of updates that are written anew in a hint
 
 
 class AlmostOne(ModelFault):
@@ -120,16 +121,30 @@ def describe_state(variables: Sequence[Variable], values: Sequence[Value]) -> st
     return f"({','.join(shown + left)})"
 
 
-def update_sum(command: BoundCommand, total: Value, state: str) -> Diagnostic:
-    """The probabilities of the updates of a command do not sum to 1."""
+def update_sum(
+    command: BoundCommand, total: Value, state: str, completed_by: BoundCommand | None = None
+) -> Diagnostic:
+    """The probabilities of the updates of a command do not sum to 1.
+
+    completed_by: another command that is enabled in this state, and has the missing probability.
+    """
     span = _updates_span(command)
     message = f"probabilities sum to {_short(total)}, not 1, for example in state {state}"
     if isinstance(total, float) and not math.isfinite(total):
         return Diagnostic(message, span, "update-sum")
     missing = 1 - total
-    hint = (
-        f"add the missing {_short(missing)}" if missing > 0 else f"{_short(-missing)} is too much"
-    )
+    if completed_by is not None:
+        joined = " + ".join(_updates_span(c).text for c in (command, completed_by))
+        shown = f": {joined}" if len(joined) <= _MOST_CHARACTERS and "\n" not in joined else ""
+        hint = f"join the two commands by +{shown}"
+    elif missing > 0:
+        hint = f"add the missing {_short(missing)}"
+    elif any(
+        isinstance(u.probability, Literal) and u.probability.value > 1 for u in command.updates
+    ):
+        hint = "probabilities are at most 1; rates belong to a ctmc"
+    else:
+        hint = f"{_short(-missing)} is too much"
     return Diagnostic(message, span, "update-sum", hint)
 
 

@@ -8,12 +8,12 @@ uniformly at random: the result is the value of that strategy, between the minim
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import inf, isinf
 from time import perf_counter
 
-from symcheck.check.result import Exact, Result, Statistical
+from symcheck.check.result import Accuracy, Exact, Result, Statistical
 from symcheck.engines.base import Engine
 from symcheck.errors import NumericalError, UnsupportedError, converts_memory_error
 from symcheck.parallel.workers import Workers
@@ -106,7 +106,7 @@ def check_by_sampling(
         observer: is told of the samples so far, and may raise to end the sampling.
 
     Returns:
-        A result whose accuracy is `Statistical`.
+        A result whose accuracy is `Statistical`; of an MDP it is that of the uniform strategy.
 
     Raises:
         UnsupportedError: the property cannot be estimated from paths.
@@ -170,6 +170,9 @@ def check_by_sampling(
             workers=workers,
             observer=observer,
         )
+    accuracy = result.accuracy
+    if model.type.has_choices:
+        accuracy = _of_uniform_strategy(accuracy, samples.samples)
     uniform = (_UNIFORM,) if model.type.has_choices else ()
     explanation = (
         f"{result.explanation}; {samples.samples} paths of "
@@ -177,11 +180,18 @@ def check_by_sampling(
     )
     return Result(
         result.value,
-        result.accuracy,
+        accuracy,
         explanation,
         warnings=(*model.warnings, *uniform, *result.warnings),
         seconds=perf_counter() - started,
     )
+
+
+def _of_uniform_strategy(accuracy: Accuracy, samples: int) -> Statistical:
+    """The accuracy of a value of an MDP; without an interval, the value is infinite for certain."""
+    if isinstance(accuracy, Statistical):
+        return replace(accuracy, uniform=True)
+    return Statistical(1.0, inf, inf, samples, uniform=True)
 
 
 def _estimate_by_interval(

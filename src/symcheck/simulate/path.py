@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from symcheck.engines.states import Named
 from symcheck.errors import Diagnostic, NameFault
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.interpreter import State
@@ -23,9 +24,10 @@ __all__ = ["Path", "PathFormat", "PathStep", "rows", "table", "used_seed"]
 
 @dataclass(frozen=True, slots=True)
 class PathStep:
-    """A state of a path, and the transition that led to it.
+    """A state of a path, and the transition that led to it; `step["x"]` is the value of x.
 
     Attributes:
+        state: the values of the variables, in their order.
         time: when the state was entered (in discrete time, the number of steps).
         action: the label of the transition; None for an unlabelled one, and in the first state.
         module: the module that took the transition; None if several took part.
@@ -33,6 +35,7 @@ class PathStep:
             the first state.
         rewards: state rewards per structure.
         earned: transition rewards per structure.
+        variables: the names of the variables.
     """
 
     state: State
@@ -42,6 +45,11 @@ class PathStep:
     module: str | None = None
     probability: float | None = None
     earned: tuple[float, ...] = ()
+    variables: tuple[str, ...] = field(default=(), repr=False)
+
+    def __getitem__(self, name: str) -> bool | int:
+        """The value of a variable. Raises KeyError."""
+        return Named(zip(self.variables, self.state, strict=True))[name]
 
     @property
     def transition(self) -> str:

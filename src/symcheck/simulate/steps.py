@@ -71,6 +71,7 @@ class CommandSuccessors:
     def __init__(self, model: BoundModel, check_sums: bool = True) -> None:
         require(model, Feature.STEPPING)
         self.model, self._check_sums = replace(model, unchecked_sums=False), check_sums
+        self._variables = tuple(v.name for v in model.variables)
 
     def initial(self) -> Sequence[State]:
         """The initial states."""
@@ -103,7 +104,7 @@ class CommandSuccessors:
         if state is None:
             initial = self.initial()
             state = initial[int(generator.integers(len(initial))) if len(initial) > 1 else 0]
-        return PathStep(state, 0.0, self.rewards(state))
+        return PathStep(state, 0.0, self.rewards(state), variables=self._variables)
 
     def take(
         self,
@@ -142,6 +143,7 @@ class CommandSuccessors:
             choice.module,
             float(branch.probability) if kind.has_choices else weights[index],
             branch.rewards,
+            self._variables,
         )
 
     def _share(self, enabled: Sequence[Choice]) -> int:

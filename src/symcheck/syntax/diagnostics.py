@@ -109,6 +109,7 @@ _FOREIGN_PATHS = {
     "until": "U",
     "unless": "W",
     "release": "R",
+    "given": "||",
     "within": "a bound behind the operator: F<=10",
     "GF": "G F",
     "FG": "F G",
@@ -159,6 +160,7 @@ _PATH_OPERATORS = {
     "W": "weak until",
     "R": "release",
 }
+_UNITS = _set("step steps s sec second seconds min minutes h hour hours day days times units")
 _QUANTIFIERS = frozenset({"AS", "ES", "A", "E", "forall", "exists", "Forall", "Exists"})
 _CLOSERS = {"(": ")", "[": "]", "{": "}"}
 _OPENERS = {close: opening for opening, close in _CLOSERS.items()}
@@ -230,11 +232,9 @@ def _mistaken_end(fault: Fault, source: Source) -> Diagnostic | None:
     """What is wrong where a missing word would make the text fit, and is not what is missing."""
     found, span = fault.token.value, _span(source, fault)
     following = [str(word.value) for word in fault.after[1:3]]
-    if fault.mended == "ENDMODULE" and found:
-        end = re.search(r"\b(end)?module\b", source.text[fault.end :])
-        if found != "module" and end is not None and end[1]:
-            message = f"a module cannot contain '{found}'"
-            return Diagnostic(message, span, "order", "move it out of the module")
+    if fault.is_enclosed:
+        message = f"a module cannot contain '{found}'"
+        return Diagnostic(message, span, "order", "move it out of the module")
     if fault.mended == "COLON" and found == "[" and following == ["]", ":"]:
         message, hint = "there are no arrays", f"declare one variable for each: {fault.last}0 : …;"
         return Diagnostic(message, span, "syntax", hint)
@@ -365,8 +365,11 @@ def _lexical(fault: Fault, source: Source) -> Diagnostic | None:
     """Characters that start no word, and reserved words."""
     text, start = source.text, fault.start
     if fault.token.type == RESERVED:
-        word = text[start : fault.end]
-        return _reserved(word, _span(source, fault))
+        word, span = text[start : fault.end], _span(source, fault)
+        if word == "init" and "INTEGER" in fault.expected:
+            hint = 'the label is written "init"'
+            return Diagnostic("'init' is a reserved word", span, "reserved", hint)
+        return _reserved(word, span)
     if fault.token.type != FOREIGN:
         return None
     character = text[start]
@@ -443,9 +446,12 @@ def _reserved(word: str, span: Span) -> Diagnostic:
             return Diagnostic(message, span, "reserved", hint)
         message = f"'{word}' does not begin the declaration of a variable"
         return Diagnostic(message, span, "reserved", VARIABLE)
-    return Diagnostic(
-        f"'{word}' is a reserved word", span, "reserved", f"choose another name, such as {word}_"
-    )
+    hint = f"choose another name, such as {word}_"
+    if word in ("min", "max") and re.search(r"R\s*{\s*$", before):
+        hint = f"write R{word}=?"
+    elif word == "rate" and (value := re.match(r"\s*\(([^()]+)\)", rest)):
+        hint = f"write the rate alone: {value[1]} : …"
+    return Diagnostic(f"'{word}' is a reserved word", span, "reserved", hint)
 
 
 def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | None:
@@ -466,6 +472,8 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
         at = start if two == ":=" else start - 1
         if text.startswith(":=?", at):
             return wrong("':=' begins no bound", "a value is asked for by =?", 2, at)
+        if {"INIT", "SEMICOLON"} <= expected:
+            return wrong("':=' gives no value", "the initial value is written init 0", 2, at)
         return wrong("':=' is no assignment", "an update is written (x'=…), a definition =", 2, at)
     if around in ("[]", "<>") and fault.last_but_one not in _PATH_OPERATORS:
         pass  # empty brackets of another kind
@@ -474,17 +482,24 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
         hint = "a value is asked for by =?" if text[start:].startswith("=?") else hint
         return wrong(message, hint, 2, start - 1)
     for word, at in ((fault.token.value, start), (fault.last, fault.previous - len(fault.last))):
+        if word.lower() == "or" and "SEMICOLON" in expected and "OR" not in expected:
+            continue  # between updates
+        if word in _UNITS and _ends_bound(fault.before if at == start else fault.before[:-1]):
+            return wrong("a bound has no unit", f"leave out {word}", len(word), at)
         if word.lower() in _FOREIGN_OPERATORS:
             hint = f"write {_FOREIGN_OPERATORS[word.lower()]}"
             return wrong(f"'{word}' is no operator of the language", hint, len(word), at)
         if word in _FOREIGN_PATHS and _inside_path(fault.before):
             hint = f"write {_FOREIGN_PATHS[word]}"
             return wrong(f"'{word}' is no operator of paths", hint, len(word), at)
-    if _inside_path(fault.before) and fault.last.isdigit() and fault.mended == "RSQB":
+    if _inside_path(fault.before) and fault.last.isdigit() and "RSQB" in expected:
         words = [str(word.value) for word in fault.before[-2:]]
         if words[0] in ("F", "G", "U", "W"):
             at = fault.previous - len(words[1])
             return wrong("a bound has a sign", f"write {words[0]}<={words[1]}", len(words[1]), at)
+    if fault.token.value == "mod" and fault.last.isalnum() and fault.after:
+        parts = f"{fault.last}, {fault.after[0].value}"
+        return wrong("'mod' is no operator", f"the remainder is written mod({parts})", 3)
     if around == "**" or (two == "**" and glued):
         return wrong(
             "'**' is no operator", "a power is written pow(x, 2)", 2, start - (two != "**")
@@ -512,6 +527,12 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
     if two[:1] == "=" and glued and text[start - 1 : start] in ("<", ">"):
         return wrong("this is no comparison", "comparisons are < <= > >= = !=")
     return _misplaced(fault, source, expected)
+
+
+def _ends_bound(words: Sequence[Word]) -> bool:
+    """Whether the words end with the bound of an operator: `F<=2`."""
+    operator, sign, bound = ("", "", "", *(str(word.value) for word in words))[-3:]
+    return operator in (*_PATH_OPERATORS, "C") and sign in ("<", "<=") and bound[-1:].isdigit()
 
 
 def _prime(fault: Fault, source: Source) -> Diagnostic:
@@ -593,7 +614,7 @@ def _misplaced(fault: Fault, source: Source, expected: set[str]) -> Diagnostic |
     if found in ("U", "W") and "INTEGER" in expected and "AND" in expected:
         message = f"the path operator {found} cannot stand here"
         return Diagnostic(message, span, "path", f"write P=? [ … {found} … ]")
-    if found in _CLOSERS.values() and not _open_bracket(fault.before):
+    if found in _CLOSERS.values() and _open_bracket(fault.before, _OPENERS[found]) is None:
         return Diagnostic(
             f"this '{found}' closes nothing",
             span,

@@ -39,10 +39,18 @@ def meant(fault: Fault, source: Source, language: Language) -> str | None:
     if fault.token.value in ("<", "<=", ">", ">=", "=", "!=") and fault.last in ("&", "|"):
         return f"each comparison has two sides: x>=1 {fault.last} x{fault.token.value}…"
     if "ENDMODULE" in language.spelling:
+        name = fault.token.value.strip('" \t')
+        if fault.token.type == "STRING" and fault.last in ("=", "!=") and not _defines(fault):
+            return f"there are no texts: name numbers by constants, const int {name} = 0;"
         if fault.token.type == "STRING" and "INTEGER" in fault.expected:
             return "a label is no expression of a model: use a formula, which has no quotes"
         return meant_in_model(fault, source, signs)
     return _meant_in_properties(fault, source, signs)
+
+
+def _defines(fault: Fault) -> bool:
+    """Whether the last = is that of a definition."""
+    return any(w.value in ("formula", "label", "const") for w in fault.before[-4:-2])
 
 
 def _meant_in_properties(fault: Fault, source: Source, signs: Set[str | None]) -> str | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence, Set
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ VARIABLE = "a variable is declared as name : [low..high] or name : bool"
 COMMAND = "a command is [action] guard -> updates;"
 _NO_ACTION = "a command starts with [action] or []: [] guard -> updates;"
 _ALTERNATIVES = "updates are joined by +, each with its probability: 0.5 : (x'=1) + 0.5 : (x'=2)"
+_CHOICE = "a choice is several commands: [a] … -> (x'=1); [b] … -> (x'=2);"
 _DECIMAL = "a variable is an int or a bool; constants, probabilities and rewards may be doubles"
 _COPY = "a copy of a module is written module copy = original [ x=y, a=b ] endmodule"
 _CONDITION = "a choice of values is written condition ? value : other value"
@@ -152,8 +154,8 @@ def _in_update(at: _Place) -> str | None:
         return _ALTERNATIVES
     if last == "&" and signs == {"("}:
         return "an update has one probability: 0.5 : (x'=…) & (y'=…)"
-    if found == "+" and signs == {"&", ";"}:
-        return _ALTERNATIVES
+    if found in ("+", "|", "or") and signs == {"&", ";"}:
+        return f"{_ALTERNATIVES}; {_CHOICE}" if _has_choices(source) else _ALTERNATIVES
     if last in (")", "true") and {"+", "&", ";"} == signs - {None} - _OTHER_OPERATORS:
         return _ALTERNATIVES
     if found.isidentifier() and {"(", "true"} <= signs:
@@ -178,6 +180,8 @@ def _statement(at: _Place) -> str | None:
     words = _statement_words(fault)
     if "endmodule" in signs or signs == {":"}:
         end = found if "endmodule" in signs else last
+        if found == last == ";":
+            return "leave out the semicolon"
         if found and last == "end":
             return f"write end{found}, one word"
         if end == "}":
@@ -195,6 +199,8 @@ def _statement(at: _Place) -> str | None:
         if found == "=" or words[1:2] == ["="] or "'" in words[:3]:
             return "a variable is declared as x : [0..3] init 0; commands change it: [] guard -> …"
         return None
+    if before[-2:-1] == ["["] and "]" in signs and found in ("-", ".", "/", "+"):
+        return "a name is made of letters, digits and _"
     if found == ">" and last == "-":
         return "write ->"
     if "->" in signs:
@@ -245,6 +251,11 @@ def _definition(at: _Place) -> str | None:
     if following[:1] == [":"]:
         return "a variable stands in a module, or behind the word global"
     return None
+
+
+def _has_choices(source: Source) -> bool:
+    """Whether the text has the type of a model with choices."""
+    return re.search(r"^\s*(mdp|nondeterministic)\b", source.text, re.MULTILINE) is not None
 
 
 def _values(words: Sequence[Word]) -> list[str]:

@@ -10,10 +10,11 @@ Source: panic mode, Aho, Lam, Sethi and Ullman, Compilers (2007), 4.8.3.
 
 from __future__ import annotations
 
+import re
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from itertools import chain, islice
+from itertools import accumulate, chain, islice
 from typing import TYPE_CHECKING, Any, cast
 
 from lark import UnexpectedToken
@@ -70,7 +71,7 @@ class Fault:
 
     `before` has the words since the last semicolon, which is the first of them. `after` has the
     words that follow, up to the next semicolon, but not too many. `mended` is the terminal that was
-    put in before `token`.
+    put in before `token`; `is_enclosed`: it is the end of a module, which is ended behind `token`.
     """
 
     token: Word
@@ -78,6 +79,7 @@ class Fault:
     after: tuple[Word, ...]
     expected: frozenset[str]
     mended: str | None
+    is_enclosed: bool
 
     @property
     def start(self) -> int:
@@ -248,7 +250,13 @@ class _Reading:
         expected = _accepted(self._parser_before_fault())
         after = self._words.statement()
         missing = self._missing((token, *after[:1]), expected)
-        return Fault(token, tuple(self._before), after, expected, missing)
+        if missing == "RSQB" and _closes((token, *after)):
+            missing = None  # it comes later
+        enclosed = False
+        if missing == "ENDMODULE" and token.type not in (_END, "MODULE"):
+            end = re.search(r"\b(end)?module\b", self._text[token.end_pos :])
+            enclosed = end is not None and end[1] is not None
+        return Fault(token, tuple(self._before), after, expected, missing, enclosed)
 
     def _parser_before_fault(self) -> InteractiveParser:
         """The parser behind the last words.
@@ -285,11 +293,14 @@ class _Reading:
 
     def _mend(self, fault: Fault) -> bool:
         """Change the words ahead or the state so that reading can go on. Returns whether it can."""
+        if fault.is_enclosed:
+            self._pass(fault.token)
+            return self._skip(self._words.next(), (self._part,))
         if fault.mended is not None:
             self._words.put_back(fault.token)
             self._words.put_back(self._inserted(fault.mended))
             return True
-        return self._is_repeated(fault) or self._skip(fault.token)
+        return self._is_repeated(fault) or self._skip(fault.token, (self._part, self._outside))
 
     def _is_repeated(self, fault: Fault) -> bool:
         """Whether the word repeats the sign before it, as in == and &&, and can be left out."""
@@ -302,11 +313,13 @@ class _Reading:
             and self._fits(fault.after[:1])
         )
 
-    def _skip(self, token: Word) -> bool:
-        """Leave out the rest of this part of the text. Returns whether another part follows."""
+    def _skip(self, token: Word, parsers: tuple[InteractiveParser, ...]) -> bool:
+        """Leave out the rest of this part of the text. Returns whether another part follows, which
+        is read by one of these parsers.
+        """
         if not self._resumes:
             return False
-        states = [(parser, _accepted(parser)) for parser in (self._part, self._outside)]
+        states = [(parser, _accepted(parser)) for parser in parsers]
         while True:
             follower = self._words.peek()
             if token.type == _SEMICOLON and follower and self._resume(states, follower):
@@ -369,6 +382,12 @@ class _Placing(_Reading):
         if token.type == _END:
             states = [(self._part, frozenset({_END}))]
         return super()._resume(states, token)
+
+
+def _closes(words: Sequence[Word]) -> bool:
+    """Whether these words have a closing square bracket that none of them opens."""
+    changes = ((word.type == "LSQB") - (word.type == "RSQB") for word in words)
+    return any(still_open < 0 for still_open in accumulate(changes))
 
 
 def _feeding(parser: InteractiveParser) -> Callable[[Word, bool], Any]:

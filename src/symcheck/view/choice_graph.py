@@ -80,10 +80,13 @@ Source = GivenModel | ExplicitModel | Engine
 
 
 def engine_of(source: Source) -> Engine:
-    """The engine of a model; an explored model becomes one."""
+    """The engine of a model; an explored model becomes one. Raises UsageError for what is none."""
     if isinstance(source, ExplicitModel):
         return erased(ExplicitEngine(source))
-    return source.engine if isinstance(source, GivenModel) else source
+    engine = source.engine if isinstance(source, GivenModel) else source
+    if not hasattr(engine, "capability"):
+        raise UsageError(f"a model is expected, not {source!r}", hint="symcheck.load reads a file")
+    return engine
 
 
 def set_of(engine: EngineOf[S, V], states: str | NamedStates | S) -> S:

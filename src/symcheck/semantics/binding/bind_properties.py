@@ -16,7 +16,12 @@ from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.binding.bound_conditions import check_conditions, for_one_player
 from symcheck.semantics.binding.names import ConstantValue, Scope, SymbolTable, undefined
 from symcheck.semantics.binding.property_references import PropertyReferences
-from symcheck.semantics.binding.static_checks import check_constants, check_label, set_constants
+from symcheck.semantics.binding.static_checks import (
+    RESERVED_LABELS,
+    check_constants,
+    check_label,
+    set_constants,
+)
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
 from symcheck.semantics.expressions.literals import type_of_value
@@ -299,7 +304,10 @@ class _Properties:
         for formula in file.formulas:
             with self._noted(formula.name):
                 self.table.add((), (formula,))
-        self.table.labels = model.labels.keys() | {label.name for label in file.labels}
+        own_labels = {label.name for label in file.labels}
+        self.table.labels = model.labels.keys() | own_labels | RESERVED_LABELS
+        self.table.actions = {e.action for e in model.events if e.action is not None}
+        self.table.quotes_labels = True
         set_constants(
             self.table,
             file.constants,

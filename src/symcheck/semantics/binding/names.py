@@ -46,7 +46,9 @@ class SymbolTable:
     """Constants, formulas and variables by name; values of constants are computed on demand.
 
     Attributes:
-        labels: the names of the labels, for a hint at forgotten quotes.
+        labels: the names of the labels, for a hint at a name that is no expression.
+        actions: those of the actions, likewise.
+        quotes_labels: whether expressions may have labels, in quotes.
         given: values for constants that the text leaves undefined.
         repeated: values for constants that the text defines; they must agree with the definition.
         parameters: constants that are left open: they have no value, and remain names.
@@ -61,6 +63,8 @@ class SymbolTable:
         self.formulas: dict[str, Formula] = {}
         self.variables: dict[str, Type] = {}
         self.labels: Set[str] = frozenset()
+        self.actions: Set[str] = frozenset()
+        self.quotes_labels = False
         self.given: dict[str, ConstantValue] = {}
         self.repeated: dict[str, ConstantValue] = {}
         self.parameters: Set[str] = frozenset()
@@ -342,6 +346,17 @@ def _reward_structure(node: Name) -> str | None:
     return None
 
 
+def _no_expression(name: str, table: SymbolTable) -> str | None:
+    """A hint at a name of something else than a value."""
+    if name in table.labels and table.quotes_labels:
+        return f'the label is written "{name}"'
+    if name in table.labels:
+        return f"{name} is a label; a formula can be used in a guard: formula {name} = …;"
+    if name in table.actions:
+        return f"{name} is an action, and no condition on states"
+    return "write the condition itself, such as !(…)" if name in ("else", "otherwise") else None
+
+
 def unknown(node: Name, table: SymbolTable, why: str | None = None) -> Diagnostic:
     """The diagnostic about an unknown name, or about a variable that is not allowed (`why`)."""
     if node.name in table.variables:
@@ -352,7 +367,7 @@ def unknown(node: Name, table: SymbolTable, why: str | None = None) -> Diagnosti
         return Diagnostic(message, node.span, "prime", f"the value before the step is {before}")
     known = (*table.constants, *table.formulas, *table.variables)
     hint = (
-        (f'the label is written "{node.name}"' if node.name in table.labels else None)
+        _no_expression(node.name, table)
         or _reward_structure(node)
         or (f"did you mean {node.name.lower()}?" if node.name.lower() in _TRUTHS else None)
         or CTL_HINTS.get(node.name)

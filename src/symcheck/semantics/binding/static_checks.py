@@ -96,8 +96,11 @@ def check_program(
         InputError: definitions are circular, so that expressions that use them cannot be checked.
     """
     table.add(program.constants, program.formulas)
+    table.labels = {label.name for label in program.labels}
     root = Scope(table)
     instances = module_instances(program, table.report)
+    commands = (c for i in instances for c in i.base_module.commands)
+    table.actions = {c.action for c in commands if c.action is not None}
     modules = [(instance, Scope(table, instance.renaming)) for instance in instances]
     declared: dict[str, DeclaredVariable] = {}
     for name, variable, span in _declared(program, root, modules):
@@ -321,7 +324,7 @@ def _check_command(
 def _check_several_actions(checked: CheckedProgram, span: Span) -> None:
     if not checked.is_concurrent:
         message = "several actions at once belong to concurrent games"
-        hint = "the first word of a concurrent game is csg"
+        hint = "a command has one action; several at once belong to a csg"
         checked.table.report.input("several-actions", message, span, hint)
 
 
