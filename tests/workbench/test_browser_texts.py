@@ -104,7 +104,28 @@ def test_control_and_enter_in_the_model_checks_everything(bench: Workbench) -> N
     bench.until(lambda: len(bench.values) == 2)
 
 
+def test_properties_of_an_earlier_text_are_not_checked(bench: Workbench) -> None:
+    given(bench, "4")
+    write(bench, "properties", PROPERTIES + "P>0 [ F x= ];")
+    bench.until(lambda: "properties:" in bench.at("state").text)
+    bench.until(lambda: not any(b.is_enabled() for b in bench.all("#list button:not(.link)")))
+    press(bench, Keys.F5)
+    bench.until(lambda: bench.at("trouble").is_displayed())
+    assert bench.at("state").text in bench.at("trouble").text.replace("\n", " ")
+    assert bench.values == []
+
+
 # ----------------------------------------------------------------------------------- checks, samples
+
+
+def test_an_estimate_stands_beside_what_was_checked(bench: Workbench) -> None:
+    write(bench, "properties", "P=? [ F x=1 ];")
+    write(bench, "model", "dtmc module m x:[0..2]; [] x=0 -> 0.25:(x'=1)+0.75:(x'=2); endmodule")
+    bench.click("check-all")
+    bench.until(lambda: bench.values == ["0.25"])
+    bench.click("estimate-all")
+    bench.until(lambda: len(bench.values) == 2)
+    assert bench.values[0] == "0.25"
 
 
 def test_an_estimate_says_that_it_is_sampled_with_its_interval(bench: Workbench) -> None:

@@ -374,6 +374,26 @@ def test_an_experiment_tells_its_rows_one_by_one(user: Client) -> None:
     assert last["result"]["csv"].startswith("property,N,value")
 
 
+@pytest.mark.parametrize(
+    ("worker", "job"),
+    [
+        ("check", {"do": "build"}),
+        ("check", {"do": "distribution", "time": "0"}),
+        ("simulate", {"do": "start"}),
+        ("draw", {"do": "page", "states": 9}),
+        ("draw", {"do": "export", "kind": "tra"}),
+    ],
+    ids=lambda given: given if isinstance(given, str) else given["do"],
+)
+def test_faults_of_properties_do_not_concern_the_model(
+    user: Client, worker: str, job: dict[str, object]
+) -> None:
+    model = {"model": WAITING, "constants": {"of_properties": "1"}}
+    assert "result" in run(user, worker, properties="P=? [ F x=", **model, **job)[-1]
+    wrong = {**model, "model": WAITING + " faulty"}
+    assert "error" in run(user, worker, properties="P=? [ F x=", **wrong, **job)[-1]
+
+
 WAITING = "dtmc module m x:[0..3]; [] true -> 0.5 : (x'=0) + 0.5 : (x'=1); endmodule"
 
 
