@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
-from typing import TypeVar, cast
+from typing import TYPE_CHECKING, TypeVar, cast
 
 import numpy as np
 
@@ -17,13 +17,15 @@ from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import Diagnostic, NameFault, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Bools, Int64s
-from symcheck.numerics.concurrent_games import Game
 from symcheck.numerics.linear.problem import Observer, largest_width
 from symcheck.options import Options
 from symcheck.semantics.expressions.types import type_of
 from symcheck.semantics.query import Query
 from symcheck.semantics.state_faults import describe_state
 from symcheck.syntax.ast import Expression, LabelReference, Type
+
+if TYPE_CHECKING:
+    from symcheck.numerics.concurrent_games import Game
 
 __all__ = ["CheckLog", "Context"]
 

@@ -24,7 +24,6 @@ from symcheck.semantics.diagnostics import DiagnosticCollector
 from symcheck.semantics.expressions.deep_recursion import with_deep_recursion
 from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.features import require_type
-from symcheck.semantics.joint_actions import joint_events, joint_rewards
 from symcheck.semantics.model import (
     BoundCommand,
     BoundModel,
@@ -181,11 +180,16 @@ class _Builder:
             BoundPlayer(p.name, frozenset(p.modules), frozenset(p.actions))
             for p in self.program.players
         )
-        composed = self._events(kind, modules, players, variables)
         if kind.concurrent:
+            from symcheck.semantics.joint_actions import joint_events, joint_rewards
+
+            names = [v.name for v in variables]
+            composed = joint_events(modules, players, names, self.report)
             rewards = tuple(
                 joint_rewards(r, modules, players, composed, self.report) for r in rewards
             )
+        else:
+            composed = events(modules, self.program.system)
         self._check_markovian(kind, composed)
         self.report.raise_all()
         racing = modules
@@ -224,17 +228,6 @@ class _Builder:
             definitions={name: self.table.expression(name) for name in constants},
             weights=weights,
         )
-
-    def _events(
-        self,
-        kind: ModelType,
-        modules: tuple[BoundModule, ...],
-        players: tuple[BoundPlayer, ...],
-        variables: tuple[Variable, ...],
-    ) -> tuple[Event, ...]:
-        if not kind.concurrent:
-            return events(modules, self.program.system)
-        return joint_events(modules, players, [v.name for v in variables], self.report)
 
     def _weights(self, modules: tuple[BoundModule, ...], kind: ModelType) -> Weights:
         updates = (u for m in modules for c in m.commands for u in c.updates)
