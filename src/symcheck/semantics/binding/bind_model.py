@@ -180,16 +180,13 @@ class _Builder:
             BoundPlayer(p.name, frozenset(p.modules), frozenset(p.actions))
             for p in self.program.players
         )
+        composed = self._events(kind, modules, players, variables)
         if kind.concurrent:
-            from symcheck.semantics.joint_actions import joint_events, joint_rewards
+            from symcheck.semantics.joint_actions import joint_rewards
 
-            names = [v.name for v in variables]
-            composed = joint_events(modules, players, names, self.report)
             rewards = tuple(
                 joint_rewards(r, modules, players, composed, self.report) for r in rewards
             )
-        else:
-            composed = events(modules, self.program.system)
         self._check_markovian(kind, composed)
         self.report.raise_all()
         racing = modules
@@ -228,6 +225,19 @@ class _Builder:
             definitions={name: self.table.expression(name) for name in constants},
             weights=weights,
         )
+
+    def _events(
+        self,
+        kind: ModelType,
+        modules: tuple[BoundModule, ...],
+        players: tuple[BoundPlayer, ...],
+        variables: tuple[Variable, ...],
+    ) -> tuple[Event, ...]:
+        if not kind.concurrent:
+            return events(modules, self.program.system)
+        from symcheck.semantics.joint_actions import joint_events
+
+        return joint_events(modules, players, [v.name for v in variables], self.report)
 
     def _weights(self, modules: tuple[BoundModule, ...], kind: ModelType) -> Weights:
         updates = (u for m in modules for c in m.commands for u in c.updates)
