@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
 
 import numpy as np
@@ -80,13 +81,12 @@ Source = GivenModel | ExplicitModel | Engine
 
 
 def engine_of(source: Source) -> Engine:
-    """The engine of a model; an explored model becomes one. Raises UsageError for what is none."""
+    """The engine of a model; an explored model becomes one. Raises UsageError for a file's name."""
+    if isinstance(cast(object, source), str | Path | int):
+        raise UsageError(f"a model is expected, not {source!r}", hint="symcheck.load reads a file")
     if isinstance(source, ExplicitModel):
         return erased(ExplicitEngine(source))
-    engine = source.engine if isinstance(source, GivenModel) else source
-    if not hasattr(engine, "capability"):
-        raise UsageError(f"a model is expected, not {source!r}", hint="symcheck.load reads a file")
-    return engine
+    return source.engine if isinstance(source, GivenModel) else source
 
 
 def set_of(engine: EngineOf[S, V], states: str | NamedStates | S) -> S:
