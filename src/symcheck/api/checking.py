@@ -31,7 +31,7 @@ from symcheck.syntax.declarations import PropertiesFile
 
 if TYPE_CHECKING:
     from symcheck.check.bisimulation.on_quotient import SharedQuotient
-    from symcheck.check.results import Results
+    from symcheck.check.results import PropertyResults
     from symcheck.check.testing.property_tests import PropertyTests
 
 __all__ = ["CheckedModel", "PreparedModel"]
@@ -161,7 +161,7 @@ class CheckedModel(Stages):
         self,
         properties: str | Path | PropertiesFile,
         constants: GivenConstants | str | None = None,
-    ) -> Results:
+    ) -> PropertyResults:
         """Check several properties, each when its result is asked for.
 
         With the option `bisim`, one quotient serves all of them if it is small enough.
@@ -253,8 +253,8 @@ class CheckedModel(Stages):
         file: PropertiesFile,
         constants: GivenConstants | str | None,
         observer: IterationObserver | None,
-    ) -> Results:
-        from symcheck.check.results import Results
+    ) -> PropertyResults:
+        from symcheck.check.results import PropertyResults
 
         given = constant_values(constants)
         instances = self.instances(file, {n: (v,) for n, v in given.items()})
@@ -267,7 +267,7 @@ class CheckedModel(Stages):
             bound, _ = instances[index].bind(prepared.model.bound)
             return bound, prepared.check(instances[index], observer)
 
-        return Results(
+        return PropertyResults(
             [instance.name for instance in instances],
             lambda index: self.within_limits(lambda: checked(index)),
         )

@@ -19,6 +19,7 @@ from symcheck.syntax.ast import (
     RewardOperator,
     TotalReward,
     UnaryTemporal,
+    Weights,
 )
 from symcheck.syntax.printer import pretty
 from symcheck.syntax.traversal import nodes
@@ -62,7 +63,8 @@ def property_notes(model: BoundModel, formula: Expression, value: Answer) -> tup
 
 def _reason(model: BoundModel, formula: Expression) -> tuple[str, ...]:
     """Why the value of a reward or of a time is infinite, if one sentence tells."""
-    if model.type.players > 1 or model.type.partially_observed or _has_intervals(model):
+    kind = model.type
+    if kind.players > 1 or kind.partially_observed or model.weights is Weights.INTERVALS:
         return ()
     match formula:
         case RewardOperator(query=TotalReward()):
@@ -74,11 +76,6 @@ def _reason(model: BoundModel, formula: Expression) -> tuple[str, ...]:
             return (f"Infinity: the probability of {pretty(path)} is less than 1{_under(formula)}",)
         case _:
             return ()
-
-
-def _has_intervals(model: BoundModel) -> bool:
-    commands = (c for module in model.modules for c in module.commands)
-    return any(update.upper is not None for c in commands for update in c.updates)
 
 
 def _under(formula: Measure) -> str:

@@ -9,10 +9,10 @@ from symcheck.check.result import Result
 from symcheck.engines.states import Named
 from symcheck.semantics.binding.bind import BoundProperty
 
-__all__ = ["Results", "position"]
+__all__ = ["PropertyResults", "position"]
 
 
-class Results(Iterator[tuple[BoundProperty, Result]]):
+class PropertyResults(Iterator[tuple[BoundProperty, Result]]):
     """Properties with their results. Each is checked when it is asked for.
 
     Iteration gives each property with its result, once, and keeps none. `results["six"]` is the
@@ -48,7 +48,7 @@ class Results(Iterator[tuple[BoundProperty, Result]]):
 
     def __repr__(self) -> str:
         names = (name or str(i) for i, name in enumerate(self._names))
-        return f"<Results: {', '.join(names)}>"
+        return f"<PropertyResults: {', '.join(names)}>"
 
 
 def position(names: Sequence[str | None], key: int | str) -> int:

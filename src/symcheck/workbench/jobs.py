@@ -39,7 +39,7 @@ from symcheck.semantics.expressions.literals import format_value
 from symcheck.simulate.snapshot import snapshot
 from symcheck.simulate.statistics import METHODS, Plan
 from symcheck.simulate.stepper import Simulator
-from symcheck.syntax.declarations import PropertiesFile
+from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.parse import parse_model, parse_properties
 from symcheck.view.picture import Picture, Room
 from symcheck.view.states import neighbourhood, paths_graph, strategy_graph
@@ -76,11 +76,27 @@ class _Session:
 
     def model(self, job: Job, **more: object) -> tuple[Model, PropertiesFile, dict[str, str]]:
         """The model of a job with its options, its properties, and the constants of these."""
-        program = parse_model(job["model"], _name(job))
-        file = PropertiesFile()
+        program, file = _program(job), PropertiesFile()
         if job.get("properties"):
             file = parse_properties(job["properties"], job.get("properties_name") or "properties")
         given = {n: v for n, v in job.get("constants", {}).items() if v}
+        return self._kept(job, program, file, given, more)
+
+    def model_alone(self, job: Job, **more: object) -> Model:
+        """The model of a job that no property is about: those may have faults."""
+        program, constants = _program(job), job.get("constants", {})
+        given = {c.name: v for c in program.constants if (v := constants.get(c.name))}
+        return self._kept(job, program, PropertiesFile(), given, more)[0]
+
+    def _kept(
+        self,
+        job: Job,
+        program: Program,
+        file: PropertiesFile,
+        given: Mapping[str, str],
+        more: Mapping[str, object],
+    ) -> tuple[Model, PropertiesFile, dict[str, str]]:
+        """The model that is kept, or a new one in its place."""
         split = split_constants(program, file, given)
         of_properties = {n: str(v) for n, v in split.of_properties.items()}
         options = {**_options(job.get("options", {})), **more}
@@ -97,15 +113,9 @@ class _Session:
             self._key = key
         return self._model, file, of_properties
 
-    def model_alone(self, job: Job, **more: object) -> Model:
-        """The model of a job that no property is about: those may have faults."""
-        declared = {c.name for c in parse_model(job["model"], _name(job)).constants}
-        given = {n: v for n, v in job.get("constants", {}).items() if n in declared}
-        return self.model({**job, "properties": "", "constants": given}, **more)[0]
 
-
-def _name(job: Job) -> str:
-    return job.get("model_name") or "model"
+def _program(job: Job) -> Program:
+    return parse_model(job["model"], job.get("model_name") or "model")
 
 
 _SESSION = _Session()
