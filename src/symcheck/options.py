@@ -407,6 +407,13 @@ class Options:
         "Warn of actions on which modules never agree.",
         _switch("nowarnblocked", "no warnings of actions that never happen", False),
     )
+    warn_renaming: bool = _option(
+        True,
+        _FLAG,
+        "model",
+        "Warn of names that a copy of a module renames, and that are misspelt.",
+        _switch("nowarnrenaming", "no warnings of misspelt names in copies of modules", False),
+    )
     warn_overlaps: bool = _option(
         True,
         _FLAG,
@@ -528,6 +535,7 @@ class OptionValues(TypedDict, total=False):
     check_sums: bool
     warn_unsatisfiable: bool
     warn_blocked: bool
+    warn_renaming: bool
     warn_overlaps: bool
     reduce: bool
     stop_at_targets: bool

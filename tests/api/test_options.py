@@ -113,6 +113,7 @@ SWITCHES = [
     ("-nosymmetry", "symmetry", False),
     ("-nowarnunsatisfiable", "warn_unsatisfiable", False),
     ("-nowarnblocked", "warn_blocked", False),
+    ("-nowarnrenaming", "warn_renaming", False),
     ("-nowarnoverlaps", "warn_overlaps", False),
     ("-truncate", "truncate", True),
     ("-notruncate", "truncate", False),

@@ -29,7 +29,13 @@ EVERYWHERE = (
     *("-scheduler", "-exact", "-fixdl", "-nofixdl", "-noprobchecks", "-reduce", "-symmetry"),
     *("-param", "-regions", "-lifting", "-beliefs", "-gridresolution", "-ptamethod"),
     *("-nosymmetry", "-cuddmaxmem", "-timeout", "-workdir", "-relative", "-nofair"),
-    *("-notruncate", "-nowarnunsatisfiable", "-nowarnblocked", "-nowarnoverlaps"),
+    *(
+        "-notruncate",
+        "-nowarnunsatisfiable",
+        "-nowarnblocked",
+        "-nowarnrenaming",
+        "-nowarnoverlaps",
+    ),
 )
 """Switches that have an effect in every run, or say themselves why not. Some set a default."""
 

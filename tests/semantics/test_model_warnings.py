@@ -175,3 +175,4 @@ def test_a_renamed_name_that_is_misspelt(old: str, warned: bool) -> None:
     )
     found = [d.message for d in symcheck.loads(text).warnings]
     assert found == (["module a has no lamda1; did you mean lambda1?"] if warned else [])
+    assert symcheck.loads(text, warn_renaming=False).warnings == ()

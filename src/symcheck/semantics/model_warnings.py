@@ -71,7 +71,8 @@ def model_warnings(model: BoundModel, options: Options) -> list[Diagnostic]:
                 )
                 text = f"[{action}] never happens: {parts} never enable it at once"
                 found[guards_of[-1].span] = _warning(text, guards_of[-1].span, "blocked-action")
-    return [*_misspelt_renamings(model.program), *found.values()]
+    renamings = _misspelt_renamings(model.program) if options.warn_renaming else ()
+    return [*renamings, *found.values()]
 
 
 def property_warnings(model: BoundModel, formula: Expression) -> list[str]:
