@@ -340,3 +340,34 @@ def test_there_is_no_strategy():
     assert encloses(result, 2 - sqrt(2))
     with pytest.raises(NoStrategyError, match="strategies are not available for concurrent"):
         _ = result.strategy
+
+
+EXTREMES = ("0", "1", "1e-300", "1e-16", "1-1e-16", "0.5", "1/3", "1e-9", "2e-300")
+
+
+def number(text: str) -> Fraction:
+    return 1 - Fraction(text[2:]) if text.startswith("1-") else Fraction(text)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_bounds_hold_at_extreme_chances(seed: int) -> None:
+    """A game of one move, whose value has a closed form."""
+    random = Random(seed)
+    chances = [[random.choice(EXTREMES) for _ in range(2)] for _ in range(2)]
+    commands = " ".join(
+        f"[a{i},b{j}] s=0 -> {p} : (s'=1) + 1-({p}) : (s'=2);"
+        for i, row in enumerate(chances)
+        for j, p in enumerate(row)
+    )
+    model = symcheck.loads(
+        "csg player one m endplayer player two n endplayer\n"
+        f"module m s : [0..2]; {commands} [stay] s>0 -> true; endmodule\n"
+        "module n t : [0..0]; [b0] s=0 -> true; [b1] s=0 -> true; [c] s>0 -> true; endmodule"
+    )
+    (a, b), (c, d) = ([number(p) for p in row] for row in chances)
+    truth = max(min(a, b), min(c, d))
+    if truth < min(max(a, c), max(b, d)):  # no pure strategies are optimal
+        truth = (a * d - b * c) / (a + d - b - c)
+    for formula in ("<<one>> Pmax=? [ F<=1 s=1 ]", "<<two>> Pmin=? [ F s=1 ]"):
+        lower, upper = model.check(formula).bounds
+        assert lower <= truth <= upper
