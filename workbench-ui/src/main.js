@@ -479,8 +479,8 @@ function answered(p, number, { result, error, isOld, isPast }) {
 
 /** The list, which is that of the text after a moment. */
 async function currentList() {
-  clearTimeout(timer); // a second analysis would take the answer of this one for an old one
   const isOld = () => listOf !== JSON.stringify(texts());
+  if (isOld()) clearTimeout(timer); // a second analysis would take the answer of this one for an old one
   for (let tries = 0; isOld() && tries < 9; tries++) await analyse();
   if (isOld()) return []; // the server has ended, and that is told
   if (isFaulty) {
