@@ -313,8 +313,24 @@ def test_a_reward_is_infinite_where_a_target_may_be_missed():
 
 def test_a_target_that_is_almost_but_never_surely_reached():
     text = hide_or_run("(s'=0)")
-    with pytest.raises(NumericalError, match="no strategy of the other side is known"):
+    with pytest.raises(NumericalError, match="no strategy without memory was found"):
         check(text, '<<hider>> R{"cost"}min=? [ F s=1 ]', max_iterations=100)
+
+
+def test_who_minimises_does_not_stay_where_steps_earn_nothing():
+    """Value iteration proposes to stay; a strategy that leaves with a small probability proves 1."""
+    text = """csg player one m endplayer player two n endplayer
+    module m x : [0..1]; [stay] x=0 -> true; [go] x=0 -> (x'=1); endmodule
+    module n y : [0..1]; [b] x=0 -> (y'=0); [c] x=0 -> (y'=1); endmodule
+    rewards "r" [go] true : 1; endrewards"""
+    lower, upper = symcheck.loads(text).check('<<one>> R{"r"}min=? [ F x=1 ]').bounds
+    assert lower <= 1 <= upper <= 1 + 1e-6
+
+
+def test_little_work_leaves_bounds_that_hold(monkeypatch):
+    monkeypatch.setattr("symcheck.check.measures.concurrent._WORK", 1)
+    lower, upper = symcheck.loads(hide_or_run("(s'=0)")).check("<<hider>> Pmax=? [ F s=1 ]").bounds
+    assert lower <= 1 <= upper
 
 
 # ------------------------------------------------------------------------------- what is refused

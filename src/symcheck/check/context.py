@@ -142,7 +142,7 @@ class Context:
         if rows is None:
             raise UnsupportedError(f"games are not solved by the engine {self.engine.name}")
         if rows.model.type.concurrent:
-            mine = rows.at_once(query.coalition).most
+            mine = rows.concurrent_game(query.coalition).maximiser
             return self, query.direction if mine.chooses else query.direction.dual
         game = rows.playing(query.coalition)
         assert game.opponents is not None
@@ -154,7 +154,7 @@ class Context:
             return self, query.direction.dual
         return replace(self, engine=erased(game)), query.direction
 
-    def at_once(self, query: Query[StateSet]) -> Game | None:
+    def concurrent_game(self, query: Query[StateSet]) -> Game | None:
         """The concurrent game in which both sides of a query choose; None if it is none."""
         if query.coalition is None or query.direction is None:
             return None
@@ -164,8 +164,8 @@ class Context:
         maximisers = query.coalition
         if query.direction is Direction.MIN:
             maximisers = frozenset(range(len(rows.model.players))) - maximisers
-        game = rows.at_once(maximisers)
-        return game if game.most.chooses and game.least.chooses else None
+        game = rows.concurrent_game(maximisers)
+        return game if game.maximiser.chooses and game.minimiser.chooses else None
 
     def with_any_method(self) -> Context:
         """The context of what needs proved bounds on the way, by whatever method."""

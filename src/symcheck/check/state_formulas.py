@@ -283,7 +283,7 @@ def _bounded(context: Context, formula: AnyMeasure, relevant: StateSet) -> State
 
         return decided_by_beliefs(context, query, relevant)
     quantity = query.quantity
-    if isinstance(quantity, PathProbability) and context.at_once(query) is None:
+    if isinstance(quantity, PathProbability) and context.concurrent_game(query) is None:
         inner, towards = against_nature(context, query)
         playing, direction = inner.playing(towards)
         by_graph = qualitative(playing, quantity.path, threshold, direction)

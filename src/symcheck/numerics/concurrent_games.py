@@ -66,19 +66,25 @@ class Side:
         """Whether there are several actions in some state."""
         return self.count >= len(self.starts)
 
-    def least(self, of_actions: Floats) -> Floats:
+    def minimum(self, of_actions: Floats) -> Floats:
         """The least number of each state."""
-        least: Floats = np.minimum.reduceat(of_actions, self.starts[:-1])
-        return least
+        minimum: Floats = np.minimum.reduceat(of_actions, self.starts[:-1])
+        return minimum
 
     def sums(self, of_rows: Floats) -> Floats:
         """Numbers of rows, added for each action."""
         return np.bincount(self.of_row, of_rows, self.count).astype(np.float64, copy=False)
 
-    def uniform(self) -> Floats:
-        """Each action of a state with the same probability."""
+    def uniform(self, among: Bools | None = None) -> Floats:
+        """Each action of a state with the same probability.
+
+        among: the actions that are taken, bool[actions]; in states without one, all are.
+        """
         counts = np.diff(self.starts)
-        return np.repeat(1.0 / counts, counts)
+        taken = np.ones(self.count) if among is None else among.astype(np.float64)
+        taken[np.repeat(np.add.reduceat(taken, self.starts[:-1]) == 0.0, counts)] = 1.0
+        shares: Floats = taken / np.repeat(np.add.reduceat(taken, self.starts[:-1]), counts)
+        return shares
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,17 +93,17 @@ class Game:
 
     Attributes:
         matrix: the rows, in doubles, grouped by states.
-        most, least: who maximises, and who minimises.
+        maximiser, minimiser: the actions of both sides.
     """
 
     matrix: SparseMatrix = field(repr=False)
-    most: Side
-    least: Side
+    maximiser: Side
+    minimiser: Side
 
     @property
-    def mirrored(self) -> Game:
+    def swapped(self) -> Game:
         """The game in which the sides have exchanged their parts."""
-        return Game(self.matrix, self.least, self.most)
+        return Game(self.matrix, self.minimiser, self.maximiser)
 
     @property
     def nothing(self) -> Floats:
@@ -115,10 +121,10 @@ class Game:
         the actions of both sides, int64[games, k] and int64[games, m].
         """
         assert self.matrix.groups is not None
-        mine, theirs = np.diff(self.most.starts), np.diff(self.least.starts)
-        first, other = self.most.starts[:-1], self.least.starts[:-1]
-        place = self.most.of_row - first[self.state_of_row]
-        place = place * theirs[self.state_of_row] + self.least.of_row - other[self.state_of_row]
+        mine, theirs = np.diff(self.maximiser.starts), np.diff(self.minimiser.starts)
+        first, other = self.maximiser.starts[:-1], self.minimiser.starts[:-1]
+        place = self.maximiser.of_row - first[self.state_of_row]
+        place = place * theirs[self.state_of_row] + self.minimiser.of_row - other[self.state_of_row]
         rows = np.empty(self.matrix.rows, np.int64)
         rows[self.matrix.groups[:-1][self.state_of_row] + place] = np.arange(self.matrix.rows)
         found = []
@@ -138,31 +144,33 @@ class Game:
             payoffs: what each row is worth, float64[rows].
 
         Returns:
-            The probability of each action of `most` and of `least`.
+            The probability of each action of the maximiser and of the minimiser.
         """
-        mine, theirs = np.empty(self.most.count), np.empty(self.least.count)
+        mine, theirs = np.empty(self.maximiser.count), np.empty(self.minimiser.count)
         for pairs, rows, columns in self._shapes:
             mine[rows], theirs[columns] = optimal_strategies(payoffs[pairs])
         return mine, theirs
 
     def ensured(self, mine: Floats, payoffs: Floats) -> Floats:
-        """What a strategy of `most` ensures in one step, per state."""
-        return self.least.least(self.least.sums(mine[self.most.of_row] * payoffs))
+        """What a strategy of the maximiser guarantees in one step, per state."""
+        return self.minimiser.minimum(self.minimiser.sums(mine[self.maximiser.of_row] * payoffs))
 
     def conceded(self, theirs: Floats, payoffs: Floats) -> Floats:
-        """What a strategy of `least` concedes in one step at most, per state."""
-        return -self.most.least(self.most.sums(theirs[self.least.of_row] * -payoffs))
+        """What a strategy of the minimiser concedes in one step at most, per state."""
+        return -self.maximiser.minimum(
+            self.maximiser.sums(theirs[self.minimiser.of_row] * -payoffs)
+        )
 
     @property
     def terms(self) -> int:
         """The most actions of a side in a state."""
-        return int(max(np.diff(s.starts).max(initial=1) for s in (self.most, self.least)))
+        return int(max(np.diff(s.starts).max(initial=1) for s in (self.maximiser, self.minimiser)))
 
     def process(self, fixed: Side, strategy: Floats, earned: Floats) -> tuple[SparseMatrix, Floats]:
         """The decision process of the other side if one side fixes its strategy.
 
         Args:
-            fixed: `most` or `least`.
+            fixed: the maximiser or the minimiser.
             strategy: the probability of each of its actions.
             earned: the reward of each row.
 
@@ -171,7 +179,7 @@ class Game:
         """
         from scipy.sparse import csr_array
 
-        other = self.least if fixed is self.most else self.most
+        other = self.minimiser if fixed is self.maximiser else self.maximiser
         weights = strategy[fixed.of_row]
         rows = np.arange(self.matrix.rows)
         mixing = csr_array((weights, (other.of_row, rows)), shape=(other.count, self.matrix.rows))
@@ -195,16 +203,16 @@ class Game:
         """Value iteration from below, which proves nothing.
 
         An action is changed only where that is better by more than rounding, so that the strategy
-        of `most` does not put off for ever what it wants (as in decision processes).
+        of the maximiser does not put off for ever what it wants (as in decision processes).
 
         Args:
             fixed: the states that keep their values, bool[states].
             values: to begin with, float64[states].
             earned: what each row earns, float64[rows].
-            barred: the rows whose actions `least` does not take, bool[rows]; None: there are none.
+            barred: the rows whose actions the minimiser does not take, bool[rows]; None: none.
 
         """
-        chosen = self.most.uniform()
+        chosen = self.maximiser.uniform()
         while True:
             payoffs = earned + self.matrix.multiply(values)
             if barred is not None:
@@ -214,24 +222,24 @@ class Game:
             mine, theirs = self.strategies(payoffs)
             found = np.where(fixed, values, self.ensured(mine, payoffs))
             better = found > values + 1e-14 * np.abs(values)
-            chosen = np.where(np.repeat(better, np.diff(self.most.starts)), mine, chosen)
+            chosen = np.where(np.repeat(better, np.diff(self.maximiser.starts)), mine, chosen)
             values = np.maximum(found, values)
             yield Proposal(values, chosen, theirs)
 
     def almost_surely(self, target: Bools) -> tuple[Bools, Bools]:
-        """Where `least` can reach a target with probability 1, whatever `most` does.
+        """Where the minimiser can reach a target almost surely, whatever the maximiser does.
 
         Returns:
-            The states, bool[states], and the rows by whose action of `least` nothing else than
-            these states can follow, bool[rows].
+            The states, bool[states], and the rows whose action of the minimiser is safe: all its
+            successors are such states, bool[rows].
         """
         within = np.ones(len(target), np.bool_)
         while True:
-            safe = (self.least.sums(self._lead_into(~within)) == 0.0)[self.least.of_row]
+            safe = (self.minimiser.sums(self._lead_into(~within)) == 0.0)[self.minimiser.of_row]
             found = target
             while True:
-                answers = self.most.sums(safe * self._lead_into(found))
-                grown = found | (within & (self.most.least(answers) > 0.0))
+                answers = self.maximiser.sums(safe * self._lead_into(found))
+                grown = found | (within & (self.maximiser.minimum(answers) > 0.0))
                 if (grown == found).all():
                     break
                 found = grown

@@ -1,9 +1,9 @@
 """Values of concurrent games, in which both sides pick actions at once.
 
 Within a bound on steps, each step solves a matrix game per state, and what the strategies found
-ensure bounds its value from both sides, so that bounds differ by rounding alone. Without a bound,
-value iteration proposes a strategy for each side. The decision process that remains if one side
-fixes its strategy bounds the value from the side of the other one.
+guarantee bounds its value from both sides. Without a bound, value iteration proposes a memoryless
+strategy for each side. A strategy of the maximiser induces a decision process of the minimiser,
+whose value is a lower bound; one of the minimiser, an upper bound.
 
 Sources: Kwiatkowska, Norman, Parker & Santos (2021), Automatic verification of concurrent
 stochastic systems; Chatterjee, de Alfaro & Henzinger (2013), Strategy improvement for concurrent
@@ -46,24 +46,28 @@ from symcheck.semantics.rewards import Reward, Structure
 from symcheck.semantics.time_bounds import Window
 from symcheck.syntax.operators import Operator
 
-__all__ = ["values_at_once"]
+__all__ = ["concurrent_values"]
 
 _CHANGES = (1e-1, 1e-3, 1e-6)
 """The changes, per requested accuracy, at which value iteration proposes strategies. If their
 bounds are too far apart, it goes on."""
 _WORK = 5_000_000
-"""The most work of value iteration: rows, and about as much as for 1000 rows per step. A game that
-is not solved then may have no optimal strategy, and come near its value ever more slowly."""
+"""The most work of value iteration; a step is as much work as its rows, and `_WORK_OF_STEP`. A game
+that is not solved then may have no optimal strategy, and come near its value ever more slowly."""
 _WORK_OF_STEP = 1000
+"""The work of a step beside that of its rows."""
 _STEP_COST = 1e-3
-"""What a step costs who wants to reach a target, per requested accuracy and greatest reward, where
-some steps earn nothing. Otherwise this side might stay there."""
+"""What a step costs who minimises, per requested accuracy and greatest reward, where some steps
+earn nothing, so that a strategy is proposed that goes on."""
+_MIXED_IN = 1e-3
+"""The probability, per requested accuracy, with which who minimises picks any action that does not
+lose, where the proposed strategy might never reach the target."""
 
 _Bounds = tuple[Floats, Floats]
 """Lower and upper bounds on the values of all states."""
 
 
-def values_at_once(context: Context, game: Game, quantity: Quantity[StateSet]) -> Values:
+def concurrent_values(context: Context, game: Game, quantity: Quantity[StateSet]) -> Values:
     """The value of a concurrent game at each state.
 
     Args:
@@ -108,7 +112,9 @@ class _Play:
 
     @cached_property
     def mixing_error(self) -> float:
-        """A bound on the relative error of a mixture of numbers by a strategy."""
+        """A bound on the error of a mixture of numbers by a strategy, relative to the mixture of
+        their absolute values.
+        """
         return 2 * (self.game.terms + 3) * UNIT_ROUNDOFF
 
     def members(self, states: StateSet) -> Bools:
@@ -124,7 +130,7 @@ class _Play:
             case StatePath(states, negative):
                 return self.context.engine.indicator(~states if negative else states)
             case NextPath() | UntilPath() if path.negative:
-                found = replace(self, game=self.game.mirrored).probability(negated(path))
+                found = replace(self, game=self.game.swapped).probability(negated(path))
                 return self.context.engine.constant(1).map(Operator.MINUS, found)
             case NextPath(target, window):
                 steps = window.steps()
@@ -152,9 +158,9 @@ class _Play:
         nothing, through, target = self.game.nothing, ArraySet(left), ArraySet(right)
 
         def proof(mine: Floats, theirs: Floats) -> _Bounds:
-            inner = self._process(self.game.most, mine, nothing)
+            inner = self._process(self.game.maximiser, mine, nothing)
             lower = until(inner, through, target, Direction.MIN).at(inner.engine.all)
-            inner = self._process(self.game.least, theirs, nothing)
+            inner = self._process(self.game.minimiser, theirs, nothing)
             upper = until(inner, through, target, Direction.MAX).at(inner.engine.all)
             return lower[0], np.minimum(upper[1], 1.0)
 
@@ -191,29 +197,37 @@ class _Play:
         if (going == 0.0).any():
             scale = float(going.max()) or 1.0
             cost = earned + _STEP_COST * self.context.options.epsilon * scale
-        preventing = self._preventing(target) if not finite.all() else game.most.uniform()
-        is_finite, wanted = np.repeat(finite, np.diff(game.most.starts)), ArraySet(target)
+        spoiling = self._spoiling(target) if not finite.all() else game.maximiser.uniform()
+        is_finite, wanted = np.repeat(finite, np.diff(game.maximiser.starts)), ArraySet(target)
+
+        mixed_in = _MIXED_IN * self.context.options.epsilon
+        proper = game.minimiser.uniform(game.minimiser.sums(safe.astype(np.float64)) > 0.0)
+
+        def conceded(theirs: Floats) -> Floats:
+            inner = self._process(game.minimiser, theirs, earned)
+            return reach_reward(inner, Structure(0), wanted, Direction.MAX).at(inner.engine.all)[1]
 
         def proof(mine: Floats, theirs: Floats) -> _Bounds:
-            inner = self._process(game.most, np.where(is_finite, mine, preventing), earned)
+            inner = self._process(game.maximiser, np.where(is_finite, mine, spoiling), earned)
             lower = reach_reward(inner, Structure(0), wanted, Direction.MIN).at(inner.engine.all)
-            inner = self._process(game.least, theirs, earned)
-            upper = reach_reward(inner, Structure(0), wanted, Direction.MAX).at(inner.engine.all)
-            return lower[0] * (1.0 - error), np.where(finite, upper[1] * (1.0 + error), np.inf)
+            upper = conceded(theirs)
+            if np.isinf(upper[finite & self._relevant]).any():
+                upper = conceded((1.0 - mixed_in) * theirs + mixed_in * proper)
+            return lower[0] * (1.0 - error), np.where(finite, upper * (1.0 + error), np.inf)
 
         start = np.zeros(self.engine.states)
         low, high = self._proved(game.iterate(target | ~finite, start, cost, ~safe), proof)
         if (np.isfinite(low) & np.isinf(high) & self._relevant).any():
             raise NumericalError(
-                "the reward is infinite under each strategy of one side, but no strategy of the "
-                "other side is known that makes it infinite"
+                "who minimises has no strategy that reaches the target almost surely, and no "
+                "strategy without memory was found that makes the reward infinite"
             )
         return self.system.lift(low, high)
 
-    def _preventing(self, target: Bools) -> Floats:
-        """What `most` does to keep the other side from a target with positive probability."""
+    def _spoiling(self, target: Bools) -> Floats:
+        """A strategy of the maximiser that keeps the probability of reaching a target small."""
         start = target.astype(np.float64)
-        steps = self.game.mirrored.iterate(target, start, self.game.nothing)
+        steps = self.game.swapped.iterate(target, start, self.game.nothing)
         for before, after in pairwise(steps):
             if np.abs(after.values - before.values).max() <= self.context.options.epsilon:
                 return after.theirs
@@ -242,12 +256,12 @@ class _Play:
     ) -> _Bounds:
         """The bounds that a strategy of each side proves, of those that are proposed."""
         context, options, relevant = self.context, self.context.options, self._relevant
-        most = _WORK // (self.game.matrix.rows + _WORK_OF_STEP)
-        most = min(most, options.max_iterations)
+        budget = _WORK // (self.game.matrix.rows + _WORK_OF_STEP)
+        budget = max(1, min(budget, options.max_iterations))
         steps, before = 0, np.zeros(self.engine.states)
         for limit in _CHANGES:
             change = np.inf
-            while change > limit * options.epsilon and steps < most:
+            while change > limit * options.epsilon and steps < budget:
                 proposed = next(proposals)
                 steps += 1
                 change = largest_width(before, proposed.values, options.relative)
@@ -256,7 +270,7 @@ class _Play:
                     context.observer(Progress("matrix games", steps, change, len(before)))
             low, high = proof(proposed.mine, proposed.theirs)
             width = largest_width(low[relevant], high[relevant], options.relative)
-            if width <= options.epsilon or steps >= most:
+            if width <= options.epsilon or steps >= budget:
                 break
         note = f"{steps} steps of matrix games, and a strategy of each side"
         context.warn_if_wide(width, note)

@@ -57,10 +57,10 @@ def values(
     """
     context, query = against_nature(context, query)
     quantity = query.quantity
-    if (game := context.at_once(query)) is not None:
-        from symcheck.check.measures.concurrent import values_at_once
+    if (game := context.concurrent_game(query)) is not None:
+        from symcheck.check.measures.concurrent import concurrent_values
 
-        return values_at_once(context, game, quantity)
+        return concurrent_values(context, game, quantity)
     context, direction = context.playing(query)
     match quantity:
         case PathProbability(path):

@@ -111,7 +111,7 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
             self._coalitions[coalition] = replace(self, opponents=opponents)
         return self._coalitions[coalition]
 
-    def at_once(self, maximisers: frozenset[int]) -> Game:
+    def concurrent_game(self, maximisers: frozenset[int]) -> Game:
         """The concurrent game of some players, who maximise, against all others.
 
         Args:
