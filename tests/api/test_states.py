@@ -450,7 +450,7 @@ def test_results_by_name_and_by_index(model):
     assert float(results["end"]) == 1
     assert results[-1] is results["never"]
     assert results[0].value is True
-    assert (len(results), repr(results)) == (3, "<Results: 0, end, never>")
+    assert (len(results), repr(results)) == (3, "<PropertyResults: 0, end, never>")
     assert [result for _, result in results] == [results[i] for i in range(3)]
     assert list(results) == []  # an iterator gives each pair once
     with pytest.raises(KeyError, match="did you mean never"):
