@@ -13,6 +13,9 @@ from symcheck.check.context import Context
 from symcheck.check.result import Certified, Exact
 from symcheck.errors import MemoryLimitError, ModelFault, NumericalError
 from symcheck.explicit import tuning
+from symcheck.numerics import tuning as tuning_of_numerics
+from symcheck.numerics.transient import methods
+from symcheck.numerics.transient.forward import ForwardValue
 
 QUEUE = """
     ctmc
@@ -122,6 +125,24 @@ def test_small_probabilities_have_relative_accuracy() -> None:
     result = truncated(ARRIVALS, "P=? [ F[5,5] n=90 ]")
     assert encloses(result, poisson(10.0, 90))
     assert result.value < 1e-50
+
+
+def test_nobody_looks_for_fewer_states_than_those_of_the_region(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tried = []
+
+    def abandoned(*_: object) -> ForwardValue:
+        tried.append(True)
+        return ForwardValue()
+
+    monkeypatch.setattr(tuning_of_numerics, "FORWARD_ENTRIES", 0.0)
+    monkeypatch.setattr(methods, "forward_value", abandoned)
+    truncated(QUEUE, "P=? [ F<=50 jobs>=25 ]")
+    assert not tried
+    room = QUEUE.replace("jobs : int", "jobs : [0..400]").replace("true -> 3", "jobs<400 -> 3")
+    symcheck.loads(room).check("P=? [ F<=50 jobs>=25 ]")
+    assert tried
 
 
 def test_only_states_that_paths_reach_in_time_are_explored() -> None:

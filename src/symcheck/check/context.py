@@ -42,6 +42,7 @@ class CheckLog:
         warnings: the warnings, each once.
         wide: whether a warning tells that bounds are further apart than requested.
         witness: a path that explains the result, as the values of the variables in each state.
+        objectives: their values in the last equilibrium that was computed.
         no_strategy: why there is no strategy, although one is asked for.
         exact_engine: the model explored in rational arithmetic, once a comparison needed it.
         chosen: per solution, if a strategy is asked for, the engine, the unknowns, and the choice
@@ -54,6 +55,7 @@ class CheckLog:
     warnings: list[str] = field(default_factory=list)
     wide: bool = False
     witness: Sequence[Mapping[str, int | bool]] | None = None
+    objectives: tuple[Values, ...] = ()
     no_strategy: str | None = None
     exact_engine: Engine | None = None
     chosen: list[tuple[Engine, StateSet, Int64s]] = field(default_factory=list)
@@ -80,6 +82,8 @@ class Context:
         relevant_states: the states at which values need the requested accuracy (None: all); at
             other states, bounds may be wider.
         observer: receives each step of a computation, and may raise an exception to stop it.
+        trimmed: whether the model holds only states that matter to the initial one, so that no
+            method need look for fewer.
     """
 
     engine: Engine
@@ -91,6 +95,7 @@ class Context:
     open: frozenset[str] = frozenset()
     relevant_states: StateSet | None = None
     observer: Observer | None = None
+    trimmed: bool = False
 
     def referred(self, reference: LabelReference) -> Expression:
         """The expression of a label or a property; "init" and "deadlock" have none.

@@ -153,6 +153,7 @@ class _Truncated:
             log=CheckLog(warnings=list(self.explored.model.warnings)),
             formula=self._formula,
             observer=self._observer,
+            trimmed=True,
         )
 
     def bounds(self) -> tuple[float, float]:

@@ -205,10 +205,11 @@ SUPERMARTINGALE_EXPONENTS = (1.0, 1.4, 1.2, 0.8, 1.6, 0.6, 1.8, 0.4)
 below 1/2 of each step towards the reward, 1 is always enough."""
 
 # Rational Krylov subspaces (transient/rational_krylov.py).
-KRYLOV_STEPS, KRYLOV_ENTRIES = 2e3, 5e9
+KRYLOV_STEPS, KRYLOV_ENTRIES = 4e3, 5e9
 """Steps of uniformisation, and entries it would visit, from which on rational Krylov subspaces are
 tried. Mapk N=3 (6e9 entries) takes a quarter of the time with them; on cluster N=32 (4e9), where
-uniformisation ends early, the attempt costs half as much again."""
+uniformisation ends early, the attempt costs half as much again; on p53 (3e3 steps), it takes five
+times as long as uniformisation."""
 SMOOTHING_STEPS = 200.0
 """Steps of uniformisation that smooth the initial values before."""
 POLES: tuple[float, ...] = (15.0,)

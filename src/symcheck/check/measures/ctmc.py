@@ -305,6 +305,7 @@ def _transient_bounds(
         leave=system.one_step_probability(~system.states),
         limit=limit,
         error=system.entry_error,
+        trimmed=context.trimmed,
     )
     context.log.runs.append(
         SolverRun(

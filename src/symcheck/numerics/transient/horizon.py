@@ -55,7 +55,7 @@ class Horizon:
     """Values at a time, which need the accuracy at some states.
 
     Attributes:
-        rates, exit_rates, time, settings, interest, observer, leave, limit, error: as in
+        rates, exit_rates, time, settings, interest, observer, leave, limit, error, trimmed: as in
             `symcheck.numerics.transient.values.transient_values`.
     """
 
@@ -68,6 +68,7 @@ class Horizon:
     leave: Floats | None = None
     limit: Callable[[], Floats] | None = None
     error: float = 0.0
+    trimmed: bool = False
 
     @cached_property
     def steps(self) -> float:

@@ -132,12 +132,13 @@ def _perturbed(found: Transient, h: Horizon) -> Transient:
 def _is_followed(part: Part) -> bool:
     """One value is asked for, and uniformisation is long. Each step visits at least one entry."""
     long = part.entries > tuning.FORWARD_ENTRIES and part.horizon.steps <= tuning.FORWARD_WORK
-    return long and len(part.interest) == 1
+    return long and len(part.interest) == 1 and not part.horizon.trimmed
 
 
 def _is_rare(part: Part) -> bool:
     """A reward rate, and uniformisation is very long: few states may matter."""
-    return part.source and part.entries > tuning.TRUNCATION_ENTRIES
+    is_long = part.entries > tuning.TRUNCATION_ENTRIES
+    return part.source and is_long and not part.horizon.trimmed
 
 
 def _may_be_negligible(part: Part) -> bool:

@@ -41,6 +41,7 @@ def transient_values(
     leave: Floats | None = None,
     limit: Callable[[], Floats] | None = None,
     error: float = 0.0,
+    trimmed: bool = False,
 ) -> Transient:
     """Bounds on x(time) for every state. All arrays are non-negative, float64[n].
 
@@ -56,6 +57,7 @@ def transient_values(
             are not squared.
         limit: computes an upper bound on the values at any time.
         error: of the rates, relative.
+        trimmed: whether most states matter to those of interest, so that fewer are not looked for.
 
     Returns:
         Bounds, which are further apart than requested if rounding or the work does not allow for
@@ -67,7 +69,9 @@ def transient_values(
     """
     rates, exit_rates = kernel.weights, kernel.exit_rates
     assert exit_rates is not None, "time is continuous"
-    horizon = Horizon(rates, exit_rates, time, settings, interest, observer, leave, limit, error)
+    horizon = Horizon(
+        rates, exit_rates, time, settings, interest, observer, leave, limit, error, trimmed
+    )
     starts = [
         (start, source)
         for start, source in ((terminal, False), (reward_rate, True))
