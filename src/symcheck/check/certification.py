@@ -56,6 +56,7 @@ from symcheck.numerics.inductive_bounds import (
     Inequalities,
     RationalRows,
     average_vectors,
+    both_inductive,
     contracted,
     exactly_inductive,
     inductive,
@@ -106,7 +107,7 @@ _STATED = Fraction(1, 10**11)
 
 _JUMPS = 10**9
 """Jumps within a time up to which the checker takes a step for each of them."""
-_PART_OF_EPSILON = 1e-4
+_PART_OF_EPSILON = 1e-2
 """Accuracy of the values from which vectors are made: slack makes their bounds wider."""
 
 Json = dict[str, Any]
@@ -166,19 +167,13 @@ class _Rows:
         return self.rows.matrix
 
     def until(
-        self,
-        left: Bools,
-        right: Bools,
-        direction: Direction | None,
-        guess: Numbers,
-        *,
-        upper: bool,
-    ) -> Json:
-        """One side of a proof of the probability of `left U right`, from its values."""
+        self, left: Bools, right: Bools, direction: Direction | None, *, upper: bool
+    ) -> Inequalities:
+        """The inequalities of one side of the probability of `left U right`."""
         free, certain = left & ~right, np.zeros_like(right)
         if not upper:  # a probability of 1 is proved without slack
             certain = graph.prob1(self.matrix, left, right, direction) & free
-        problem = Inequalities(
+        return Inequalities(
             self.rows,
             free=free & ~certain,
             fixed=(right | certain).astype(np.float64),
@@ -189,20 +184,22 @@ class _Rows:
             certain=certain,
             limit=1.0,
         )
-        return self.side(problem, guess)
 
     def both_sides(
         self, left: Bools, right: Bools, direction: Direction | None, guess: Numbers
     ) -> Json:
         """The proof of both bounds of the probability of `left U right`."""
-        return {
-            name: self.until(left, right, direction, guess, upper=upper) for name, upper in _SIDES
-        }
+        sides = [self.until(left, right, direction, upper=upper) for _, upper in _SIDES]
+        return self.sides(sides, guess)
 
-    def side(self, problem: Inequalities, guess: Numbers) -> Json:
-        """The vector, the choices and the ranks of one side, from values or exact values."""
-        of_values = exactly_inductive if is_rational(guess) else inductive
-        return self.written(of_values(problem, guess))
+    def sides(self, problems: Sequence[Inequalities], guess: Numbers) -> Json:
+        """The vectors, the choices and the ranks of both sides, from values or exact values."""
+        if is_rational(guess):
+            found = [exactly_inductive(problem, guess) for problem in problems]
+        else:
+            lower, upper = problems
+            found = list(both_inductive(lower, upper, guess))
+        return {name: self.written(v) for (name, _), v in zip(_SIDES, found, strict=True)}
 
     def written(self, found: InductiveVector) -> Json:
         """The vector, the choices and the ranks of one side."""
@@ -702,9 +699,8 @@ class _Writer:
                 "certificates of rewards until states are reached are not supported with negative "
                 "rewards"
             )
-        evidence = {}
-        for name, upper in _SIDES:
-            problem = Inequalities(
+        sides = [
+            Inequalities(
                 self._rows.rows,
                 free=certain & ~target,
                 fixed=np.where(certain, 0.0, np.inf),
@@ -713,14 +709,16 @@ class _Writer:
                 all_rows=_all_rows(direction, upper=upper),
                 ends=target if upper else None,
             )
-            evidence[name] = self._rows.side(problem, guess)
+            for _, upper in _SIDES
+        ]
+        evidence = self._rows.sides(sides, guess)
         if not certain.all():
             engine = self._context.engine
             within = until(self._context, engine.all, engine.from_bools(target), dual)
             missed = within.at(engine.all)[1]
-            evidence["lower"]["missed"] = self._rows.until(
-                everywhere, target, dual, missed, upper=True
-            )
+            proof = self._rows.until(everywhere, target, dual, upper=True)
+            of_values = exactly_inductive if is_rational(missed) else inductive
+            evidence["lower"]["missed"] = self._rows.written(of_values(proof, missed))
         return evidence
 
     def _discounted(self, reward: Reward, discount: Fraction, direction: Direction | None) -> Json:

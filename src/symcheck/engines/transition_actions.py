@@ -56,7 +56,20 @@ def state_order(engine: Engine, columns: Sequence[Int64s] | None = None) -> Int6
 
 def _sorted(engine: Engine, columns: Sequence[Int64s] | None = None) -> Int64s:
     columns = state_columns(engine) if columns is None else columns
-    return np.lexsort(list(columns)[::-1]) if columns else np.arange(engine.states)
+    return np.lexsort(_packed(columns)[::-1]) if columns else np.arange(engine.states)
+
+
+def _packed(columns: Sequence[Int64s]) -> list[Int64s]:
+    """Fewer columns that order the states likewise: several are one number where that is small."""
+    packed, room = list[Int64s](), 0
+    for column in columns:
+        low = int(column.min(initial=0))
+        size = int(column.max(initial=0)) - low + 1
+        if 0 < room * size < 1 << 62:
+            packed[-1], room = packed[-1] * size + (column - low), room * size
+        else:
+            packed, room = [*packed, column], 0 if low < 0 else size
+    return packed
 
 
 def commands_apart(model: BoundModel) -> ExplicitModel:

@@ -17,7 +17,7 @@ from symcheck.whole_file import write_whole
 
 __all__ = ["certificate_extension", "save_certificate"]
 
-_HEADING = re.compile(r'^# Reward structure "([^"]*)"', re.MULTILINE)
+_HEADING = re.compile(r'# Reward structure "([^"]*)"')
 
 
 def certificate_extension(path: str | Path) -> str:
@@ -64,7 +64,7 @@ def save_certificate(certificate: Certificate, path: str | Path) -> list[str]:
 def _digest(path: str) -> tuple[str, str]:
     """The name of a file for the checker, and the digest of its text."""
     text = Path(path).read_text(encoding="utf-8")
-    found = _HEADING.search(text)
+    found = _HEADING.match(text)
     name = Path(path).suffix + (f" {found.group(1)}" if found else "")
     return name.strip(), hashlib.sha256(text.encode()).hexdigest()
 

@@ -9,7 +9,9 @@ from typing import TextIO
 
 import numpy as np
 
-from symcheck.matrices.numbers import Numbers
+from symcheck.kernels.arrays import Int32s, Int64s
+from symcheck.kernels.tables.text_lines import join_lines
+from symcheck.matrices.numbers import Numbers, shared
 from symcheck.whole_file import extension_of, open_for_text, write_whole
 
 __all__ = [
@@ -50,12 +52,20 @@ def number_texts(values: Numbers, precision: int = FULL_PRECISION) -> list[str]:
     if values.dtype.kind == "c":
         ends = number_texts(values.real, precision), number_texts(values.imag, precision)
         return [f"[{low},{high}]" for low, high in zip(*ends, strict=True)]
-    if values.dtype == object:
-        return [number_text(v if isinstance(v, Fraction) else float(v), precision) for v in values]
-    distinct, index = np.unique(values, return_inverse=True)
-    texts = np.array([number_text(v, precision) for v in distinct.tolist()], dtype=object)
-    chosen: list[str] = texts[index].tolist() if len(distinct) else []
+    texts, index = _distinct_texts(values, precision)
+    chosen: list[str] = np.array(texts, dtype=object)[index].tolist()
     return chosen
+
+
+def _distinct_texts(values: Numbers, precision: int) -> tuple[list[str], Int32s]:
+    """The texts of the distinct numbers, and the place of that of each number among them."""
+    if values.dtype == object:
+        objects, index = shared(values)
+        distinct = [v if isinstance(v, Fraction) else float(v) for v in objects]
+    else:
+        found = np.unique(values)
+        distinct, index = found.tolist(), np.searchsorted(found, values).astype(np.int32)
+    return [number_text(v, precision) for v in distinct], index
 
 
 def lines(
@@ -71,10 +81,21 @@ def lines(
         precision: significant digits.
     """
     line = template + "\n"
+    arrays = [c for c in columns if isinstance(c, np.ndarray) and c.dtype.kind in "iufO"]
+    compiled = len(arrays) == len(columns) and {*template.split(" ")} <= {"%d", "%s"}
     for start in range(0, count, CHUNK):
         stop = min(start + CHUNK, count)
+        if compiled:
+            yield join_lines([_cells(a[start:stop], precision) for a in arrays], stop - start)
+            continue
         parts = [_part(c, start, stop, precision) for c in columns]
         yield "".join(map(line.__mod__, zip(*parts, strict=True)))
+
+
+def _cells(piece: Numbers, precision: int) -> Int64s | tuple[list[str], Int32s]:
+    """A piece of a column as the compiled code reads it."""
+    whole = piece.dtype.kind in "iu"
+    return piece.astype(np.int64) if whole else _distinct_texts(piece, precision)
 
 
 def _part(column: Column, start: int, stop: int, precision: int) -> Sequence[object]:

@@ -12,7 +12,8 @@ from typing import Any, Literal, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.kernels.arrays import Bools, Floats, Int64s
+from symcheck.kernels.arrays import Bools, Floats, Int32s, Int64s
+from symcheck.kernels.rows.shared_objects import group_identical
 from symcheck.matrices.rational_functions import RationalFunction
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "is_rational",
     "numbers",
     "rationals",
+    "shared",
     "shared_sum",
     "sum_segments",
 ]
@@ -88,28 +90,36 @@ def full(n: int, value: float | Fraction, *, rational: bool) -> Numbers:
 def is_infinite(values: Numbers) -> Bools:
     """Which of the numbers are infinite (either sign)."""
     if is_rational(values):
-        infinite = (isinstance(v, float) and isinf(v) for v in values)
-        return np.fromiter(infinite, np.bool_, len(values))
+        objects, codes = shared(values)
+        return np.array([isinstance(v, float) and isinf(v) for v in objects], np.bool_)[codes]
     return np.asarray(np.abs(values) == np.inf, dtype=np.bool_)
 
 
+def shared(values: Numbers) -> tuple[list[Any], Int32s]:
+    """The objects of an array, each once, and the number of that of each entry.
+
+    Rationals of a model are mostly shared.
+    """
+    objects = values.tolist()
+    codes, firsts = group_identical(objects)
+    return [objects[i] for i in firsts.tolist()], codes
+
+
 def distinct(values: Numbers) -> list[Any]:
-    """The objects of an array, each once: rationals of a model are mostly shared."""
-    return list({id(v): v for v in values.tolist()}.values())
+    """The objects of an array, each once."""
+    return shared(values)[0]
 
 
 def shared_sum(one: Numbers, other: Numbers) -> Numbers:
     """The sum of two vectors; the same two rationals are added once."""
     if not (is_rational(one) and is_rational(other)):
         return one + other
-    known: dict[tuple[int, int], Any] = {}
-    out = np.empty(len(one), object)
-    for i, (a, b) in enumerate(zip(one.tolist(), other.tolist(), strict=True)):
-        key = id(a), id(b)
-        if key not in known:
-            known[key] = a + b
-        out[i] = known[key]
-    return out
+    (ones, of_one), (others, of_other) = shared(one), shared(other)
+    keys = of_one.astype(np.int64) * len(others) + of_other
+    pairs = np.unique(keys)
+    sums = np.empty(len(pairs), object)
+    sums[:] = [ones[key // len(others)] + others[key % len(others)] for key in pairs.tolist()]
+    return np.asarray(sums[np.searchsorted(pairs, keys)])
 
 
 def at_sample(values: Rationals) -> Rationals:
@@ -133,9 +143,8 @@ def doubles(values: Numbers) -> Floats:
     """
     if not is_rational(values):
         return np.asarray(values, dtype=np.float64)
-    objects = values.tolist()
-    found = {id(v): _nearest(v) for v in distinct(values)}
-    return np.fromiter(map(found.__getitem__, map(id, objects)), np.float64, len(objects))
+    objects, codes = shared(values)
+    return np.array([_nearest(v) for v in objects], np.float64)[codes]
 
 
 def _nearest(value: float | Fraction) -> float:

@@ -17,15 +17,25 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
-from math import frexp, gcd, lcm
+from math import frexp, lcm
+from typing import NamedTuple
 
 import numpy as np
 
 from symcheck.direction import Direction
 from symcheck.errors import NumericalError
+from symcheck.kernels.graph.ranks import descending_ranks
 from symcheck.machine import require_memory_for_scipy
-from symcheck.matrices.numbers import Rationals, distinct, doubles
-from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, first_best, spans, starts_of
+from symcheck.matrices.numbers import Numbers, Rationals, distinct, doubles, shared
+from symcheck.matrices.rows import (
+    Bools,
+    Floats,
+    Int32s,
+    Int64s,
+    SparseMatrix,
+    first_best,
+    starts_of,
+)
 from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.numerics.settings import Accuracy
@@ -36,11 +46,16 @@ __all__ = [
     "Inequalities",
     "RationalRows",
     "average_vectors",
+    "both_inductive",
     "contracted",
     "exactly_inductive",
     "inductive",
     "progress",
 ]
+
+
+Whole = Numbers
+"""Whole numbers: int64, or objects where these are too large."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +84,6 @@ class RationalRows:
     """
 
     matrix: SparseMatrix = field(repr=False)
-    kept: list[tuple[Rationals | None, Rationals | None, _Integers]] = field(
-        default_factory=list, init=False, repr=False
-    )
 
     @cached_property
     def edges(self) -> graph.Incidence:
@@ -84,36 +96,9 @@ class RationalRows:
         return self.matrix.doubles()
 
     @cached_property
-    def whole(self) -> tuple[SparseMatrix, Rationals]:
-        """The probabilities times a denominator of each row, and these: whole numbers."""
-        tops, bottoms = _parts(self.matrix.data)
-        below, starts = bottoms.tolist(), self.matrix.indptr.tolist()
-        denominators = _whole(lcm(*below[a:b]) for a, b in pairwise(starts))
-        each = np.repeat(denominators, self.matrix.lengths)
-        return replace(self.matrix, data=tops * (each // bottoms)), denominators
-
-    def scaled(self, earned: Rationals | None, stay: Rationals | None) -> _Integers:
-        """All rows in whole numbers, with what they earn and their mean times; kept for the next
-        inequalities of the same numbers.
-        """
-        if self.kept and self.kept[0][0] is earned and self.kept[0][1] is stay:
-            return self.kept[0][2]
-        weights, by = self.whole
-        parts = [_parts(p) for p in (earned, stay) if p is not None]
-        more = _whole([1] * len(by))
-        for _, bottoms in parts:
-            of_rows = zip((by * more).tolist(), bottoms.tolist(), strict=True)
-            more = more * _whole(b // gcd(a, b) for a, b in of_rows)
-        if (more != 1).any():
-            weights = replace(weights, data=weights.data * np.repeat(more, weights.lengths))
-            by = by * more
-        tops = [tops * (by // bottoms) for tops, bottoms in parts]
-        nothing = _whole([0] * len(by))
-        earns = nothing if earned is None else tops[0]
-        stays = nothing if stay is None else tops[-1]
-        owner = self.edges.owner_of_rows.astype(np.int64)
-        self.kept[:] = [(earned, stay, _Integers(weights, owner, by, earns, stays))]
-        return self.kept[0][2]
+    def ordinary(self) -> bool:
+        """Whether no probability is so small that doubles lose its digits."""
+        return bool(self.doubles.data.min(initial=1.0) > tuning.UNDERFLOW_RISK)
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +172,35 @@ class Inequalities:
             excess = x[self.edges.owner_of_rows] - self.rewards - self.doubles.multiply(x)
         return np.where(self.considered, excess if self.upper else -excess, np.inf)
 
+    def surely(self, x: Floats) -> Bools:
+        """The rows that satisfy their inequality whatever the rounding errors of `room` are.
+
+        A sum of n products differs from the exact one by less than (n + 2) units of the last digit
+        of what its terms have without their signs (Higham 2002, section 3.1).
+        """
+        if not self._ordinary:
+            return np.zeros(self.matrix.rows, np.bool_)
+        size = np.abs(x)
+        terms = size[self.edges.owner_of_rows] + np.abs(self.rewards) + self.doubles.multiply(size)
+        errors = (self.matrix.lengths + 8) * tuning.UNIT_ROUNDOFF * terms
+        usual = (terms == 0.0) | (terms > tuning.UNDERFLOW_RISK)
+        return np.asarray(usual & np.isfinite(terms) & (self.room(x) >= errors))
+
+    @cached_property
+    def _ordinary(self) -> bool:
+        """Whether no probability and no reward is so small that doubles lose its digits."""
+        earned = [] if self.earned is None else distinct(self.earned)
+        return self.rows.ordinary and all(v == 0 or abs(v) > tuning.UNDERFLOW_RISK for v in earned)
+
+
+class _Slack(NamedTuple):
+    """The part of each state, all states of which get one value, int32[n]; and the slack of each
+    state, float64[n].
+    """
+
+    part: Int32s
+    w: Floats
+
 
 def inductive(problem: Inequalities, guess: Floats) -> InductiveVector:
     """A vector that satisfies the inequalities exactly, near to approximate values.
@@ -198,12 +212,40 @@ def inductive(problem: Inequalities, guess: Floats) -> InductiveVector:
     Raises:
         NumericalError: none was found.
     """
+    return _inductive(problem, guess, None)[0]
+
+
+def both_inductive(
+    lower: Inequalities, upper: Inequalities, guess: Floats
+) -> tuple[InductiveVector, InductiveVector]:
+    """The vectors of both sides of a measure, as `inductive` finds them.
+
+    A slack of all rows is one of those of a strategy: it is computed once.
+    """
+    if upper.all_rows:
+        above, slack = _inductive(upper, guess, None)
+        return _inductive(lower, guess, slack)[0], above
+    below, slack = _inductive(lower, guess, None)
+    return below, _inductive(upper, guess, slack)[0]
+
+
+def _inductive(
+    problem: Inequalities, guess: Floats, known: _Slack | None
+) -> tuple[InductiveVector, _Slack]:
+    """The vector and its slack; a known slack is tried first."""
     x = np.where(problem.free, guess, problem.fixed)
     room, scale = problem.room(x), np.abs(x)[problem.edges.owner_of_rows]
-    for tolerance in tuning.TIGHT_ROWS:
-        found = _near(problem, x, room, np.abs(room) <= tolerance * scale)
-        if found is not None:
-            return found
+    tolerances = list(tuning.TIGHT_ROWS)
+    if problem.all_rows:  # rows that miss their inequality need room
+        missing = room < 0.0
+        with np.errstate(divide="ignore"):
+            worst = float(np.max(-room[missing] / scale[missing], initial=0.0))
+        tolerances = [t for t in tolerances if t >= worst] or tolerances
+    for slack in (None,) if known is None else (known, None):
+        for tolerance in tolerances:
+            found = _near(problem, x, room, np.abs(room) <= tolerance * scale, slack)
+            if found is not None:
+                return found
     raise NumericalError("no vector was found that satisfies the inequalities of a certificate")
 
 
@@ -261,18 +303,20 @@ def contracted(problem: Inequalities, guess: Floats) -> InductiveVector:
         choices = first_best(room, problem.edges.groups)
         rows = np.zeros_like(rows)
         rows[choices] = True
-    checked, left = _Integers.of(problem, rows), 1.0 - float(problem.doubles.row_sums().max())
+    left = 1.0 - float(problem.doubles.row_sums().max())
     scale = float(np.max(np.abs(guess), initial=0.0)) + float(np.max(np.abs(problem.rewards)))
     step = max(0.0, -2.0 * float(room[rows].min())) / left + scale * 4.0 * tuning.UNIT_ROUNDOFF
     while step <= tuning.WIDEST_ROOM * scale:
-        vector = InductiveVector(*_on_grid(guess + step if problem.upper else guess - step))
-        if checked.satisfied_by(vector, upper=problem.upper):
+        moved = guess + step if problem.upper else guess - step
+        if (vector := _satisfying(problem, rows, moved)) is not None:
             return replace(vector, choices=choices)
         step *= tuning.ROOM_GROWTH
     raise NumericalError("no vector was found that satisfies the inequalities of a certificate")
 
 
-def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> InductiveVector | None:
+def _near(
+    problem: Inequalities, x: Floats, room: Floats, tight: Bools, slack: _Slack | None
+) -> tuple[InductiveVector, _Slack] | None:
     """A vector that satisfies the inequalities, if these rows are those that need room."""
     rows, ranks, choices = problem.considered, None, None
     if problem.ends is not None:
@@ -291,11 +335,11 @@ def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> Induc
         rows[choices] = True
         rows &= problem.considered
         tight = rows
-    slack = _slack(problem, x, rows, tight & rows)
+    slack = slack or _slack(problem, x, rows, tight & rows)
     if slack is None:
         return None
-    base, w = slack
-    checked = _Integers.of(problem, rows)
+    base = np.where(problem.free, _best(problem, x, slack.part)[slack.part], x)
+    w = np.where(problem.free, slack.w, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
         missing = np.maximum(-problem.room(base), 0.0) / np.abs(base)[problem.edges.owner_of_rows]
     worst = float(np.max(missing[tight & rows & np.isfinite(missing)], initial=0.0))
@@ -308,11 +352,23 @@ def _near(problem: Inequalities, x: Floats, room: Floats, tight: Bools) -> Induc
             moved = np.maximum(moved, 0.0)
         whole = np.where(problem.free, moved, problem.fixed)
         if not (problem.room(whole) < -rounding * weight)[rows].any():  # not hopeless: exactly
-            vector = InductiveVector(*_on_grid(whole))
-            if checked.satisfied_by(vector, upper=problem.upper):
-                return replace(vector, choices=choices, ranks=ranks)
+            if (vector := _satisfying(problem, rows, whole)) is not None:
+                return replace(vector, choices=choices, ranks=ranks), slack
         step *= tuning.ROOM_GROWTH
     return None
+
+
+def _satisfying(problem: Inequalities, rows: Bools, x: Floats) -> InductiveVector | None:
+    """The doubles as a vector, if they satisfy these rows exactly.
+
+    Only rows that doubles do not decide are computed in integers.
+    """
+    undecided = rows & ~problem.surely(x)
+    vector = InductiveVector(*_on_grid(x))
+    if not undecided.any():
+        return vector
+    checked = _Integers.of(problem, undecided)
+    return vector if checked.satisfied_by(vector, upper=problem.upper) else None
 
 
 def progress(
@@ -327,30 +383,21 @@ def progress(
         all_rows: whether all considered rows of a state have to lower its rank; otherwise one.
 
     Returns:
-        The rank of each state, -1 for none, and the first row that lowers it, -1 for none.
+        The rank of each state, -1 for none, and a row that lowers it, -1 for none.
     """
-    n, owner = edges.matrix.states, edges.owner_of_rows
-    ranks, towards = np.where(ends, 0, -1), np.full(n, -1, np.int64)
-    left = np.bincount(owner[rows], minlength=n) if all_rows else np.ones(n, np.int64)
-    seen, frontier, rank = ~rows, np.flatnonzero(ends), 0
-    while len(frontier):
-        rank += 1
-        into = edges.rows_in[spans(edges.pre[:-1][frontier], edges.pre[1:][frontier])]
-        into = np.unique(into[~seen[into]]).astype(np.int64)
-        seen[into] = True
-        into = into[ranks[owner[into]] < 0]
-        towards[owner[into[::-1]]] = into[::-1]
-        left -= np.minimum(np.bincount(owner[into], minlength=n), left)
-        frontier = np.unique(owner[into])
-        frontier = frontier[left[frontier] == 0]
-        ranks[frontier] = rank
-    return ranks, np.where(ranks > 0, towards, -1)
+    masks = rows.view(np.uint8), ends.view(np.uint8)
+    return descending_ranks(edges.pre, edges.rows_in, edges.owner_of_rows, *masks, all_rows)
 
 
-def _slack(
-    problem: Inequalities, x: Floats, rows: Bools, tight: Bools
-) -> tuple[Floats, Floats] | None:
-    """Values that are equal within end components, and their slack; None if it is infinite.
+def _best(problem: Inequalities, x: Floats, part: Int32s) -> Floats:
+    """The greatest value of each part for an upper bound, and the least one for a lower bound."""
+    best = np.full(int(part.max(initial=-1)) + 1, -np.inf if problem.upper else np.inf)
+    (np.maximum if problem.upper else np.minimum).at(best, part, x)
+    return best
+
+
+def _slack(problem: Inequalities, x: Floats, rows: Bools, tight: Bools) -> _Slack | None:
+    """The slack of values that are equal within end components; None if it is infinite.
 
     States of an end component without rewards have one value; its rows are satisfied with equality.
     """
@@ -360,9 +407,6 @@ def _slack(
     inner = rows & (problem.rewards == 0.0)
     parts = graph.maximal_end_components(problem.edges, problem.free, inner)
     index, count = parts.quotient_states()
-    best = np.full(count, -np.inf if problem.upper else np.inf)
-    (np.maximum if problem.upper else np.minimum).at(best, index, x)
-    base = np.where(problem.free, best[index], x)
     kept = np.flatnonzero(tight & ~parts.rows)
     kept = kept[np.argsort(index[owner[kept]], kind="stable")]
     sizes = np.bincount(index[owner[kept]], minlength=count)
@@ -375,7 +419,7 @@ def _slack(
     closed = inside.lengths == whole.lengths[outer]
     if graph.maximal_end_components(inside, np.ones(inside.states, np.bool_), closed).count:
         return None
-    weight = np.abs(best)[unknown]
+    weight = np.abs(_best(problem, x, index))[unknown]
     assert inside.groups is not None
     constant = np.repeat(weight, np.diff(inside.groups))
     leaving = np.where(closed, 0.0, whole.row_sums()[outer] - inside.row_sums())
@@ -389,11 +433,11 @@ def _slack(
     of_part = np.zeros(count)
     of_part[unknown] = solved.upper * 1.02
     w = np.where(problem.free, of_part[index], 0.0)
-    return (base, w) if np.isfinite(w).all() else None
+    return _Slack(index, w) if np.isfinite(w).all() else None
 
 
 def _on_grid(values: Floats) -> tuple[Rationals, int]:
-    """Finite doubles as integers over the second number; None for infinity."""
+    """Finite doubles as integers over the second number, without rounding; None for infinity."""
     positive = np.abs(values[np.isfinite(values) & (values != 0.0)])
     smallest = frexp(float(positive.min(initial=1.0)))[1]
     bits = max(0, tuning.GRID_BITS - smallest)
@@ -401,16 +445,16 @@ def _on_grid(values: Floats) -> tuple[Rationals, int]:
     whole = np.ldexp(mantissas, 53).astype(np.int64).tolist()
     shifts = (exponents.astype(np.int64) - 53 + bits).tolist()
     numerators = np.empty(len(values), object)
-    numerators[:] = [v << by if by >= 0 else v >> -by for v, by in zip(whole, shifts, strict=True)]
+    numerators[:] = [v << by if v else 0 for v, by in zip(whole, shifts, strict=True)]
     numerators[np.isinf(values)] = None
     return numerators, 1 << bits
 
 
 @dataclass(frozen=True, eq=False)
 class _Integers:
-    """The considered rows, multiplied by denominators that make their numbers whole.
+    """Some rows, multiplied by denominators that make their numbers whole.
 
-    owner: the state of each row. earned: what it earns. stay: its mean time; 1 where it is not
+    owner: the state of each row. earned: what it earns. stay: its mean time; 0 where it is not
     asked for.
     """
 
@@ -423,10 +467,24 @@ class _Integers:
     @staticmethod
     def of(problem: Inequalities, rows: Bools, stay: Rationals | None = None) -> _Integers:
         """The rows of the inequalities; `stay` is the mean time of each row of the model."""
-        whole, kept = problem.rows.scaled(problem.earned, stay), np.flatnonzero(rows)
-        weights = whole.matrix.choose(kept.astype(np.int64))
-        numbers = (part[kept] for part in (whole.denominators, whole.earned, whole.stay))
-        return _Integers(weights, whole.owner[kept], *numbers)
+        kept = np.flatnonzero(rows)
+        matrix = problem.matrix.choose(kept)
+        tops, bottoms = _parts(matrix.data)
+        by = _common_multiples(bottoms, matrix.indptr)
+        of_rows = [None if p is None else _parts(p[kept]) for p in (problem.earned, stay)]
+        multiples = by.astype(object)
+        for parts in of_rows:
+            multiples = multiples if parts is None else np.lcm(multiples, parts[1].astype(object))
+        weights = _product(tops, np.repeat(by, matrix.lengths) // bottoms)
+        more = multiples // by
+        if (more != 1).any():
+            weights = weights * np.repeat(more, matrix.lengths)
+        nothing = np.zeros(len(kept), object)
+        earned, staying = (
+            nothing if parts is None else parts[0] * (multiples // parts[1]) for parts in of_rows
+        )
+        owner = problem.edges.owner_of_rows[kept].astype(np.int64)
+        return _Integers(replace(matrix, data=weights), owner, multiples, earned, staying)
 
     def excess(self, vector: InductiveVector) -> Rationals:
         """Per row: `x - r - P x`, times its denominator and that of the vector."""
@@ -448,12 +506,36 @@ class _Integers:
         return bool((excess >= 0).all() if upper else (excess <= 0).all())
 
 
-def _parts(values: Rationals) -> tuple[Rationals, Rationals]:
+def _parts(values: Rationals) -> tuple[Whole, Whole]:
     """The numerators and the denominators."""
-    objects = values.tolist()
-    ratios = {id(v): v.as_integer_ratio() for v in distinct(values)}
-    each = [ratios[id(v)] for v in objects]
-    return _whole(top for top, _ in each), _whole(bottom for _, bottom in each)
+    objects, codes = shared(values)
+    ratios = [v.as_integer_ratio() for v in objects]
+    tops, bottoms = _whole(top for top, _ in ratios), _whole(bottom for _, bottom in ratios)
+    return _compact(tops)[codes], _compact(bottoms)[codes]
+
+
+def _compact(values: Rationals) -> Whole:
+    """Whole numbers as int64, if all of them are small enough."""
+    return values if any(abs(v) >= 1 << 62 for v in values.tolist()) else values.astype(np.int64)
+
+
+def _product(one: Whole, other: Whole) -> Whole:
+    """The products of whole numbers."""
+    if one.dtype != object and other.dtype != object:
+        if float(np.max(np.abs(one * other.astype(np.float64)), initial=0.0)) < 2.0**62:
+            return np.asarray(one * other)
+    return np.asarray(one.astype(object) * other)
+
+
+def _common_multiples(numbers: Whole, starts: Int64s) -> Whole:
+    """A common multiple of the numbers of each row, none of which is empty."""
+    if numbers.dtype != object:
+        found = np.lcm.reduceat(numbers, starts[:-1])
+        each = np.repeat(found, np.diff(starts))
+        if (found > 0).all() and not (each % numbers).any():  # otherwise it has overflowed
+            return np.asarray(found)
+    parts = numbers.tolist()
+    return _whole(lcm(*parts[a:b]) for a, b in pairwise(starts.tolist()))
 
 
 def _whole(values: Iterable[int]) -> Rationals:

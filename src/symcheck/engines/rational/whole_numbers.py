@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cache
 from math import lcm
 from typing import NamedTuple
 
@@ -75,26 +74,21 @@ def explore_in_whole_numbers(model: BoundModel, options: Options) -> RationalMod
     sums = matrix.row_sums()
     if not (sums < _WHOLE).all():
         return None
-    divisors = np.full(matrix.rows, factor, object)
+    divisors = np.full(matrix.rows, factor, np.int64)
     if not model.type.continuous_time:
-        divisors = sums.astype(object)
+        divisors = sums.astype(np.int64)
     else:  # the loop of a deadlock has the rate 1
         first = np.arange(matrix.rows) if matrix.groups is None else matrix.groups
         divisors[first[found.deadlocks]] = 1
-    quotient = cache(Fraction)
     if choices is not None:
-        weights = found.matrix.row_sums().tolist()
-        pairs = zip(weights, per_row(choices, divisors).tolist(), strict=True)
-        shares = rationals(quotient(int(w), int(d)) for w, d in pairs)
+        weights = found.matrix.row_sums().astype(np.int64)
+        shares = _quotients(weights, per_row(choices, divisors))
         earned = [sum_segments(shares * rewards, choices) for rewards in earned]
-    each = np.repeat(divisors, matrix.lengths).tolist()
-    pairs = zip(matrix.data.astype(np.int64).tolist(), each, strict=True)
-    data = np.empty(matrix.entries, object)
-    data[:] = [quotient(w, int(d)) for w, d in pairs]
+    each = np.repeat(divisors, matrix.lengths)
     return CompiledModel(
         model,
         found.states,
-        replace(matrix, data=data),
+        replace(matrix, data=_quotients(matrix.data.astype(np.int64), each)),
         actions,
         found.initial,
         found.deadlocks,
@@ -123,6 +117,22 @@ def commands_in_whole_numbers(
     if searched is None or not (searched.model.matrix.row_sums() < _WHOLE).all():
         return None
     return searched.model, searched.choice_rewards
+
+
+def _quotients(tops: Int64s, bottoms: Int64s) -> Rationals:
+    """Whole numbers divided by others; equal pairs share one rational."""
+    above, below = _distinct(tops), _distinct(bottoms)
+    keys = np.searchsorted(above, tops) * len(below) + np.searchsorted(below, bottoms)
+    pairs = _distinct(keys)
+    parts = (part.tolist() for part in (above[pairs // len(below)], below[pairs % len(below)]))
+    return rationals(map(Fraction, *parts))[np.searchsorted(pairs, keys)]
+
+
+def _distinct(numbers: Int64s) -> Int64s:
+    """The distinct numbers, ascending; np.unique would import numpy.ma."""
+    ordered = np.sort(numbers)
+    first = np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]
+    return np.asarray(ordered[first])
 
 
 class _Searched(NamedTuple):

@@ -65,10 +65,13 @@ def transitions_file(
         return
     parts = model.parts
     yield f"{_size(model)} {len(parts.entry)}\n"
+    columns = (*_places(model, parts.entry), parts.values)
+    template = "%d " * (len(columns) - 1) + "%s"
+    if (parts.action < 0).all():
+        yield from lines(template, len(parts.entry), *columns, precision=precision)
+        return
     actions = [f" {name}" if name else "" for name in parts.texts(model.actions)]
-    columns = (*_places(model, parts.entry), parts.values, actions)
-    template = "%d " * (len(columns) - 2) + "%s%s"
-    yield from lines(template, len(parts.entry), *columns, precision=precision)
+    yield from lines(template + "%s", len(parts.entry), *columns, actions, precision=precision)
 
 
 def labels_file(model: ExplicitExport, names: Sequence[str] | None = None) -> Iterator[str]:
