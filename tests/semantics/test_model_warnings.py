@@ -176,3 +176,31 @@ def test_a_renamed_name_that_is_misspelt(old: str, warned: bool) -> None:
     found = [d.message for d in symcheck.loads(text).warnings]
     assert found == (["module a has no lamda1; did you mean lambda1?"] if warned else [])
     assert symcheck.loads(text, warn_renaming=False).warnings == ()
+
+
+ELECTION = """mdp
+formula all = c1>0 & c2>0;
+module one c1 : [0..2]; [] c1=0 -> (c1'=1); [go] all -> (c1'=2); endmodule
+"""
+
+
+@pytest.mark.parametrize(
+    ("renaming", "doubtful"),
+    [("c1=c2", True), ("c1=c2, go=stop", True), ("c1=c2, c2=c1", False), ("c2=c3, c1=c2", False)],
+)
+def test_a_copy_in_which_one_name_stands_for_two_variables(renaming: str, doubtful: bool) -> None:
+    others = "module three c3 : [0..2]; [] true -> true; endmodule"
+    text = f"{ELECTION}module two = one [ {renaming} ] endmodule\n{others}"
+    found = [(d.message, d.hint) for d in symcheck.loads(text).warnings if d.code == "renaming"]
+    message = "in module two, c2 stands for c1 and for c2 of one"
+    hint = "rename c2 too, as in c2=c1; formulas are renamed as well"
+    assert found == ([(message, hint)] if doubtful else [])
+    assert "renaming" not in {d.code for d in symcheck.loads(text, warn_renaming=False).warnings}
+
+
+def test_a_copy_that_reads_the_variable_of_a_third_module_is_meant() -> None:
+    text = """dtmc
+module leader at : [0..1]; [] true -> (at'=1-at); endmodule
+module a x : [0..1]; [] at=0 -> (x'=1); [] at=1 -> (x'=0); endmodule
+module b = a [ x=y ] endmodule"""
+    assert [d.code for d in symcheck.loads(text).warnings] == []

@@ -37,11 +37,13 @@ from symcheck.errors import NumericalError, UnsupportedError, converts_memory_er
 from symcheck.numerics.linear.problem import Observer, largest_width
 from symcheck.numerics.tuning import ROUNDING_WIDTH
 from symcheck.options import Options
+from symcheck.semantics.expressions.literals import format_value
 from symcheck.semantics.expressions.rounding_notes import notes_about
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.model_warnings import property_warnings
 from symcheck.semantics.path_formulas import negated
 from symcheck.syntax.ast import (
+    Equilibrium,
     Expression,
     Filter,
     MultiObjective,
@@ -140,6 +142,8 @@ def check(
         result = _boolean(context, formula)
     else:
         result = _numeric(context, formula, kind)
+    if isinstance(formula, Equilibrium):
+        result = _with_objectives(context, result)
     if context.engine is not engine:
         result, engine = _lift_from_rows(result, context.engine, engine)
     if isinstance(formula, Filter | StateFilter) or not isinstance(formula, StateOperator):
@@ -290,6 +294,16 @@ def _boolean(context: Context, formula: Expression) -> Result:
     if isinstance(formula, PathQuantifier):
         _explain(context, formula, initial <= states)
     return result
+
+
+def _with_objectives(context: Context, result: Result) -> Result:
+    """The result of an equilibrium, with the values of its objectives."""
+    engine, found = context.engine, context.log.objectives
+    text = result.explanation
+    if _initial_count(engine, engine.all) == 1:
+        text += ": " + " + ".join(format_value(v.minimum(engine.initial)[0]) for v in found)
+    values = tuple(StateValues(engine, v) for v in found)
+    return replace(result, objectives_or_none=values, explanation=text)
 
 
 def _explain(context: Context, formula: PathQuantifier, value: bool) -> None:

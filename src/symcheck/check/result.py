@@ -174,6 +174,7 @@ _PARTS = {
     "witness": ("witness", "E [ … ] that is true has a path, and A [ … ] that is false"),
     "regions": ("regions", "those of a model with parameters have them"),
     "function": ("function", "a number of a model with parameters is one, if there is one case"),
+    "objectives": ("objectives", "an equilibrium has them: <<one:two>> max=? (P [ … ] + P [ … ])"),
     "front": ("Pareto front", "multi(Pmax=? [ … ], Pmax=? [ … ]) has one"),
 }
 """Parts that only some results have: what they are, and which results have them."""
@@ -205,6 +206,7 @@ class Result:
         runs: the computations of solvers.
         witness_or_none: `witness`; None if there is no such path.
         front_or_none: `front`; None if no Pareto front was asked for.
+        objectives_or_none: `objectives`; None if no equilibrium was asked for.
         regions_or_none: `regions`; None of a model without parameters.
         strategies: with the option `strategy`, one that attains the value; of a Pareto query, one
             for each point of the value. Empty if there is none.
@@ -228,6 +230,7 @@ class Result:
     runs: tuple[SolverRun, ...] = field(default=(), repr=False)
     witness_or_none: Sequence[Mapping[str, int | bool]] | None = field(default=None, repr=False)
     front_or_none: ParetoFront | None = field(default=None, repr=False)
+    objectives_or_none: tuple[StateValues, ...] | None = field(default=None, repr=False)
     regions_or_none: Regions | None = field(default=None, repr=False)
     strategies: tuple[Strategy, ...] = field(default=(), repr=False)
     no_strategy: str | None = field(default=None, repr=False)
@@ -316,6 +319,11 @@ class Result:
     def front(self) -> ParetoFront:
         """The Pareto front of a multi-objective query. Raises NotInResultError without one."""
         return self._part(self.front_or_none, "front")
+
+    @property
+    def objectives(self) -> tuple[StateValues, ...]:
+        """The value of each objective of an equilibrium. Raises NotInResultError without one."""
+        return self._part(self.objectives_or_none, "objectives")
 
     @property
     def regions(self) -> Regions:

@@ -20,7 +20,7 @@ from symcheck.errors import NO_SPAN, Diagnostic, InputError, UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.semantics.features import Feature, require
 from symcheck.semantics.path_formulas import PathFormula, over_leaves, path_formula
-from symcheck.semantics.query import PathProbability, Query
+from symcheck.semantics.query import PathProbability, Query, threshold_of
 from symcheck.semantics.query import query_of as resolve
 from symcheck.syntax.ast import (
     AnyMeasure,
@@ -28,6 +28,7 @@ from symcheck.syntax.ast import (
     Bound,
     Call,
     Conditional,
+    Equilibrium,
     Expression,
     Filter,
     FilterOperator,
@@ -102,11 +103,23 @@ def satisfying(context: Context, formula: Expression, relevant: StateSet) -> Sta
         case PathQuantifier():
             path = path_of(context, formula)
             return (ctl.forall if formula.quantifier == "A" else ctl.exists)(context, path)
+        case Equilibrium(bound=Bound() as bound):
+            threshold = threshold_of(bound)
+            return decide(
+                context,
+                lambda c: _equilibrium(c, formula, relevant),
+                threshold.operator.value,
+                threshold.value,
+                relevant,
+                partial(_exactly, context, formula, relevant),
+            )
         case Filter() | StateFilter():
             return applied_filter(context, formula, relevant).condition().per_state
         case MultiObjective():
             raise _no_multi()
-        case Literal() | Name() | Unary() | Binary() | Call() | Measure() | Quantile():
+        case Measure() | Equilibrium() | Quantile() | Literal() | Name():
+            raise _wrong_type(formula, "a number, not a condition")
+        case Unary() | Binary() | Call():
             raise _wrong_type(formula, "a number, not a condition")
         case _:
             assert_never(formula)
@@ -141,6 +154,8 @@ def values_of(context: Context, formula: Expression, relevant: StateSet) -> Valu
             return _clipped(context, found) if formula.is_probability else found
         case Filter() | StateFilter():
             return applied_filter(context, formula, relevant).number().per_state
+        case Equilibrium():
+            return _equilibrium(context, formula, relevant)
         case Quantile():
             require(context.engine.model, Feature.QUANTILES)
             from symcheck.check.queries.quantile import quantile
@@ -152,6 +167,17 @@ def values_of(context: Context, formula: Expression, relevant: StateSet) -> Valu
             raise _wrong_type(formula, "a condition, not a number")
         case _:
             assert_never(formula)
+
+
+def _equilibrium(context: Context, formula: Equilibrium, relevant: StateSet) -> Values:
+    """The sum of the objectives of an equilibrium; logs the value of each."""
+    require(context.engine.model, Feature.EQUILIBRIA)
+    from symcheck.check.queries.equilibria import equilibrium_values
+
+    queries = [query_of(context, objective) for objective in formula.objectives]
+    found = equilibrium_values(context.relevant_at(relevant), formula, queries)
+    context.log.objectives = tuple(found)
+    return found[0].map(Operator.PLUS, found[1])
 
 
 def _applied(context: Context, operator: Operator | Function, operands: Sequence[Values]) -> Values:

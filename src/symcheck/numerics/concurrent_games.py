@@ -116,7 +116,7 @@ class Game:
         return self.matrix.state_of_row
 
     @cached_property
-    def _shapes(self) -> list[tuple[Int64s, Int64s, Int64s]]:
+    def shapes(self) -> list[tuple[Int64s, Int64s, Int64s]]:
         """The games with the same numbers of actions: the row of each pair, int64[games, k, m], and
         the actions of both sides, int64[games, k] and int64[games, m].
         """
@@ -147,7 +147,7 @@ class Game:
             The probability of each action of the maximiser and of the minimiser.
         """
         mine, theirs = np.empty(self.maximiser.count), np.empty(self.minimiser.count)
-        for pairs, rows, columns in self._shapes:
+        for pairs, rows, columns in self.shapes:
             mine[rows], theirs[columns] = optimal_strategies(payoffs[pairs])
         return mine, theirs
 

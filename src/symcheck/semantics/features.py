@@ -40,6 +40,7 @@ class Feature(Enum):
     DISCOUNTED_REWARDS = "discounted rewards"
     ENDED_REWARDS = "the rewards Fc and F0"
     MULTI_OBJECTIVE = "multi-objective queries"
+    EQUILIBRIA = "equilibria"
     SOME_OR_ALL_PATHS = "the operators A and E"
     DISTRIBUTIONS = "distributions over states"
     QUANTILES = "quantiles"
@@ -84,9 +85,9 @@ _MARKOV_AUTOMATON = frozenset(
 )
 
 _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
-    ModelType.DTMC: _ALL - {Feature.ENDED_REWARDS},
-    ModelType.CTMC: _ALL - {Feature.ENDED_REWARDS},
-    ModelType.MDP: _ALL - {Feature.ENDED_REWARDS},
+    ModelType.DTMC: _ALL - {Feature.ENDED_REWARDS, Feature.EQUILIBRIA},
+    ModelType.CTMC: _ALL - {Feature.ENDED_REWARDS, Feature.EQUILIBRIA},
+    ModelType.MDP: _ALL - {Feature.ENDED_REWARDS, Feature.EQUILIBRIA},
     ModelType.MA: _MARKOV_AUTOMATON,
     ModelType.POMDP: _OBSERVED | {Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES},
     ModelType.POPTA: _OBSERVED,
@@ -113,6 +114,7 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
         {
             *(Feature.ROWS, Feature.REACHABILITY, Feature.BOUNDED_REACHABILITY),
             *(Feature.REACH_REWARDS, Feature.CUMULATIVE_REWARDS, Feature.INSTANTANEOUS_REWARDS),
+            Feature.EQUILIBRIA,
         }
     ),
     ModelType.TPTG: frozenset(

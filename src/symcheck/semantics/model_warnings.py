@@ -17,7 +17,7 @@ from symcheck.errors import Diagnostic, Span
 from symcheck.options import Options
 from symcheck.semantics.diagnostics import suggest
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns, open_mesh
-from symcheck.semantics.model import BoundModel, Event, Variable
+from symcheck.semantics.model import BoundCommand, BoundModel, Event, Variable
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Literal, Name, Unary
 from symcheck.syntax.declarations import Module, Program, RenamedModule
 from symcheck.syntax.operators import UnaryOperator
@@ -34,7 +34,7 @@ _ALL_VALUATIONS = 1 << 20
 
 def model_warnings(model: BoundModel, options: Options) -> list[Diagnostic]:
     """Guards and labels that no values of the variables satisfy, actions on which modules never
-    agree, and copies of modules that rename what is misspelt.
+    agree, and copies of modules that rename what is misspelt, or take two variables for one.
 
     Args:
         model: the model; nothing is reported of timed automata, whose clocks have no range.
@@ -71,7 +71,9 @@ def model_warnings(model: BoundModel, options: Options) -> list[Diagnostic]:
                 )
                 text = f"[{action}] never happens: {parts} never enable it at once"
                 found[guards_of[-1].span] = _warning(text, guards_of[-1].span, "blocked-action")
-    renamings = _misspelt_renamings(model.program) if options.warn_renaming else ()
+    renamings: list[Diagnostic] = []
+    if options.warn_renaming:
+        renamings = [*_misspelt_renamings(model.program), *_half_renamings(model)]
     return [*renamings, *found.values()]
 
 
@@ -124,6 +126,30 @@ def _misspelt_renamings(program: Program) -> Iterator[Diagnostic]:
                     yield _warning(text, module.span, "renaming")
 
 
+def _half_renamings(model: BoundModel) -> Iterator[Diagnostic]:
+    """Copies whose own variable is one that the original reads of another module, and that they do
+    not rename: in the copy, one name stands for both.
+    """
+    modules = {m.name: m for m in model.modules}
+    for module in model.program.modules:
+        if isinstance(module, RenamedModule):
+            base, new_of = modules[module.base], dict(module.renaming)
+            reads = {n for c in base.commands for e in _expressions(c) for n in names(e)}
+            for own in (model.variables[i].name for i in base.variables):
+                if (new := new_of.get(own)) in reads - new_of.keys():
+                    text = f"in module {module.name}, {new} stands for {own} and for {new} of "
+                    text += f"{module.base}"
+                    hint = f"rename {new} too, as in {new}={own}; formulas are renamed as well"
+                    yield _warning(text, module.span, "renaming", hint)
+
+
+def _expressions(command: BoundCommand) -> Iterator[Expression]:
+    yield command.guard
+    for update in command.updates:
+        yield update.probability
+        yield from (value for _, value in update.assignments)
+
+
 def _is_condition(expression: Expression) -> bool:
     if isinstance(expression, Unary):
         return expression.operator is UnaryOperator.NOT
@@ -134,8 +160,8 @@ _PLAIN = (Binary, Unary, Literal, Name, Call, Conditional)
 """The nodes of conditions that the variables decide."""
 
 
-def _warning(message: str, span: Span, code: str) -> Diagnostic:
-    return Diagnostic(message, span, code, severity="warning")
+def _warning(message: str, span: Span, code: str, hint: str | None = None) -> Diagnostic:
+    return Diagnostic(message, span, code, hint, severity="warning")
 
 
 def _is_blocked(event: Event, search: _Search) -> bool:

@@ -6,10 +6,11 @@ They are generic in their leaves: state formulas, or the sets of states that sat
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Generic, TypeVar, assert_never
 
 from symcheck.errors import NO_SPAN, Span
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.path_normal_form import (
     Connected,

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from typing import ClassVar, Generic, TypeVar, assert_never, cast
 
 from symcheck.direction import Direction
 from symcheck.errors import Diagnostic, InputError, Span, UnsupportedError
+from symcheck.lazy_dataclass import dataclass
 from symcheck.semantics.expressions.evaluate import evaluate_constant
 from symcheck.semantics.features import Feature, require
 from symcheck.semantics.model import BoundModel
@@ -54,6 +55,7 @@ __all__ = [
     "TotalReward",
     "direction_of",
     "query_of",
+    "threshold_of",
 ]
 
 L = TypeVar("L")
@@ -336,7 +338,7 @@ def query_of(formula: ast.AnyMeasure, model: BoundModel) -> Query[Expression]:
         InputError: the threshold is infinite, a direction is missing, or a bound is faulty.
         UnsupportedError: the model has no such direction, or there is no such reward.
     """
-    threshold = None if formula.bound is None else _threshold(formula.bound)
+    threshold = None if formula.bound is None else threshold_of(formula.bound)
     nature = None
     if model.weights is Weights.INTERVALS:
         direction, nature = _directions_with_nature(formula, model.type)
@@ -379,7 +381,8 @@ def _directions_with_nature(
     return (Direction(first) if kind.has_choices else None), Direction(second)
 
 
-def _threshold(bound: ast.Bound) -> Threshold:
+def threshold_of(bound: ast.Bound) -> Threshold:
+    """The comparison of a bound. Raises InputError if it is with no finite number."""
     value = evaluate_constant(bound.threshold)
     if isinstance(value, float):
         raise InputError(

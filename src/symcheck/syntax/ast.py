@@ -37,6 +37,7 @@ __all__ = [
     "CumulativeReward",
     "DiscountedReward",
     "EndedReward",
+    "Equilibrium",
     "Eventually",
     "ExpectedTime",
     "Expression",
@@ -515,6 +516,26 @@ class MultiObjective(StateOperator):
     lexicographic: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class Equilibrium(StateOperator):
+    """`<<one:two>>max=? (P [ … ] + R [ … ])`: what coalitions gain together in an equilibrium.
+
+    objectives: what each coalition optimises, all in the same direction. bound None: a query, `=?`.
+    correlated: `{corr}`, where a signal tells all what to do. fair: `{fair}`, of all equilibria one
+    with the least difference of gains; otherwise one with the greatest sum.
+    """
+
+    objectives: tuple[ProbabilityOperator | RewardOperator, ...]
+    bound: Bound | None
+    correlated: bool = False
+    fair: bool = False
+
+    @property
+    def coalitions(self) -> tuple[Coalition, ...]:
+        """Whose objectives they are, in their order."""
+        return tuple(o.coalition for o in self.objectives if o.coalition is not None)
+
+
 # ------------------------------------------------------------------------------------ path formulas
 
 
@@ -702,6 +723,7 @@ Expression = (
     | StateFilter
     | Quantile
     | MultiObjective
+    | Equilibrium
 )
 PathFormula = Expression | Next | Eventually | Globally | Until | WeakUntil | Release
 RewardQuery = (

@@ -100,6 +100,8 @@ def _text(node: Tree) -> tuple[str, int]:
             return f"{function}({_list(*arguments)})", _ATOM
         case ast.MultiObjective(objectives, lexicographic):
             return f"multi{'lex' * lexicographic}({_list(*objectives)})", _ATOM
+        case ast.Equilibrium():
+            return _equilibrium(node), _ATOM
         case ast.Filter(operator, formula, states):
             return f"filter({operator}, {_list(formula, states)})", _ATOM
         case ast.Quantile(optimum, variable, formula):
@@ -247,8 +249,11 @@ def _structure(structure: str | ast.Expression | None) -> str:
     return f"{{{name}}}"
 
 
-def _measure(node: ast.AnyMeasure, tail: str = "") -> str:
-    """An operator such as `P=? [ … ]`; `tail` is an old filter before the closing bracket."""
+def _measure(node: ast.AnyMeasure, tail: str = "", *, is_objective: bool = False) -> str:
+    """An operator such as `P=? [ … ]`; `tail` is an old filter before the closing bracket.
+
+    is_objective: of an equilibrium, which has the coalition and the direction.
+    """
     head = node.letter
     match node:
         case ast.PathMeasure(path=operand):
@@ -263,11 +268,27 @@ def _measure(node: ast.AnyMeasure, tail: str = "") -> str:
                 head += " "  # only Smin=? and Smax=? are read as one word
         case _:
             assert_never(node)
+    if is_objective:
+        return f"{head} [ {text} ]"
     comparison = "=?" if node.bound is None else _limit(node.bound)
     if node.coalition is not None:
-        names = "*" if node.coalition.players is None else ",".join(node.coalition.players)
+        names = _players(node.coalition)
         head = (f"[[{names}]] " if node.coalition.against else f"<<{names}>> ") + head
     return f"{head}{node.direction or ''}{comparison} [ {text}{tail} ]"
+
+
+def _players(coalition: ast.Coalition) -> str:
+    return "*" if coalition.players is None else ",".join(coalition.players)
+
+
+def _equilibrium(node: ast.Equilibrium) -> str:
+    """An operator such as `<<one:two>> max=? (P [ … ] + P [ … ])`."""
+    players = ":".join(map(_players, node.coalitions))
+    kind = ("corr" if node.correlated else "nash") + "," + ("fair" if node.fair else "social")
+    direction = node.objectives[0].direction
+    comparison = "=?" if node.bound is None else _limit(node.bound)
+    gains = " + ".join(_measure(o, is_objective=True) for o in node.objectives)
+    return f"<<{players}>>{{{kind}}} {direction}{comparison} ({gains})"
 
 
 # -------------------------------------------------------------------------------------------- files

@@ -1,8 +1,8 @@
-"""Makes syntax trees while Lark parses: one method for every rule or alias of the grammars.
+"""Makes syntax trees while a text is parsed: one method for every rule or alias of the grammars.
 
-A method gets the values of all symbols of its rule and returns the value of the rule. A word is a
-Lark token with the attributes `value`, `start_pos` and `end_pos` (offsets in characters); an absent
-option is None. The grammars tell what each method gets, so the methods have no docstrings.
+A method gets the values of all symbols of its rule and returns the value of the rule. A word has
+the attributes `value`, `start_pos` and `end_pos` (offsets in characters); an absent option is None.
+The grammars tell what each method gets, so the methods have no docstrings.
 """
 
 # ruff: noqa: D102
@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial, partialmethod
+from itertools import product
 from string import ascii_uppercase
 from typing import Any, NamedTuple, cast, get_args
 
@@ -75,7 +76,7 @@ _LARGEST_EXPONENT = 5000
 """Numbers with more digits or larger exponents are refused, before they take time and memory."""
 
 Value = Any
-"""The value of a part of a rule: a word of Lark, a node, a tuple, or None for a missing part."""
+"""The value of a part of a rule: a word, a node, a tuple, or None for a missing part."""
 Values = list[Value]
 Chain = list[Value]
 """Operands and the operators between them: operand, operator, operand, …"""
@@ -123,6 +124,11 @@ def _node(kind: type[ast.Node], *indices: int | slice) -> Callable[[Builder, Val
 def _listed(_: Builder, values: Values) -> tuple[Value, ...]:
     """The parts of a list without the signs between them."""
     return cast("tuple[Value, ...]", _text(values[::2]))
+
+
+def _of_words(_: Builder, values: Values) -> Values:
+    """The words between the signs of a list in brackets."""
+    return values[1::2]
 
 
 def _actions(given: Value) -> tuple[str | None, tuple[str, ...]]:
@@ -668,17 +674,48 @@ class PropertiesBuilder(Builder):
     def coalition(self, values: Values) -> Expression:
         """`<<players>> P>=p […]`, names or numbers; binding tells who they are."""
         word, measure = values
-        names = (
-            tuple(p.strip() for p in word.value[2:-2].split(","))
-            if word.value[2:-2].strip()
-            else ()
-        )
-        place, span = self._words([word]), self._span(values)
+        coalition = self._players(word, word.value[2:-2])
+        return _with_coalition(measure, coalition, self._span(values))
+
+    def _players(self, word: Value, text: str) -> ast.Coalition:
+        """The coalition with these names or numbers, which stand between brackets."""
+        names = tuple(p.strip() for p in text.split(",")) if text.strip() else ()
+        place = self._words([word])
         if not all(map(_PLAYER.fullmatch, names)) and names != ("*",):
             hint = "names or numbers, as in <<1,2>>; * for all"
             self._wrong("this is no coalition of players", place, "coalition", hint)
-        coalition = ast.Coalition(None if names == ("*",) else names, word.value[0] == "[", place)
-        return _with_coalition(measure, coalition, span)
+        return ast.Coalition(None if names == ("*",) else names, word.value[0] == "[", place)
+
+    def objective(self, values: Values) -> Expression:
+        *head, opening, operand, closing = values
+        kind = ast.RewardOperator if len(head) > 1 else ast.ProbabilityOperator
+        return self._measure(kind, [*head, None, None, opening, operand, None, closing])
+
+    equilibrium_words = _of_words
+
+    def equilibrium(self, values: Values) -> ast.Equilibrium:
+        """`<<one:two>>{nash,social}max=? (P […] + R […])`."""
+        word, words, direction, bound, _, *terms, closing = values
+        players = [self._players(word, part) for part in word.value[2:-2].split(":")]
+        kind = {w.value for w in words or ()}
+        if not any(kind <= set(known) for known in _EQUILIBRIA):
+            hint = "kinds are " + ", ".join(f"{{{','.join(known)}}}" for known in _EQUILIBRIA)
+            self._wrong("there is no such equilibrium", self._words(words), "equilibrium", hint)
+        objectives = terms[::2]
+        if word.value[0] == "[" or len(objectives) != len(players):
+            message = "an equilibrium has coalitions in <<…>>, and an objective for each of them"
+            hint = "as in <<one:two>> max=? (P [ … ] + P [ … ])"
+            self._wrong(message, self._words([word]), "equilibrium", hint)
+        return ast.Equilibrium(
+            tuple(
+                replace(objective, direction=direction.value, coalition=coalition)
+                for objective, coalition in zip(objectives, players, strict=False)
+            ),
+            bound,
+            "corr" in kind,
+            "fair" in kind,
+            span=self._words([word, closing]),
+        )
 
     time = partialmethod(_measure, ast.ExpectedTime)
     steady = partialmethod(_measure, ast.SteadyState)
@@ -808,6 +845,7 @@ _DECLARATIONS = frozenset({decl.Formula, decl.Label, decl.Observable})
 # A name before a parenthesis on the same line is meant as a function, even if the two could be
 # properties of their own.
 _PLAYER = re.compile(r"\w+")
+_EQUILIBRIA = tuple(product(("nash", "corr"), ("social", "fair")))
 _LAST_WORD = re.compile(r"[A-Za-z_][A-Za-z_0-9]*\Z")
 _OPENING = re.compile(r"[ \t]*\(")
 _LONGEST_WORD = 40

@@ -12,7 +12,6 @@ import numpy as np
 from symcheck.check.context import Context
 from symcheck.check.measure_selection import long_run_measures, timed_measures
 from symcheck.check.measures.reachability import reach_reward
-from symcheck.check.measures.total_reward import total_reward
 from symcheck.check.queries.path_probabilities import probability
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
@@ -107,6 +106,8 @@ def _expected(
 
             return kept_reward(context, reward, context.engine.none, direction)
         case TotalReward(reward):
+            from symcheck.check.measures.total_reward import total_reward
+
             return total_reward(context, reward, direction)
         case CumulativeReward(reward, window):
             return timed_measures(context).cumulative_reward(context, reward, window, direction)

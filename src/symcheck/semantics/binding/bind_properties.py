@@ -297,7 +297,8 @@ class _Properties:
         self.file = file
         self.model = model
         self.table = _table(model, DiagnosticCollector())
-        self.faults = dict(file.faulty)
+        of_model = {f'"{name}"' for name in model.labels}  # a property may be called as one is
+        self.faults = {name: fault for name, fault in file.faulty if name not in of_model}
         for constant in file.constants:
             with self._noted(constant.name):
                 self.table.add((constant,), ())

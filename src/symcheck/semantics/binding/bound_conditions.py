@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from math import isfinite
@@ -17,6 +18,7 @@ from symcheck.syntax.ast import (
     Call,
     Conditional,
     DiscountedReward,
+    Equilibrium,
     Expression,
     InstantaneousReward,
     Literal,
@@ -103,6 +105,10 @@ class _Conditions:
                     self._unbounded(node, node.query)
                 elif isinstance(node, PathMeasure) and not node.is_probability:
                     self._unbounded(node, node.path)
+            case Equilibrium():
+                self._partition(node)
+                if node.bound is not None:
+                    self._constant(node.bound.threshold, "a threshold")
             case TimeBound():
                 self._time(node)
             case DiscountedReward(_, discount):
@@ -154,6 +160,19 @@ class _Conditions:
                 members(node.coalition, self.model)
             except InputError as fault:
                 self.report.absorb(fault)
+
+    def _partition(self, node: Equilibrium) -> None:
+        """Each player belongs to one of the coalitions, which are checked as those of measures."""
+        from symcheck.semantics.players import members
+
+        with suppress(InputError):
+            taken = [i for c in node.coalitions for i in members(c, self.model)]
+            for i, player in enumerate(self.model.players):
+                if (count := taken.count(i)) != 1:
+                    where = "several coalitions" if count else "no coalition"
+                    message = f"player {player.name} is in {where} of the equilibrium"
+                    hint = "each player belongs to one of them: <<one:two,three>>"
+                    self.report.input("coalition", message, node.coalitions[0].span, hint)
 
     def _unbounded(self, node: Measure, until: PathFormula | RewardQuery) -> None:
         """Refuse an expectation until a bounded formula: runs that miss the bound have none."""

@@ -20,6 +20,7 @@ from symcheck.syntax.ast import (
     CumulativeReward,
     DiscountedReward,
     EndedReward,
+    Equilibrium,
     Expression,
     ExpressionNode,
     Filter,
@@ -326,7 +327,13 @@ class Typer:
 
     def _operator(
         self,
-        node: AnyMeasure | PathQuantifier | Filter | StateFilter | Quantile | MultiObjective,
+        node: AnyMeasure
+        | PathQuantifier
+        | Filter
+        | StateFilter
+        | Quantile
+        | MultiObjective
+        | Equilibrium,
     ) -> Type | None:
         match node:
             case PathMeasure(_, bound, path):
@@ -359,6 +366,10 @@ class Typer:
                 return (
                     None if None in actual else Type.DOUBLE if Type.DOUBLE in actual else Type.BOOL
                 )
+            case Equilibrium(objectives, bound):
+                for objective in objectives:
+                    self.state(objective)
+                return self._bounded(bound)
             case _:
                 assert_never(node)
 
@@ -397,7 +408,8 @@ class Typer:
                 self.path(operand)
                 self._limits(bound)
             case BinaryTemporal(left, right, bound):
-                self.path(left)
+                if bound is not None or not self._bound_misplaced(formula):
+                    self.path(left)
                 self.path(right)
                 self._limits(bound)
             case Unary(UnaryOperator.NOT, operand):
@@ -412,6 +424,30 @@ class Typer:
                 self._boolean(formula, "a path formula", hint)
             case _:
                 assert_never(formula)
+
+    def _bound_misplaced(self, formula: BinaryTemporal) -> bool:
+        """Report the bound in `a <=5 U b`, which is one of time, and no comparison of a with 5."""
+        match _last_operand(formula.left):
+            case Binary(equality, x, Binary(sign, operand, limit)) if (
+                equality.signature is Signature.EQUALITY and self.state(x) is not Type.BOOL
+            ):
+                pass  # x=1 <=5 U b, where <= binds closer
+            case Binary(sign, operand, limit) if self.state(operand) is Type.BOOL:
+                if isinstance(operand, Binary) and not isinstance(operand.right, Literal):
+                    return False  # 0<=x<5 U b
+            case _:
+                return False
+        if sign.signature is not Signature.ORDER or not isinstance(limit, Literal | Name):
+            return False
+        whole = Span(operand.span.source, operand.span.end, formula.right.span.start)
+        written = whole.text.lstrip(" )").rstrip(" (")
+        if "".join(written.split()) != f"{sign}{limit.span.text}{formula.symbol}":
+            return False  # with parentheses or comments
+        start = whole.start + whole.text.index(written)
+        span = Span(whole.source, start, start + len(written))
+        hint = f"write {formula.symbol}{sign}{limit.span.text}"
+        self._report.type(f"a bound stands behind {formula.symbol}", span, hint)
+        return True
 
     def _limits(self, bound: PathBound | None) -> None:
         match bound:
@@ -452,6 +488,17 @@ class Typer:
                 self.path(query)
             case _:
                 assert_never(query)
+
+
+def _last_operand(formula: PathFormula) -> PathFormula:
+    """What a formula of logical operators ends with."""
+    match formula:
+        case Binary(operator, _, right) if operator.is_logical:
+            return _last_operand(right)
+        case Unary(UnaryOperator.NOT, operand):
+            return _last_operand(operand)
+        case _:
+            return formula
 
 
 _COMPARISONS = (Signature.ORDER, Signature.EQUALITY)
