@@ -64,7 +64,9 @@ main()
 """
 
 
-@pytest.mark.parametrize("module", ["symcheck.cli.entry_point", "numpy", "lark", "symcheck.api"])
+@pytest.mark.parametrize(
+    "module", ["symcheck.cli.entry_point", "numpy", "symcheck.syntax.lalr", "symcheck.api"]
+)
 @pytest.mark.parametrize(("number", "status"), [(2, 130), (15, 143), (14, 3)])
 def test_a_signal_during_the_imports_ends_the_process(
     module: str, number: int, status: int

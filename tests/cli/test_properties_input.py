@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from symcheck.cli import main
 from symcheck.errors import SyntaxFault
-from symcheck.experiments import properties_input
 from symcheck.experiments.properties_input import read_properties
-from symcheck.syntax.declarations import PropertiesFile
 
 MODEL = "dtmc module m x:[0..1]; [] x=0 -> 0.5:(x'=1)+0.5:(x'=0); [] x=1 -> true; endmodule label \"up\" = x=1;"
 
@@ -142,32 +142,25 @@ def test_the_comment_above_a_property_stays_with_it(tmp_path, capsys):
     assert "Tests: 2 passed" in capsys.readouterr().out
 
 
+def test_a_test_of_faulty_properties_only_has_a_verdict_for_each(tmp_path, capsys):
+    """Without -test, nothing is built for them."""
+    (tmp_path / "m.pm").write_text(MODEL)
+    text = "// RESULT: Error\nP=? [ F x=\n\n// RESULT: 1\nP=? [ F x=1 y ];\n"
+    (tmp_path / "p.pctl").write_text(text + "\n// RESULT: 1\nforall s : P=? [ F x=1 ]\n")
+    words = [str(tmp_path / "m.pm"), str(tmp_path / "p.pctl")]
+    assert main([*words, "-testall"]) == 1
+    verdicts = re.findall(r"^Testing result: (\w+)", capsys.readouterr().out, re.MULTILINE)
+    assert verdicts == ["PASS", "FAIL", "UNSUPPORTED"]
+    assert main(words) == 1
+    assert "States:" not in capsys.readouterr().out
+
+
 def test_a_property_may_go_on_behind_a_line(tmp_path, capsys):
     """Where another property is faulty: a line that starts as a property need not be one."""
     whole = "P>=1 [ F\n  P>=1 [ F x=1 ] ]\nfilter(min,\nP=? [ F x=1 ],\ntrue)\nP=? [ F x=\n"
     status, lines = answers(tmp_path, capsys, whole)
     assert status == 1
     assert [line.partition(":")[0] for line in lines].count("Result") == 2
-
-
-def test_properties_without_faults_are_read_once_however_long_the_text_is(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A text of n properties with one fault takes time in proportion to n, not to its square."""
-    text = "".join(f"P=? [ F s={i} ];\n" for i in range(50)) + "P=? [ F ;\n"
-    sizes: list[int] = []
-    parse = properties_input.parse_properties
-
-    def counted(text: str, *arguments: str, **named: str) -> PropertiesFile:
-        sizes.append(len(text))
-        return parse(text, *arguments, **named)
-
-    monkeypatch.setattr(properties_input, "parse_properties", counted)
-    with pytest.raises(SyntaxFault) as fault:
-        parse(text)
-    found = properties_input._without_faults(fault.value)
-    assert list(found.unparsed) == [50]
-    assert sum(sizes) < 4 * len(text)
 
 
 DEFINITIONS = """const int k = 2.5;
@@ -196,6 +189,15 @@ def test_a_faulty_definition_stops_those_that_use_it(tmp_path, capsys):
     (tmp_path / "p.pctl").write_text(DEFINITIONS.partition("P=? [ F<=k")[0])
     assert main(words) == 1
     assert "Result: 1.0" in capsys.readouterr().out
+
+
+def test_who_uses_a_property_that_cannot_be_read_is_told_why(tmp_path, capsys):
+    """And a label of the same name is meant where there is one."""
+    text = '"bad": P=? [ F x= ];\n"up": P=? [ F ];\n"good": "bad">0.5;\n"down": "up" | x=0;\n'
+    status, lines = answers(tmp_path, capsys, text)
+    assert status == 1
+    assert "p.pctl:1:" in lines[5]
+    assert lines[7] == "Result: true (satisfied in the initial state)"
 
 
 UNREADABLE = """const int k = ;

@@ -112,7 +112,10 @@ def test_rewards_have_an_axis_of_their_own() -> None:
     right = next(a for a in left.figure.axes if a is not left)
     assert (labels(left), labels(right)) == (["p"], ["r"])
     assert left.lines[0].get_color() != right.lines[0].get_color()
-    assert [t.get_text() for t in right.get_legend().get_texts()] == ["p", "r"]
+    legend = right.get_legend()
+    assert [t.get_text() for t in legend.get_texts()] == ["p", "r"]
+    left.figure.draw_without_rendering()
+    assert legend.get_window_extent().y1 < left.get_window_extent().y0  # it hides no line
 
 
 def test_lines_by_a_constant_and_bounds() -> None:

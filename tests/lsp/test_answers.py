@@ -69,6 +69,24 @@ def test_a_declaration_is_found_in_a_faulty_text() -> None:
     assert found[1].name == "places"
 
 
+def test_a_fault_of_one_property_leaves_the_others_checked() -> None:
+    document = properties('P=? [ F<=60 "full" ];\nP=? [ F queue= ];\nP=? [ F quue=1 ];\n')
+    assert [d.code for d in document.diagnostics] == ["syntax", "unknown-name"]
+    assert [d.span.start for d in document.diagnostics] == [
+        at(document, "= ]", 2),
+        at(document, "quue"),
+    ]
+    assert [text for _, _, text in document.properties()] == [
+        'P=? [ F<=60 "full" ]',
+        "P=? [ F quue=1 ]",
+    ]
+
+
+def test_a_faulty_definition_is_told_once() -> None:
+    document = properties("const int k = ;\nP=? [ F queue=k ];\nP=? [ G queue=k ];\n")
+    assert [d.code for d in document.diagnostics] == ["syntax"]
+
+
 def test_a_declaration_of_a_property_is_that_of_its_model() -> None:
     document = properties(PROPERTIES)
     for piece, kind in (
@@ -153,6 +171,11 @@ def test_the_outline_has_variables_within_their_modules() -> None:
     assert found["printer"] == ["queue", "jammed"]
     assert found["technician"] == ["away"]
     assert "full" in found
+
+
+def test_the_outline_of_properties_has_those_without_a_name() -> None:
+    found = [symbol.name for symbol, _ in properties(PROPERTIES).outline()]
+    assert found == ["q", 'R{"waiting"}=? [ S ]', "P=? [ F queue=places ]"]
 
 
 def test_colours_tell_names_apart() -> None:

@@ -20,7 +20,7 @@ ERRORS = Path(__file__).parents[1] / "errors"
 CASES = sorted(ERRORS.glob("*/*.case"))
 NAMES_A_TEXT = re.compile(
     r"put '.+' here|did you mean .*\?|(.* )?choose another name, such as \w+"
-    r"|write (\"\w+\"|[^\s\w…]+|\w+)( in place of .*)?|leave out .*"
+    r"|write (\"\w+\"|[^\s\w…]+|\w+|\w[<>]=?\w+|\w+\*\w+)( in place of .*)?|leave out .*"
 )
 """Hints that name a text for what is underlined, and no form to be filled in."""
 
@@ -71,6 +71,9 @@ def test_a_hint_that_names_a_text_has_a_fix(path: Path) -> None:
         ("[] x<3 -> (x:=1);", "[] x<3 -> (x'=1);"),
         ("[] x<3 -> (x'=xx);", "[] x<3 -> (x'=x);"),
         ("[] x<3 -> (x'=1)", "[] x<3 -> (x'=1);"),
+        ("[] x<2(x-1) -> true;", "[] x<2*(x-1) -> true;"),
+        ("y : [0..3] := 2*1; [] true -> true;", "y : [0..3] init 2*1; [] true -> true;"),
+        ("y : [0..3] init = 2; [] true -> true;", "y : [0..3] init  2; [] true -> true;"),
     ],
 )
 def test_commands(text: str, wanted: str) -> None:
@@ -93,6 +96,9 @@ def test_commands(text: str, wanted: str) -> None:
         ("P>=1 [ []x=3 ]", ["P>=1 [ G x=3 ]"]),
         ("P>=1 [ <>x=3 ]", ["P>=1 [ F x=3 ]"]),
         ("P<=? [ F x=3 ]", []),
+        ("Pmax=? [ x<3 <=5 U x=3 ]", ["Pmax=? [ x<3 U<=5 x=3 ]"]),
+        ("Pmax=? [ <=5 F x=3 ]", ["Pmax=? [ F<=5 x=3 ]"]),
+        ("Pmax=? [ F 2x=2*(x-1) ]", ["Pmax=? [ F 2*x=2*(x-1) ]"]),
     ],
 )
 def test_properties(text: str, wanted: list[str]) -> None:

@@ -30,6 +30,7 @@ EVERYTHING = [
         "-y",
         'x ? "a" : z',
         "min(x, y, 2)",
+        "<<one:two>>{corr,fair} max>=1.5 (P [ F x ] + R{i} [ C<=2 ])",
         "multi(P>0 [ F x ], R{i}<=2 [ C ])",
         "S>p [ x ]",
         "T<=p [ F x ]",

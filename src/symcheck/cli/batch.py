@@ -33,8 +33,17 @@ _RULE = "=" * 69
 _STANDARD_INPUT = "-"
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
 
-_SAMPLE = "dtmc module m x : [0..2]; [] x<2 -> 1/2 : (x'=x+1) + 1/2 : true; endmodule"
-_PROPERTIES = 'P=? [ F x=2 ]; P=? [ F<=2 x=2 ]; R=? [ F x=2 ]; filter(state, "init");'
+_SAMPLE = """
+dtmc
+module m
+  x : [0..3];
+  [] x<2 -> 1/2 : (x'=x+1) + 1/4 : (x'=3) + 1/4 : (x'=0);
+endmodule
+rewards x<2 : 1; endrewards
+"""
+_PROPERTIES = (
+    'P=? [ F x=2 ]; P=? [ F<=2 x=2 ]; R=? [ F x>1 ]; P>0 [ F x=2 ]; filter(state, "init");'
+)
 
 Run = Callable[[Sequence[str], float], NoReturn]
 """Runs a command line that started at a time (`perf_counter`), and ends the process."""

@@ -29,9 +29,9 @@ from symcheck.errors import (
     SymcheckError,
     UnsupportedError,
 )
-from symcheck.experiments.properties_input import UnparsedProperty
 from symcheck.experiments.rows import Row, error_text, row_of
 from symcheck.machine import memory_ended
+from symcheck.syntax.properties_in_part import UnparsedProperty
 from symcheck.whole_file import is_output_fault
 
 if TYPE_CHECKING:
@@ -157,11 +157,11 @@ def _report_unparsed(state: RunState, property: UnparsedProperty) -> None:
     if not state.testing:
         state.failures += 1
         return
-    verdict = judge(property.comments, property.fault, {})
     fault = property.fault
-    refused = isinstance(fault, UnsupportedError) or (
-        isinstance(fault, InputError) and {d.code for d in fault.diagnostics} == {"model-type"}
-    )
+    if isinstance(fault, InputError) and {d.code for d in fault.diagnostics} == {"model-type"}:
+        fault = UnsupportedError(message)
+    refused = isinstance(fault, UnsupportedError)
+    verdict = judge(property.comments, fault, {})
     if verdict.kind is not VerdictKind.PASS and not refused:
         verdict = Verdict(VerdictKind.FAIL, message)
     expected = expected_value(property.comments, {})

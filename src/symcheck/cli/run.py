@@ -17,9 +17,10 @@ from symcheck.cli.switches.arguments import Arguments
 from symcheck.cli.switches.needs import BUILT, MDP, PROPERTY, VALUES, unmet_needs
 from symcheck.constant_values import combinations, parameter_ranges, parse_constants
 from symcheck.errors import Diagnostic, NameFault, UsageError
-from symcheck.experiments.properties_input import PropertiesInput, read_properties
+from symcheck.experiments.properties_input import read_properties
 from symcheck.semantics.binding.bind import split_constants
 from symcheck.syntax.declarations import PropertiesFile
+from symcheck.syntax.properties_in_part import PropertiesInput
 
 if TYPE_CHECKING:
     from symcheck.cli.resuming import FinishedResults
@@ -56,7 +57,7 @@ def run(state: RunState) -> int:
     model = read_model(a)
     if ranges:
         model = replace(model, parameters=ranges)
-    properties = read_properties(a.properties, a.pf, "-pf")
+    properties = read_properties(a.properties, a.pf, "-pf", refuses=not state.testing)
     split = split_constants(model.program, properties.file, dict.fromkeys(given, ""))
     for warning in split.warnings:
         # No error: scripts give one list of constants to many models.

@@ -16,8 +16,8 @@ from symcheck.lazy_dataclass import dataclass
 from symcheck.options import Options
 
 if TYPE_CHECKING:  # most runs do without
-    from symcheck.experiments.properties_input import UnparsedProperty
     from symcheck.parallel.workers import Workers
+    from symcheck.syntax.properties_in_part import UnparsedProperty
 
 __all__ = ["RunState", "TestFailed"]
 

@@ -14,7 +14,7 @@ from symcheck.api.arguments import is_file, takes_options
 from symcheck.api.model import Model
 from symcheck.constant_values import GivenValues
 from symcheck.errors import SymcheckError, SyntaxFault, UsageError
-from symcheck.experiments.properties_input import PropertiesInput, read_properties
+from symcheck.experiments.properties_input import read_properties
 from symcheck.experiments.rows import Row, error_text
 from symcheck.experiments.run import experiment
 from symcheck.experiments.table import Experiment
@@ -22,6 +22,7 @@ from symcheck.options import OptionValues, make_options
 from symcheck.parallel.dask import Cluster
 from symcheck.parallel.workers import Lost, Workers
 from symcheck.syntax.declarations import PropertiesFile
+from symcheck.syntax.properties_in_part import PropertiesInput
 
 __all__ = ["Check", "check_many"]
 
@@ -143,9 +144,7 @@ def _experiment(options: OptionValues, task: Check) -> Experiment:
             if not given.unparsed or given.declarations:
                 raise
         faulty = given.unparsed
-        rest = tuple(p for i, p in enumerate(given.file.properties) if i not in faulty)
-        file = replace(given.file, properties=rest)
-        results = experiment(task.model, file, task.constants, **merged)
+        results = experiment(task.model, given.parsed, task.constants, **merged)
     except SymcheckError as error:
         return _failed(task, error_text(error))
     errors = (Row(f.text, {}, error=error_text(f.fault), formula=f.text) for f in faulty.values())

@@ -5,84 +5,28 @@ Those that do not follow the grammar are reported in their place.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
-from functools import partial
+from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
 
-from symcheck.errors import InputError, Span, SymcheckError, SyntaxFault
-from symcheck.lazy_dataclass import dataclass
-from symcheck.syntax.ast import LETTERS
+from symcheck.errors import SyntaxFault
 from symcheck.syntax.declarations import PropertiesFile
-from symcheck.syntax.parse import (
-    is_jani,
-    parse_jani_file,
-    parse_properties,
-    parse_properties_file,
+from symcheck.syntax.parse import is_jani, parse_jani_file, text_of_file
+from symcheck.syntax.properties_in_part import (
+    PropertiesInput,
+    UnparsedProperty,
+    parse_properties_in_part,
 )
-from symcheck.syntax.tree_builder import comments_above
 
-__all__ = ["PropertiesInput", "UnparsedProperty", "read_properties"]
-
-_WORDS = re.compile(r'//[^\n]*|"[^"\n]*"?|;|\n')
-_BEGINNING = re.compile(
-    r"""[ \t]*(?:
-        (?:const|label|formula)\b
-        | "\w+"[ \t]*:
-        | <<
-        | \[\[
-        | (?:filter|multi|multilex|quantile)[ \t]*\(
-        | [AE][ \t]*\[
-        | (?:MEASURE)(?:min|max)*[ \t]*(?:\{[^\n}]*\}(?:[ \t]|min|max)*)?(?:=[ \t]*\?|[<>])
-    )""".replace("MEASURE", "|".join((*LETTERS, "LRA"))),
-    re.VERBOSE,
-)
-"""The beginning of a property or declaration on a line of its own."""
-_GOES_ON = re.compile(r"(?:[\[({,:?&|!=<>+*/^-]|\b[XFGUWR])$")
-"""The end of a line that needs another one."""
-_DECLARATION = re.compile(
-    r"\s*(?:const\b(?:\s+(?:int|double|bool)\b)?|label\b|formula\b)(?:\s+([A-Za-z_]\w*|\"\w+\"))?"
-)
-_COMMENT = re.compile(r"//[^\n]*")
-_INK = re.compile(r"\S")
-
-
-@dataclass(frozen=True)
-class UnparsedProperty:
-    """A property that does not follow the grammar, or that JANI has and symcheck has not.
-
-    Attributes:
-        text: on one line; of a JANI file its name.
-        fault: why there is no property.
-        span: where it stands.
-        comments: the comment lines directly above.
-    """
-
-    text: str
-    fault: SymcheckError
-    span: Span
-    comments: Sequence[str] = ()
-
-
-@dataclass(frozen=True)
-class PropertiesInput:
-    """All properties of a run, in order.
-
-    Attributes:
-        file: the parsed properties, with the number 0 in the place of each unparsed one.
-        unparsed: those that do not follow the grammar, by their index.
-        declarations: faults of constants, labels and formulas, which `file` omits.
-    """
-
-    file: PropertiesFile
-    unparsed: Mapping[int, UnparsedProperty] = field(default_factory=dict)
-    declarations: Sequence[SyntaxFault] = ()
+__all__ = ["read_properties"]
 
 
 def read_properties(
-    path: str | Path | None, texts: Sequence[str], name: str = "<properties>"
+    path: str | Path | None,
+    texts: Sequence[str],
+    name: str = "<properties>",
+    *,
+    refuses: bool = True,
 ) -> PropertiesInput:
     """The properties of a file, followed by those of some texts.
 
@@ -90,13 +34,19 @@ def read_properties(
         path: the file, or None.
         texts: the texts.
         name: what messages call them.
+        refuses: whether a text of which no property follows the grammar is refused as a whole.
 
     Raises:
         UsageError: the file cannot be read.
-        SyntaxFault: no property of a text follows the grammar.
+        SyntaxFault: a text is refused, or it is that of a model.
     """
-    parts = [] if path is None else [_file(path)]
-    parts += [_parsed(partial(parse_properties, text, name)) for text in texts]
+    if path is None:
+        parts = []
+    elif is_jani(path):
+        parts = [_jani(path)]
+    else:
+        parts = [_text(text_of_file(path), str(path), refuses)]
+    parts += [_text(text, name, refuses) for text in texts]
     unparsed: dict[int, UnparsedProperty] = {}
     count = 0
     for part in parts:
@@ -106,9 +56,14 @@ def read_properties(
     return PropertiesInput(_joined([part.file for part in parts]), unparsed, declarations)
 
 
-def _file(path: str | Path) -> PropertiesInput:
-    if not is_jani(path):
-        return _parsed(partial(parse_properties_file, Path(path)))
+def _text(text: str, name: str, refuses: bool) -> PropertiesInput:
+    found = parse_properties_in_part(text, name)
+    if refuses and found.diagnostics and not found.parsed.properties:
+        raise SyntaxFault(*found.diagnostics)
+    return found
+
+
+def _jani(path: str | Path) -> PropertiesInput:
     parsed = parse_jani_file(path)
     unparsed = {}
     for i, fault in parsed.faults.items():
@@ -125,104 +80,3 @@ def _joined(files: Sequence[PropertiesFile]) -> PropertiesFile:
         tuple(chain.from_iterable(f.properties for f in files)),
         tuple(chain.from_iterable(f.faulty for f in files)),
     )
-
-
-def _parsed(parse: Callable[[], PropertiesFile]) -> PropertiesInput:
-    try:
-        return PropertiesInput(parse())
-    except SyntaxFault as fault:
-        return _without_faults(fault)
-
-
-def _without_faults(fault: SyntaxFault) -> PropertiesInput:
-    """The properties of a text without its faulty parts. Raises the fault if none is left.
-
-    Each part is parsed on its own: a bracket that one of them leaves open concerns no other.
-    """
-    source = fault.diagnostics[0].span.source
-    whole, text = source.text, source.text
-    removed: dict[int, UnparsedProperty] = {}
-    declarations: list[SyntaxFault] = []
-    faulty: list[tuple[str, InputError]] = []
-    for start, end in _parts(whole):
-        part = whole[start:end]
-        own = _fault_of(part, start, whole, source.name)
-        if own is not None:
-            blank, offset = _blank(part)
-            text = text[:start] + blank + text[end:]
-            if offset is None:
-                declarations.append(own)
-                if (declared := _DECLARATION.match(_bare(part))) and declared[1]:
-                    faulty.append((declared[1], own))
-            else:
-                removed[start + offset] = UnparsedProperty(
-                    " ".join(_bare(part).split()),
-                    own,
-                    own.diagnostics[0].span,
-                    comments_above(whole, start + offset),
-                )
-    try:
-        file = replace(parse_properties(text, source.name, shown=whole), faulty=tuple(faulty))
-    except SyntaxFault:
-        raise fault from None
-    unparsed = {
-        i: removed[p.span.start] for i, p in enumerate(file.properties) if p.span.start in removed
-    }
-    if len(unparsed) == len(file.properties) or len(unparsed) < len(removed):
-        raise fault
-    return PropertiesInput(file, unparsed, declarations)
-
-
-def _fault_of(part: str, start: int, whole: str, name: str) -> SyntaxFault | None:
-    """The fault of a part of a text, with its place in the whole; None if it has none."""
-    try:
-        parse_properties(part)
-    except SyntaxFault:  # only this one costs the reading of a text as long as the whole
-        before, after = whole[:start], whole[start + len(part) :]
-        try:
-            parse_properties(f"{_spaces(before)}{part}{_spaces(after)}", name, shown=whole)
-        except SyntaxFault as fault:
-            return fault
-    return None
-
-
-def _spaces(text: str) -> str:
-    """A blank text of the same length."""
-    return _INK.sub(" ", text)
-
-
-def _bare(part: str) -> str:
-    """A part without its semicolon, and with blanks for its comments."""
-    return _COMMENT.sub(lambda m: " " * len(m[0]), part).removesuffix(";")
-
-
-def _blank(part: str) -> tuple[str, int | None]:
-    """A blank part of the same length, with a 0 in the place of a property, and its index."""
-    blank, bare = _spaces(part), _bare(part)
-    if _DECLARATION.match(bare) or not bare.strip():
-        return blank, None
-    at = len(bare) - len(bare.lstrip())
-    return f"{blank[:at]}0{blank[at + 1 : -1]}" + (";" if at + 1 < len(part) else ""), at
-
-
-def _parts(text: str) -> Iterator[tuple[int, int]]:
-    """Start and end of each part, semicolon included; the last ends one behind the text.
-
-    A property may end without a semicolon: a line begins another part if it starts as a property or
-    declaration does, and the line before it is empty or does not ask for more.
-    """
-    start = 0
-    for word in _WORDS.finditer(text):
-        end = word.end()
-        if word[0] == "\n":
-            bare = _bare(text[start : word.start()])
-            whole = bare.rstrip()
-            asks = _GOES_ON.search(whole) and "\n" not in bare[len(whole) :]
-            if not whole or asks or not _BEGINNING.match(text, end):
-                continue
-            end = start + len(whole)  # the comments belong to what follows
-        elif word[0] != ";":
-            continue
-        yield start, end
-        start = end
-    yield start, len(text) + 1

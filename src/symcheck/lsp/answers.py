@@ -29,7 +29,11 @@ from symcheck.semantics.model_warnings import model_warnings
 from symcheck.syntax.ast import TYPE_WORDS
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.grammars import load
-from symcheck.syntax.parse import parse_properties
+from symcheck.syntax.properties_in_part import (
+    PropertiesInput,
+    UnparsedProperty,
+    parse_properties_in_part,
+)
 from symcheck.syntax.words import Word
 
 __all__ = ["COLOURS", "MODELS", "Document", "Edit", "Item", "Place", "formatted", "quick_fixes"]
@@ -96,15 +100,16 @@ class Document:
     @cached_property
     def _analysis(
         self,
-    ) -> tuple[Pieces | PropertiesFile | None, BoundModel | None, list[Diagnostic]]:
+    ) -> tuple[Pieces | PropertiesInput | None, BoundModel | None, list[Diagnostic]]:
         """The tree and the bound model, as far as there are any, and the faults."""
         try:
             if self.language == "prism":
                 pieces = parse_pieces(self.text, self.name)
                 bound, faults = self._bound(pieces.program)
                 return pieces, bound, [pieces.placed(d) for d in faults]
-            file = parse_properties(self.text, self.name)
-            return file, None, self._faults_of_properties(file)
+            given = parse_properties_in_part(self.text, self.name)
+            faults = [*given.diagnostics, *self._faults_of_properties(given.parsed)]
+            return given, None, [*dict.fromkeys(faults)]  # who uses what is faulty has its fault
         except InputError as error:
             return None, None, list(error.diagnostics)
         except SymcheckError as error:
@@ -157,9 +162,20 @@ class Document:
 
     @property
     def program(self) -> Program | PropertiesFile | None:
-        """The syntax tree; None of a faulty text."""
-        tree = self._analysis[0]
-        return tree.program if isinstance(tree, Pieces) else tree
+        """The syntax tree, without properties that are faulty; None of a faulty model."""
+        match self._analysis[0]:
+            case Pieces(program=program):
+                return program
+            case PropertiesInput() as given:
+                return given.parsed
+            case None:
+                return None
+
+    @property
+    def unparsed(self) -> list[UnparsedProperty]:
+        """The properties that do not follow the grammar."""
+        given = self._analysis[0]
+        return [*given.unparsed.values()] if isinstance(given, PropertiesInput) else []
 
     # ---------------------------------------------------------------------------------------- names
 
@@ -354,10 +370,19 @@ class Document:
     # -------------------------------------------------------------------------------------- outline
 
     def outline(self) -> list[tuple[Symbol, list[Symbol]]]:
-        """The declarations in the order of the text; those of a module within it."""
+        """The declarations and properties in the order of the text; those of a module within it.
+
+        The name of a property without one is its text.
+        """
         inner: dict[str, list[Symbol]] = {}
         outer: list[Symbol] = []
-        for symbol in self.names.symbols:
+        named = {symbol.first for symbol in self.names.symbols}
+        unnamed = [
+            Symbol(Kind.PROPERTY, " ".join(text.split()), start, end, start, end)
+            for start, end, text in self.properties()
+            if start not in named
+        ]
+        for symbol in sorted([*self.names.symbols, *unnamed], key=lambda s: s.first):
             if symbol.kind is Kind.ACTION:
                 continue
             if symbol.within is not None and symbol.kind is not Kind.MODULE:
@@ -392,7 +417,7 @@ class Document:
         return COLOURS[occurrence.kinds[0]]
 
     def properties(self) -> list[tuple[int, int, str]]:
-        """Where the properties of a file stand, and their texts."""
+        """Where the properties of a file stand that follow the grammar, and their texts."""
         if not isinstance(self.program, PropertiesFile):
             return []
         spans = [p.span for p in self.program.properties]

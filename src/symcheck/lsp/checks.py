@@ -65,7 +65,8 @@ async def explore(text: str) -> Exploration:
 
 
 async def check(model: str, properties: str, number: int, constants: str = "") -> Verdict:
-    """Check property `number`, counted from 0, of a properties text, in another process.
+    """Check property `number`, counted from 0, of those of a text that follow the grammar, in
+    another process.
 
     constants: values such as "N=3,p=0.5" of constants that texts leave open; this property may need
         some of them.
@@ -113,6 +114,7 @@ def _checked(model: str, properties: str, number: int, constants: str) -> Verdic
     import symcheck
     from symcheck.constant_values import constant_values
     from symcheck.semantics.binding.bind import needed_constants, split_constants
+    from symcheck.syntax.properties_in_part import parse_properties_in_part
 
     try:
         given = constant_values(constants)
@@ -120,7 +122,7 @@ def _checked(model: str, properties: str, number: int, constants: str) -> Verdic
         return Verdict(f"{SETTING}: {error.message.removeprefix('constants: ')}")
     try:
         loaded = symcheck.loads(model, time_limit=CHECK_SECONDS)
-        file = symcheck.parse_properties(properties)
+        file = parse_properties_in_part(properties).parsed
         needed = needed_constants(loaded.program, file)[number]
         if missing := [name for name in needed if name not in given]:
             values = ",".join(f"{name}=…" for name in missing)

@@ -70,10 +70,17 @@ def _word_left_out(d: Diagnostic, found: re.Match[str]) -> Iterator[Fix]:
         yield _changed(d.span, "", len(before) - len(word), d.span.start)
 
 
-def _number_bounded(d: Diagnostic, found: re.Match[str]) -> Iterator[Fix]:
-    """A bound on time has no sign: `F 5 a`."""
-    if d.span.text == found[2]:
+def _operator_bounded(d: Diagnostic, found: re.Match[str]) -> Iterator[Fix]:
+    """A bound on time has no sign, `F 5 a`, or stands before the operator, `a <=5 U b`."""
+    if d.span.text == found[3]:
         yield _inserted("<=", d.span.start)
+    elif d.span.text.endswith(found[2]):
+        yield _changed(d.span, found[1])
+
+
+def _multiplied(d: Diagnostic, found: re.Match[str]) -> Iterator[Fix]:
+    """A product has no sign: `2x`."""
+    yield _inserted("*", d.span.start + len(found[1]))
 
 
 def _unquoted(d: Diagnostic, found: re.Match[str]) -> Iterator[Fix]:
@@ -173,13 +180,14 @@ _FIXES: tuple[tuple[str, Callable[[Diagnostic, re.Match[str]], Iterator[Fix]]], 
     (r"a value is asked for by (=)\?", _equals),
     (r"write (end\w+), one word", _joined),
     (r"write a( )plain space", _replaced),
-    (r"write nothing|leave out the (?:semicolon|'=').*|leave it out, or .*", _left_out),
+    (r"write nothing|leave out the (?:semicolon|'[:=]+').*|leave it out, or .*", _left_out),
     (r"leave out (\w+|the comma)(?::.*)?", _word_left_out),
     (r"write (\S+) in place of \S+", _replaced),
     (r"write (\(\w+'=[^…]*\))", _replaced),
     (r"write init (\S+)", _replaced),
-    (r"write ([CFG])<=(\w+)", _number_bounded),
+    (r"write (([CFGXUWR])(?:<=?|>=?)(\w+))", _operator_bounded),
     (r"write ([FGX] [FGX])", _replaced),
+    (r"write ([\d.eE+-]+)\*(?:\w+|\(…\))", _multiplied),
     (r"write \[low(\.\.)high\]", _replaced),
     (r"write (\w+(?:<|<=|=|>=|>)\w+)", _unquoted),
     (r".*or write \[\] in place of <>", _unmarked),

@@ -277,8 +277,8 @@ class Property(Node):
 class PropertiesFile(Node):
     """A whole properties text, in its order.
 
-    faulty: names of constants and formulas, and of labels in quotes, whose definitions do not
-        follow the grammar, and their faults, which have been told.
+    faulty: names of constants and formulas, and of labels and properties in quotes, whose
+        definitions do not follow the grammar, and their faults, which have been told.
     """
 
     constants: tuple[Constant, ...] = ()

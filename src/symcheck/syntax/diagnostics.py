@@ -9,7 +9,7 @@ from symcheck.errors import Diagnostic, Source, Span
 from symcheck.syntax.ast import LETTERS, MEASURE_WORDS
 from symcheck.syntax.grammars import Language
 from symcheck.syntax.hints import meant
-from symcheck.syntax.model_hints import COMMAND, VARIABLE
+from symcheck.syntax.model_hints import COMMAND, VARIABLE, initial_value
 from symcheck.syntax.operators import Operator, function_hint
 from symcheck.syntax.recovery import FOREIGN, RESERVED, Fault
 from symcheck.syntax.words import Word
@@ -337,9 +337,6 @@ def _other_model(fault: Fault, source: Source, expected: set[str]) -> Diagnostic
             "model-type",
             "of an MDP, <<*>> is some strategy and <<>> are all strategies",
         )
-    if word in ("max", "min") and fault.last.startswith("<<"):
-        message = "equilibria of several coalitions are not supported"
-        return Diagnostic(message, span, "model-type", "<<1,2>> Pmax=? [ … ] is one coalition")
     if (quantified := _quantified(fault)) is not None:
         return Diagnostic(
             "hyperproperties (HyperPCTL) quantify strategies and states, and are not supported",
@@ -473,7 +470,9 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
         if text.startswith(":=?", at):
             return wrong("':=' begins no bound", "a value is asked for by =?", 2, at)
         if {"INIT", "SEMICOLON"} <= expected:
-            return wrong("':=' gives no value", "the initial value is written init 0", 2, at)
+            return wrong("':=' gives no value", initial_value(fault), 2, at)
+        if fault.last == "init":
+            return wrong("':=' gives no value", "leave out the ':='", 2, at)
         return wrong("':=' is no assignment", "an update is written (x'=…), a definition =", 2, at)
     if around in ("[]", "<>") and fault.last_but_one not in _PATH_OPERATORS:
         pass  # empty brackets of another kind
@@ -492,6 +491,20 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
         if word in _FOREIGN_PATHS and _inside_path(fault.before):
             hint = f"write {_FOREIGN_PATHS[word]}"
             return wrong(f"'{word}' is no operator of paths", hint, len(word), at)
+    if glued and "TIMES" in expected and fault.before[-1].type in ("INTEGER", "REAL"):
+        name = fault.token.value
+        is_name = fault.token.type == "NAME" and name != "mod" and fault.last != "0"
+        if is_name or (name == "(" and fault.mended is None):
+            factor = name if is_name else "(…)"
+            at, hint = fault.previous - len(fault.last), f"write {fault.last}*{factor}"
+            length = len(fault.last) + len(name)
+            return wrong(f"'*' is missing before '{name}'", hint, length, at)
+    if fault.token.type in _BOUNDS and "NEXT" in expected and len(fault.after) > 1:
+        bound, operator = fault.after[:2]
+        if operator.value in ("F", "G", "X"):
+            hint = f"write {operator.value}{fault.token.value}{bound.value}"
+            length = operator.end_pos - start
+            return wrong("a bound stands behind its operator", hint, length)
     if _inside_path(fault.before) and fault.last.isdigit() and "RSQB" in expected:
         words = [str(word.value) for word in fault.before[-2:]]
         if words[0] in ("F", "G", "U", "W"):

@@ -11,7 +11,7 @@ from symcheck.syntax.ast import TYPE_WORDS
 from symcheck.syntax.recovery import FOREIGN, RESERVED, Fault
 from symcheck.syntax.words import Word
 
-__all__ = ["COMMAND", "VARIABLE", "meant_in_model"]
+__all__ = ["COMMAND", "VARIABLE", "initial_value", "meant_in_model"]
 
 VARIABLE = "a variable is declared as name : [low..high] or name : bool"
 COMMAND = "a command is [action] guard -> updates;"
@@ -116,9 +116,11 @@ def _in_variable(at: _Place) -> str | None:
     if last == "int" and found == "[" and ";" in signs:
         return VARIABLE
     if found in ("=", ":") and {";", "init"} <= signs:
-        return "the initial value is written init 0"
-    if last == "init" and found in ("=", ":", ";") and before[-3:-2] != [";"]:
-        return "the initial value is written init 0"
+        return initial_value(fault)
+    if last == "init" and found in ("=", ":") and before[-3:-2] != [";"]:
+        return f"leave out the '{found}'"
+    if last == "init" and found == ";" and before[-3:-2] != [";"]:
+        return "a value stands behind init: init 0"
     if signs == {":"} and _values(fault.after[:1]) == [":"]:
         if last in ("var", "let", "variable", "local", "private"):
             return f"leave out {last}: {found} : [low..high];"
@@ -251,6 +253,12 @@ def _definition(at: _Place) -> str | None:
     if following[:1] == [":"]:
         return "a variable stands in a module, or behind the word global"
     return None
+
+
+def initial_value(fault: Fault) -> str:
+    """A hint at the word init before an initial value, which is the end of the statement."""
+    value = "".join(word for word in _values(fault.after) if word not in (";", "="))
+    return f"the initial value is written init {value if len(value) < _LONGEST else 0}"
 
 
 def _has_choices(source: Source) -> bool:

@@ -1,7 +1,7 @@
 """Parses models, properties and expressions.
 
-Lark reads the text and calls a builder, which makes the tree. A text is read once, whether it has
-faults or not.
+The parser reads the text and calls a builder, which makes the tree. A text is read once, whether it
+has faults or not.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ __all__ = [
     "parse_model_file",
     "parse_properties",
     "parse_properties_file",
+    "text_of_file",
 ]
 
 _EXPLICIT_FILES = (".all", ".tra", ".sta", ".lab", ".srew", ".trew", ".umb", ".drn")
@@ -139,7 +140,7 @@ def parse_model_file(path: str | Path) -> Program:
         raise UsageError(f"{path} lists states or transitions", hint=hint)
     if is_jani(path):
         return parse_jani_file(path).program
-    return parse_model(_read(path), str(path))
+    return parse_model(text_of_file(path), str(path))
 
 
 def parse_properties_file(path: str | Path) -> PropertiesFile:
@@ -155,7 +156,7 @@ def parse_properties_file(path: str | Path) -> PropertiesFile:
         for fault in parsed.faults.values():
             raise fault
         return parsed.properties
-    return parse_properties(_read(path), str(path))
+    return parse_properties(text_of_file(path), str(path))
 
 
 def is_jani(path: str | Path) -> bool:
@@ -173,10 +174,11 @@ def parse_jani_file(path: str | Path) -> JaniFile:
     """
     from symcheck.syntax.jani.read import read_jani
 
-    return read_jani(_read(path), str(path))
+    return read_jani(text_of_file(path), str(path))
 
 
-def _read(path: str | Path) -> str:
+def text_of_file(path: str | Path) -> str:
+    """The text of a file. Raises UsageError if it is unreadable, or no text."""
     data = read_whole(path)
     if b"\0" in data[:1000]:
         hint = "-import… reads models of other tools; see symcheck --help"

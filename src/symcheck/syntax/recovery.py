@@ -1,9 +1,9 @@
 """Reads a text once, and finds several faults of one that does not follow the grammar.
 
-Lark's interactive parser reads the text word by word, and its state at the last complete part of
-the text is kept. After a fault, reading goes on in one of three ways: a missing word is put in; a
-repeated sign is left out; or the words up to the next semicolon or keyword are left out, and the
-parser returns to that state.
+The parser reads the text word by word, and its state at the last complete part of the text is kept.
+After a fault, reading goes on in one of three ways: a missing word is put in; a repeated sign is
+left out; or the words up to the next semicolon or keyword are left out, and the parser returns to
+that state.
 
 Source: panic mode, Aho, Lam, Sethi and Ullman, Compilers (2007), 4.8.3.
 """
@@ -12,19 +12,14 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from copy import copy
+from collections.abc import Iterator, Sequence
 from itertools import accumulate, chain, islice
-from typing import TYPE_CHECKING, Any, cast
-
-from lark import UnexpectedToken
+from typing import Any
 
 from symcheck.lazy_dataclass import dataclass
 from symcheck.syntax.grammars import Language
+from symcheck.syntax.lalr import END, Parser
 from symcheck.syntax.words import Word
-
-if TYPE_CHECKING:
-    from lark.parsers.lalr_interactive_parser import InteractiveParser
 
 __all__ = ["FOREIGN", "RESERVED", "Fault", "Place", "place_at_end", "read_text"]
 
@@ -34,7 +29,6 @@ FOREIGN = "FOREIGN"
 RESERVED = "RESERVED"
 """The terminal of a word that is reserved, but has no place in this kind of text."""
 
-_END = "$END"
 _SEMICOLON = "SEMICOLON"
 _MOST_FAULTS = 20
 _MISSING = (
@@ -145,7 +139,7 @@ class _Words:
     """The words of a text with a view ahead. The last one is empty: the end of the text."""
 
     def __init__(self, language: Language, text: str) -> None:
-        end = Word(_END, "", len(text), len(text))
+        end = Word(END, "", len(text), len(text))
         self._rest: Iterator[Word] = chain(language.lexer.words(text), (end,))
         self._ahead: deque[Word] = deque()
 
@@ -182,10 +176,10 @@ class _Reading:
         self.value: Any = None
         self._text = text
         self._words = _Words(language, text)
-        self._parser = language.parser.parse_interactive(start=start)
+        self._parser = language.parser(start)
         self._resumes = start != "state"
         # The parser at the last complete part of the text and at the last one outside of blocks.
-        self._part = self._outside = _copied(self._parser)
+        self._part = self._outside = self._parser.copy()
         self._in_block = False
         # The words since the last semicolon, and the parser before those from a position on.
         self._before: list[Word] = []
@@ -202,17 +196,15 @@ class _Reading:
 
     def _read(self) -> Word | None:
         """Read up to a word that does not fit, and return it; None if the text is complete."""
-        next_word, feed = self._words.next, _feeding(self._parser)
+        next_word, feed = self._words.next, self._parser.feed
         before, is_name = self._before, False
         while True:
             token = next_word()
             kind = token.type
-            try:
-                value = feed(token, kind == _END)
-            except UnexpectedToken:
+            if not feed(token):
                 return token
-            if kind == _END:
-                self.value = value
+            if kind == END:
+                self.value = self._parser.values[-1]
                 return None
             before.append(token)
             if kind in _LANDMARKS or is_name or len(before) - self._anchored >= _MOST_WORDS_AROUND:
@@ -236,7 +228,7 @@ class _Reading:
             self._in_block = True
         elif kind in _BLOCKS.values():
             self._in_block = False
-        self._anchor, self._anchored = _copied(self._parser), len(self._before)
+        self._anchor, self._anchored = self._parser.copy(), len(self._before)
         if (
             kind in _ENDS
             or kind == "REWARDS"
@@ -247,26 +239,25 @@ class _Reading:
                 self._outside = self._part
 
     def _fault(self, token: Word) -> Fault:
-        expected = _accepted(self._parser_before_fault())
+        expected = self._parser_before_fault().accepted()
         after = self._words.statement()
         missing = self._missing((token, *after[:1]), expected)
         if missing == "RSQB" and _closes((token, *after)):
             missing = None  # it comes later
         enclosed = False
-        if missing == "ENDMODULE" and token.type not in (_END, "MODULE"):
+        if missing == "ENDMODULE" and token.type not in (END, "MODULE"):
             end = re.search(r"\b(end)?module\b", self._text[token.end_pos :])
             enclosed = end is not None and end[1] is not None
         return Fault(token, tuple(self._before), after, expected, missing, enclosed)
 
-    def _parser_before_fault(self) -> InteractiveParser:
+    def _parser_before_fault(self) -> Parser:
         """The parser behind the last words.
 
-        Lark has reduced symbols before it refused a word, which hides some of the expected ones.
+        Rules were applied before a word was refused, which hides some of the expected ones.
         """
-        parser = _without_values(self._anchor)
-        feed = _feeding(parser)
+        parser = self._anchor.copy(with_values=False)
         for word in self._before[self._anchored :]:
-            feed(word, word.type == _END)
+            parser.feed(word)
         return parser
 
     def _missing(self, following: tuple[Word, ...], expected: frozenset[str]) -> str | None:
@@ -283,13 +274,8 @@ class _Reading:
 
     def _fits(self, words: tuple[Word, ...]) -> bool:
         """Whether these words can come next."""
-        feed = _feeding(_without_values(self._parser))
-        try:
-            for word in words:
-                feed(word, word.type == _END)
-        except UnexpectedToken:
-            return False
-        return True
+        parser = self._parser.copy(with_values=False)
+        return all(parser.feed(word) for word in words)
 
     def _mend(self, fault: Fault) -> bool:
         """Change the words ahead or the state so that reading can go on. Returns whether it can."""
@@ -313,35 +299,35 @@ class _Reading:
             and self._fits(fault.after[:1])
         )
 
-    def _skip(self, token: Word, parsers: tuple[InteractiveParser, ...]) -> bool:
+    def _skip(self, token: Word, parsers: tuple[Parser, ...]) -> bool:
         """Leave out the rest of this part of the text. Returns whether another part follows, which
         is read by one of these parsers.
         """
         if not self._resumes:
             return False
-        states = [(parser, _accepted(parser)) for parser in parsers]
+        states = [(parser, parser.accepted()) for parser in parsers]
         while True:
             follower = self._words.peek()
             if token.type == _SEMICOLON and follower and self._resume(states, follower):
                 self._pass(token)
                 return True
             if (
-                token.type == _END or (token.type in _BEGINNINGS and self._is_first(token))
+                token.type == END or (token.type in _BEGINNINGS and self._is_first(token))
             ) and self._resume(states, token):
                 self._words.put_back(token)
                 return True
-            if token.type == _END:
+            if token.type == END:
                 return False
             self._pass(token)
             token = self._words.next()
 
-    def _resume(self, states: list[tuple[InteractiveParser, frozenset[str]]], token: Word) -> bool:
+    def _resume(self, states: list[tuple[Parser, frozenset[str]]], token: Word) -> bool:
         """Go back to the first of these states in which the word can come next, if there is one."""
         for parser, accepted in states:
             if token.type in accepted:
                 self._part = self._anchor = parser
                 self._anchored = len(self._before)
-                self._parser = _copied(parser)
+                self._parser = parser.copy()
                 self._in_block = self._in_block and parser is not self._outside
                 return True
         return False
@@ -357,19 +343,19 @@ class _Placing(_Reading):
 
     def __init__(self, language: Language, start: str, text: str) -> None:
         super().__init__(language, start, text)
-        self._parser = _without_values(self._parser)
-        self._part = self._outside = self._anchor = _copied(self._parser)
+        self._parser = self._parser.copy(with_values=False)
+        self._part = self._outside = self._anchor = self._parser.copy()
 
     def place(self) -> Place:
-        while (token := self._read()) is not None and token.type != _END:
+        while (token := self._read()) is not None and token.type != END:
             fault = self._fault(token)
             if _SEMICOLON in (word.type for word in (token, *fault.after)):
                 self._mend(fault)
             else:
                 self._mend_last(fault)
         parser = self._parser_before_fault()
-        words = (value for value in parser.parser_state.value_stack if isinstance(value, Word))
-        return Place(_accepted(parser), tuple(words))
+        words = (value for value in parser.values if isinstance(value, Word))
+        return Place(parser.accepted(), tuple(words))
 
     def _mend_last(self, fault: Fault) -> None:
         """Mend a fault of the last statement, of which no word is skipped that may be needed."""
@@ -378,9 +364,9 @@ class _Placing(_Reading):
             self._words.put_back(fault.token)
             self._words.put_back(self._inserted(kind))
 
-    def _resume(self, states: list[tuple[InteractiveParser, frozenset[str]]], token: Word) -> bool:
-        if token.type == _END:
-            states = [(self._part, frozenset({_END}))]
+    def _resume(self, states: list[tuple[Parser, frozenset[str]]], token: Word) -> bool:
+        if token.type == END:
+            states = [(self._part, frozenset({END}))]
         return super()._resume(states, token)
 
 
@@ -388,28 +374,3 @@ def _closes(words: Sequence[Word]) -> bool:
     """Whether these words have a closing square bracket that none of them opens."""
     changes = ((word.type == "LSQB") - (word.type == "RSQB") for word in words)
     return any(still_open < 0 for still_open in accumulate(changes))
-
-
-def _feeding(parser: InteractiveParser) -> Callable[[Word, bool], Any]:
-    """What gives a parser its next word, and tells whether that is the end."""
-    feed: Callable[[Any, bool], Any] = parser.parser_state.feed_token
-    return feed
-
-
-def _copied(parser: InteractiveParser) -> InteractiveParser:
-    """A parser in the same state. Both share the values, which a text with faults does not need."""
-    copied = parser.copy(deepcopy_values=False)  # type: ignore[no-untyped-call]
-    return cast("InteractiveParser", copied)
-
-
-def _without_values(parser: InteractiveParser) -> InteractiveParser:
-    """A parser in the same state that calls no builder: it only tells which words fit."""
-    copied = _copied(parser)
-    copied.parser_state.parse_conf = copy(copied.parser_state.parse_conf)
-    copied.parser_state.parse_conf.callbacks = {}
-    return copied
-
-
-def _accepted(parser: InteractiveParser) -> frozenset[str]:
-    """The terminals that can come next."""
-    return frozenset(parser.accepts())  # type: ignore[no-untyped-call]

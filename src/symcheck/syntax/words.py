@@ -7,19 +7,19 @@ and counts lines. Here one regular expression finds a word, and a table tells a 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 
-from lark.lexer import PatternStr, TerminalDef
+from symcheck.lazy_dataclass import dataclass
 
-__all__ = ["Lexer", "Word"]
+__all__ = ["IDENTIFIERS", "SIGNS", "Lexer", "Word"]
 
-_IDENTIFIERS, _SIGNS = "NAME", "SIGN"
+IDENTIFIERS, SIGNS = "NAME", "SIGN"
+"""The groups of a word that may be a keyword, and of a sign."""
 
 
 @dataclass(slots=True)
 class Word:
-    """A word of a text, as Lark's parser takes it. It is not frozen: that takes thrice the time.
+    """A word of a text. It is not frozen: that takes thrice the time.
 
     Attributes:
         type: its terminal in the grammar, such as 'NAME'.
@@ -34,32 +34,15 @@ class Word:
 
 
 class Lexer:
-    """The terminals of a grammar as one regular expression.
-
-    The words are those of Lark's basic lexer: the terminals with the highest priority come first,
-    and a terminal with one spelling wins over `NAME`.
+    """What finds the words of a text.
 
     Args:
-        terminals: those of the grammar.
-        ignored: the name of the one that stands between words.
+        word: the regular expression of a word, with a group for each terminal of several spellings.
+        keywords, signs: the terminals of words with one spelling.
     """
 
-    def __init__(self, terminals: Iterable[TerminalDef], ignored: str) -> None:
-        order = sorted(terminals, key=lambda t: (-t.priority, -t.pattern.max_width, t.name))
-        patterns = {t.name: t.pattern.to_regexp() for t in order}
-        identifier = re.compile(patterns[_IDENTIFIERS])
-        fixed = {t.pattern.value: t.name for t in order if isinstance(t.pattern, PatternStr)}
-        self._keywords = {w: kind for w, kind in fixed.items() if identifier.fullmatch(w)}
-        self._signs = {w: kind for w, kind in fixed.items() if w not in self._keywords}
-        first = [t.name for t in order if t.name not in fixed.values() and t.priority >= 0]
-        last = [t.name for t in order if t.name not in fixed.values() and t.priority < 0]
-        signs = "|".join(map(re.escape, sorted(self._signs, key=len, reverse=True)))
-        groups = [
-            *(f"(?P<{name}>{patterns[name]})" for name in first if name != ignored),
-            f"(?P<{_SIGNS}>{signs})",
-            *(f"(?P<{name}>{patterns[name]})" for name in last),
-        ]
-        self._word = re.compile(rf"(?:{patterns[ignored]})?(?:{'|'.join(groups)}|\Z)")
+    def __init__(self, word: str, keywords: Mapping[str, str], signs: Mapping[str, str]) -> None:
+        self._word, self._keywords, self._signs = re.compile(word), keywords, signs
 
     def words(self, text: str) -> Iterator[Word]:
         """The words of a text. Every character belongs to one, or to the space between."""
@@ -70,8 +53,8 @@ class Lexer:
                 return
             start, end = match.span(kind)
             value = text[start:end]
-            if kind == _SIGNS:
+            if kind == SIGNS:
                 kind = signs[value]
-            elif kind == _IDENTIFIERS:
+            elif kind == IDENTIFIERS:
                 kind = keywords.get(value, kind)
             yield Word(kind, value, start, end)
