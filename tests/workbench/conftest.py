@@ -58,17 +58,22 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def address(folder: Path) -> Iterator[str]:
-    """The address that a workbench prints."""
+def process(folder: Path) -> Iterator[subprocess.Popen[str]]:
+    """A workbench."""
     words = ["workbench", "walk.nm", "walk.props", "--no-browser"]
     process = subprocess.Popen(
         [sys.executable, "-m", "symcheck", *words], cwd=folder, stdout=subprocess.PIPE, text=True
     )
-    assert process.stdout is not None
-    yield process.stdout.readline().split()[-1]
+    yield process
     process.terminate()
-    process.wait(60)
-    process.stdout.close()
+    process.communicate(timeout=60)
+
+
+@pytest.fixture
+def address(process: subprocess.Popen[str]) -> str:
+    """The address that a workbench prints."""
+    assert process.stdout is not None
+    return process.stdout.readline().split()[-1]
 
 
 def put(file: Path, text: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import subprocess
 import time
 from pathlib import Path
 from typing import Any
@@ -82,6 +83,19 @@ def test_a_check_is_cancelled_while_text_is_typed(bench: Workbench) -> None:
     bench.until(lambda: "40,000" in bench.at("facts").text)
 
 
+def test_a_check_that_fails_after_the_text_has_changed_is_told(
+    bench: Workbench, process: subprocess.Popen[str]
+) -> None:
+    bench.choose("model-file", "grid.pm")
+    bench.until(lambda: bench.at("properties-tab").text == "grid.props")
+    bench.until(lambda: "10,000 reachable" in bench.at("state").text)
+    bench.press("Check")
+    bench.until(lambda: "iteration" in bench.all("#progress output")[0].text)
+    bench.type_at_end("// a note")
+    subprocess.run(["pkill", "-KILL", "-P", str(process.pid)], check=True)
+    bench.until(lambda: "the process of this job was ended" in bench.at("trouble").text)
+
+
 def test_the_properties_of_a_model_are_opened_with_it(bench: Workbench) -> None:
     bench.choose("model-file", "grid.pm")
     bench.until(lambda: bench.at("properties-tab").text == "grid.props")
@@ -99,6 +113,18 @@ def test_what_is_missing_and_what_is_wrong_stands_where_it_is_asked(bench: Workb
     bench.until(lambda: "did you mean x?" in bench.at("trouble").text)
     bench.press("✕")
     bench.until(lambda: not bench.at("trouble").is_displayed())
+
+
+def test_a_faulty_model_is_not_asked_for_the_constants_of_the_one_before(
+    bench: Workbench, folder: Path
+) -> None:
+    put(folder / "faulty.nm", "hello")
+    bench.until(lambda: "faulty.nm" in bench.at("model-file").get_property("textContent"))
+    bench.choose("model-file", "faulty.nm")
+    bench.until(lambda: "unexpected" in bench.at("state").text)
+    assert not bench.all("#constants input")
+    bench.click("check-all")
+    bench.until(lambda: "unexpected" in bench.all("#list .bad")[0].text)
 
 
 def test_a_neighbourhood_of_10_000_states_is_drawn(bench: Workbench) -> None:

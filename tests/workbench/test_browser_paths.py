@@ -34,6 +34,10 @@ module coin
   [] side=0 -> p : (side'=1) + 1-p : (side'=2);
 endmodule
 """
+HEADS = """const int k;
+const int s;
+P=? [ F<=k side+s>2 ];
+"""
 STEPS = """const int T;
 "least": Pmin=? [ F "done" ];
 "soon": Pmax=? [ F<=T "done" ];
@@ -319,6 +323,45 @@ def test_a_value_has_the_same_digits_beside_its_strategy(bench: Workbench, given
     value = bench.until(lambda: len(bench.values) == 2 and bench.values)[0]
     bench.press("Strategy")
     assert bench.until_drawn(lambda: bench.at("note").text).startswith(f"{value} (")
+
+
+def test_a_strategy_is_saved_as_files_of_the_text_that_it_was_found_in(
+    bench: Workbench, given: Any
+) -> None:
+    given(N="2")
+    bench.click("check-all")
+    bench.press("Strategy")
+    bench.until(lambda: bench.at("graph-text").is_displayed())
+    bench.type_at_end("// a note")
+    for kind in ("Actions", "Indices", "Induced chain", "DOT"):
+        bench.press(kind)
+    assert b"(0,false)=risk\n" in bench.downloaded("walk_strategy_actions.txt")
+    assert b"0=1\n" in bench.downloaded("walk_strategy_indices.txt")
+    for ending in ("tra", "sta", "lab"):
+        assert bench.downloaded(f"walk_strategy_induced.{ending}")
+    assert bench.downloaded("walk_strategy_dot.dot").startswith(b"digraph")
+    bench.press("Draw the model")
+    bench.until(lambda: not bench.at("strategy-files").is_displayed())
+
+
+def test_more_than_ten_series_differ_by_dots_and_dashes_too(bench: Workbench, folder: Path) -> None:
+    opened(bench, folder, COIN.replace("const double p", "const double p = 0.5"), HEADS)
+    bench.at("experiment-tab").click()
+    for name, values in {"k": "0:2", "s": "0:11"}.items():
+        bench.fill(f"#ranges input[name={name}]", values)
+    bench.click("experiment-run")
+
+    def lines() -> list[Any]:
+        return [
+            [line.value_of_css_property(p) for p in ("stroke", "stroke-dasharray")]
+            for line in bench.all("#experiment-chart [aria-label=line] path")
+        ]
+
+    bench.until(lambda: len(lines()) == 12)
+    assert len(set(map(tuple, lines()))) == 12
+    names = [e.text for e in bench.all("#experiment-chart svg > text")]
+    assert names.count("●") == 10
+    assert names.count("▲") == 2
 
 
 # ---------------------------------------------------------------------------------------- options

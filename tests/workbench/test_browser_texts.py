@@ -104,9 +104,23 @@ def test_control_and_enter_in_the_model_checks_everything(bench: Workbench) -> N
     bench.until(lambda: len(bench.values) == 2)
 
 
-def test_properties_of_an_earlier_text_are_not_checked(bench: Workbench) -> None:
+def test_a_faulty_property_shows_its_fault_beside_the_values_of_the_others(
+    bench: Workbench,
+) -> None:
     given(bench, "4")
-    write(bench, "properties", PROPERTIES + "P>0 [ F x= ];")
+    write(bench, "properties", "P>0 [ F x= ];\n" + PROPERTIES)
+    bench.until(lambda: len(bench.all("#list li pre.bad")) == 1)
+    assert "unexpected ']'" in bench.all("#list li:first-child pre.bad")[0].text
+    assert bench.all("#list li:first-child button:not(.link)") == []
+    press(bench, Keys.F5)
+    bench.until(lambda: len(bench.values) == 2)
+    assert not bench.at("trouble").is_displayed()
+
+
+def test_properties_of_an_earlier_text_are_not_checked(bench: Workbench) -> None:
+    """A text that is a model is none of properties."""
+    given(bench, "4")
+    write(bench, "properties", MODEL)
     bench.until(lambda: "properties:" in bench.at("state").text)
     bench.until(lambda: not any(b.is_enabled() for b in bench.all("#list button:not(.link)")))
     press(bench, Keys.F5)

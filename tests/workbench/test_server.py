@@ -154,6 +154,26 @@ def test_a_drawn_page_reaches_nothing(user: Client) -> None:
     assert policy.startswith("sandbox allow-scripts; default-src 'none'")
 
 
+GAME = """smg
+player one m endplayer
+module m x : [0..2] init 0; [] x<2 -> (x'=x+1); [] x=2 -> true; endmodule
+"""
+
+
+def test_states_of_a_model_that_has_no_page_are_drawn(user: Client) -> None:
+    job = {"model": GAME, "properties": "", "constants": {}, "states": 10, "room": [500, 400]}
+    html = user.get(run(user, "draw", do="page", **job)[-1]["result"]["page"]).text
+    assert "pages are not available for stochastic games" in html
+    assert all(f"x={x}" in html for x in range(3))
+
+
+@pytest.mark.parametrize("kind", ["nonsense", "actions:type=dot", "../../x"])
+def test_a_strategy_has_files_of_some_kinds_only(user: Client, kind: str) -> None:
+    job = {"property": 'Pmin=? [ F "done" ]', "kind": kind}
+    error = run(user, do="strategy files", **job)[-1]["error"]["message"]
+    assert "actions, indices, induced, dot" in error
+
+
 # ------------------------------------------------------------------------------------------- files
 
 
@@ -392,6 +412,39 @@ def test_faults_of_properties_do_not_concern_the_model(
     assert "result" in run(user, worker, properties="P=? [ F x=", **model, **job)[-1]
     wrong = {**model, "model": WAITING + " faulty"}
     assert "error" in run(user, worker, properties="P=? [ F x=", **wrong, **job)[-1]
+
+
+ONE_FAULTY = PROPERTIES + 'P>0 [ F x= ];\n"most": Pmax=? [ F "done" ];\n'
+
+
+def test_a_faulty_property_has_its_fault_and_the_others_have_values(user: Client) -> None:
+    listed = ask(user, "analysis", **{**TEXTS, "properties": ONE_FAULTY})["list"]
+    assert [p["name"] or p["text"] for p in listed] == [
+        *("least", 'P>=0.9 [ F "done" ]', "P>0 [ F x= ]", "most"),
+    ]
+    assert [ONE_FAULTY[p["at"] :].split()[0] for p in listed] == [
+        '"least":',
+        "P>=0.9",
+        "P>0",
+        '"most":',
+    ]
+    faults = [p.get("fault", "") for p in listed]
+    assert [bool(fault) for fault in faults] == [False, False, True, False]
+    assert faults[2].startswith("walk.props:3:12: error[syntax]: unexpected ']'")
+    asked = {"do": "check", "properties": ONE_FAULTY, "property": listed[3]["text"]}
+    assert run(user, **asked)[-1]["result"]["value"] == "1.0"
+
+
+def test_an_experiment_leaves_faulty_properties_out(user: Client) -> None:
+    asked = {"do": "experiment", "properties": ONE_FAULTY, "property": None}
+    table = run(user, constants={"N": "3:4"}, **asked)[-1]["result"]["csv"]
+    assert len(table.splitlines()) == 1 + 3 * 2
+
+
+def test_a_jani_file_has_all_properties_or_is_not_written(user: Client) -> None:
+    told = run(user, "draw", do="export", kind="jani", properties=ONE_FAULTY)[-1]["error"]
+    assert told["message"].startswith("walk.props:3:12")
+    assert len(told["faults"]["properties"]) == 1
 
 
 WAITING = "dtmc module m x:[0..3]; [] true -> 0.5 : (x'=0) + 0.5 : (x'=1); endmodule"

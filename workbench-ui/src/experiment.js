@@ -2,6 +2,8 @@
 import { at, csv, make, option } from "./dom.js";
 import { Chart } from "./plot.js";
 
+const LISTED = 500; // rows of the table
+
 /** bench: what the page has: texts, jobs and log. Gives the plot. */
 export function experiments(bench) {
   let series = [], axis = ""; // the constant that was chosen for it
@@ -49,7 +51,7 @@ export function experiments(bench) {
     chart.show(points, x, several ? "value" : rows[0]?.property ?? "", series.length === 1 ? series[0].csv : csv([head, ...rows.map((r) => [r.property, ...names.map((n) => r.constants[n] ?? ""), r.text, r.accuracy])]));
     at("experiment-notes").replaceChildren(...notes(rows, x, names));
     at("experiment-table").replaceChildren(make("tr", {}, ...head.map((h) => make("th", { class: h === "property" || h === "accuracy" ? "left" : "" }, h))),
-      ...rows.slice(-500).map((r) => make("tr", {}, make("td", { class: "left" }, r.property), ...names.map((n) => make("td", {}, r.constants[n] ?? "")), make("td", {}, r.text), make("td", { class: "left" }, r.accuracy))));
+      ...rows.slice(-LISTED).map((r) => make("tr", {}, make("td", { class: "left" }, r.property), ...names.map((n) => make("td", {}, r.constants[n] ?? "")), make("td", {}, r.text), make("td", { class: "left" }, r.accuracy))));
   }
 
   const settings = (r, names) => names.filter((n) => n in r.constants).map((n) => `${n}=${r.constants[n]}`);
@@ -77,12 +79,13 @@ export function experiments(bench) {
       const places = `${where && ` at ${where}`}${more.length ? ` and ${more.length} more` : ""}`;
       found.push(make("li", { class: first.error ? "bad" : "" }, `${first.property}${places}: ${first.error || `${first.text}, which is not drawn`}`));
     }
+    if (rows.length > LISTED) found.push(make("li", {}, `the table has the last ${LISTED} of ${rows.length} results; CSV saves all`));
     return found;
   }
 
   /** What can be chosen: it depends on the properties. */
   function enable() {
-    const all = [["", "all"], ...bench.list.map((p, i) => [i, p.name || p.text])];
+    const all = [["", "all"], ...bench.list.flatMap((p, i) => (p.fault ? [] : [[i, p.name || p.text]]))];
     const before = at("experiment-property").value;
     bench.show(at("experiment-property"), all, () => all.map((one) => option(...one)));
     if (all.some(([i]) => String(i) === before)) at("experiment-property").value = before;

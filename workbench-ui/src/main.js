@@ -102,7 +102,11 @@ async function open(part, name) {
     const { text, version } = name ? await ask("read", { name }) : { text: "", version: "" };
     files[part] = { name, version, saved: text };
     noConflict(part);
-    if (part === "model") at("facts").replaceChildren(), warn([]);
+    if (part === "model") { // what is known is about another one
+      constants = ofModel = [];
+      at("facts").replaceChildren();
+      warn([]);
+    }
     const kept = JSON.parse(localStorage.getItem(draftKey(part)) ?? "null"), draft = kept?.text === text ? null : kept;
     editors[part].open(draft ? draft.text : text);
     if (draft && draft.version !== version) {
@@ -401,7 +405,8 @@ async function next(lane) {
   try {
     found = await run(lane.worker, asked, { told, signal: lane.running.signal });
   } catch (error) {
-    fail(error, what, ["check", "estimate"].includes(asked.do), of);
+    const isListed = ["check", "estimate"].includes(asked.do) && of === JSON.stringify(job()); // beside its property
+    fail(error, what, isListed, of);
     found = { error };
   }
   lane.running = null;
@@ -454,7 +459,12 @@ function showList() {
 /** The item of a property: its text, and its results if it was checked or estimated. */
 function listed(p, number, answers) {
   const name = nameOf(p);
-  const item = make("li", {}, button(p.name ? `"${p.name}": ${p.text}` : p.text, () => { showText("properties"); editors.properties.go(p.at); }, { class: "link mono", title: "Go to the text" }), make("br"),
+  const item = make("li", {}, button(p.name ? `"${p.name}": ${p.text}` : p.text, () => { showText("properties"); editors.properties.go(p.at); }, { class: "link mono", title: "Go to the text" }), make("br"));
+  if (p.fault) { // it does not follow the grammar
+    item.append(make("pre", { class: "of bad" }, p.fault));
+    return item;
+  }
+  item.append(
     button("Check", () => check(number), { "aria-label": `Check ${name}`, title: "Check it (Ctrl+Enter at its text)", disabled: isFaulty }),
     button("Estimate", () => check(number, "estimate"), { "aria-label": `Estimate ${name}`, title: "Estimate it from random paths", disabled: isFaulty }));
   for (const answer of answers) item.append(answered(p, number, answer));
@@ -499,7 +509,7 @@ function showCheck() {
 
 async function checkAll(how) {
   showCheck();
-  (await currentList()).forEach((_, number) => check(number, how));
+  (await currentList()).forEach((p, number) => p.fault || check(number, how));
 }
 
 /** Check the property at the cursor: the last one that begins before it, or in its line. */
@@ -507,7 +517,8 @@ async function checkHere() {
   showCheck();
   const now = await currentList(), { at, from, to } = editors.properties.cursor;
   const number = Math.max(now.findLastIndex((p) => p.at <= at), now.findIndex((p) => from <= p.at && p.at <= to), 0);
-  if (now.length) check(number);
+  if (now[number]?.fault) trouble("check", now[number].fault, JSON.stringify(job()));
+  else if (now.length) check(number);
 }
 
 const sampling = () => Object.fromEntries([...at("sampling").querySelectorAll("input, select")].map((field) => [field.name, field.value.trim()]).filter(([, text]) => text));
@@ -560,20 +571,25 @@ async function build() {
 
 async function explain(what, number) {
   const property = list[number];
+  let given = null;
   const asked = () => {
     const { result, of } = results.get(keyOf(property)) ?? {}; // the same digits as beside the button
     const value = result && of === JSON.stringify(job()) ? `${result.value} (${result.accuracy})` : "";
-    return { do: what, ...job(), property: property.text, value, room: room(400) };
+    return given = { do: what, ...job(), property: property.text, value, room: room(400) };
   };
   const found = await queue("check", asked, `${what === "explain" ? "explaining" : "strategy of"} ${nameOf(property)}`, property.constants);
   if (found.error) return;
   log(found.text);
-  draw(found);
+  draw(found, what === "strategy" ? given : null);
 }
 
 // ----------------------------------------------------------------------------------------- graph
 
-function draw({ text, page }) {
+let strategyOf = null; // the job of the strategy that is shown: its files are of the same texts
+
+function draw({ text, page }, strategy = null) {
+  strategyOf = strategy;
+  at("strategy-files").hidden = !strategy;
   at("graph-text").textContent = text ?? "";
   at("graph-text").hidden = !text;
   showTool("graph");
@@ -584,7 +600,7 @@ function draw({ text, page }) {
 }
 
 async function drawModel() {
-  const found = await queue("draw", () => ({ do: "page", ...job(), states: Math.max(1, whole(at("draw-states").value)) }), "drawing");
+  const found = await queue("draw", () => ({ do: "page", ...job(), states: Math.max(1, whole(at("draw-states").value)), room: room(240) }), "drawing");
   if (!found.error) draw(found);
 }
 
@@ -603,10 +619,20 @@ async function drawNear(around) {
 
 async function exported(kind) {
   const found = await queue("draw", () => ({ do: "export", ...job(), kind }), `export of .${kind}`);
-  if (found.error) return;
+  if (!found.error) saveFiles(found.files, `.${kind}`);
+}
+
+async function strategyFiles(kind) {
+  const asked = { ...strategyOf, do: "strategy files", kind };
+  const found = await enqueue("check", () => asked, `export of the strategy (${kind})`);
+  if (!found.error) saveFiles(found.files, kind);
+}
+
+/** Save files of the model, under its name. */
+function saveFiles(texts, kind) {
   const base = files.model.name.replace(/\.\w+$/, "") || "model";
-  for (const [name, text] of Object.entries(found.files)) save(name.replace(/^model/, base), text);
-  log(`exported ${Object.keys(found.files).length} file(s) of kind .${kind}`);
+  for (const [name, text] of Object.entries(texts)) save(name.replace(/^model/, base), text);
+  log(`exported ${Object.keys(texts).length} file(s) of kind ${kind}`);
 }
 
 function exportResults() {
@@ -634,6 +660,7 @@ const clicks = {
   "export-results": exportResults, "log-clear": () => at("log-lines").replaceChildren(),
 };
 for (const [id, does] of Object.entries(clicks)) at(id).addEventListener("click", does);
+for (const one of at("strategy-files").querySelectorAll("button")) one.addEventListener("click", () => strategyFiles(one.dataset.kind));
 at("around").addEventListener("keydown", (e) => e.key === "Enter" && drawNear(at("around").value));
 addEventListener("keydown", (e) => {
   if (e.key !== "s" || !(e.ctrlKey || e.metaKey) || e.defaultPrevented) return;

@@ -4,6 +4,10 @@ import { button, csv, make, save } from "./dom.js";
 
 const LEFT = 56, LETTER = 6; // pixels: the margin of the axis, and about the width of a letter
 
+// Ten colours; the next ten series have them again, with other dots and dashes.
+const COLOURS = 10, DOTS = ["circle", "triangle", "square", "diamond", "star"], SIGNS = "●▲■◆★", DASHES = ["none", "7 3", "2 3", "8 3 2 3", "14 4"];
+const round = (i) => Math.floor(i / COLOURS) % DOTS.length;
+
 const cut = (text, letters) => (text.length > letters ? `${text.slice(0, letters - 1)}…` : text);
 
 /** A text of the legend. */
@@ -62,13 +66,14 @@ export class Chart {
       style: { background: style.getPropertyValue("--back"), color: style.color, fontFamily: "system-ui, sans-serif" },
       x: { label: this.x, type: numeric ? "linear" : "point", ...(numeric ? ticks(points, this.zoomed?.x) : {}), ...(this.zoomed && numeric ? { domain: this.zoomed.x } : {}) },
       y: { label: this.y, axis: null, ...(this.zoomed ? { domain: this.zoomed.y } : {}) },
-      color: { domain: series, ...(series.length > 10 ? { range: series.map((_, i) => `hsl(${Math.round((360 * i) / series.length)} 65% 50%)`) } : { scheme: "observable10" }) },
+      color: { domain: series, scheme: "observable10" },
+      symbol: { domain: series, range: series.map((_, i) => DOTS[round(i)]) },
       marks: points.length ? [
         Plot.gridY(), Plot.axisY({ label: null }),
         Plot.text([`↑ ${cut(this.y, letters)}`], { frameAnchor: "top-left", textAnchor: "start", dx: 8 - LEFT, dy: -16 }), // below the legend
         Plot.ruleX(bounded, { x: "x", y1: "low", y2: "high", z: null, stroke: "series", strokeOpacity: 0.6, clip: true }),
-        Plot.lineY(points, { x: "x", y: "y", z: "series", stroke: "series", curve: steps ? "step-after" : "linear", clip: true }),
-        Plot.dot(points.length > 300 ? [] : points, { x: "x", y: "y", z: null, fill: "series", r: 2.5, clip: true }),
+        ...DASHES.map((strokeDasharray, i) => Plot.lineY(points.filter((p) => round(series.indexOf(p.series)) === i), { x: "x", y: "y", z: "series", stroke: "series", strokeDasharray, curve: steps ? "step-after" : "linear", clip: true })),
+        Plot.dot(points.length > 300 ? [] : points, { x: "x", y: "y", z: null, fill: "series", r: 2.5, clip: true, ...(series.length > COLOURS ? { symbol: "series" } : {}) }),
         Plot.tip(points, Plot.pointer({ x: "x", y: "y", z: null, stroke: "series", fill: style.getPropertyValue("--back") })),
       ] : [],
     });
@@ -76,7 +81,7 @@ export class Chart {
     names.forEach((name, i) => {
       const colour = this.drawn.scale("color").apply(series[i]);
       const [x, y] = [LEFT + step * Math.floor(i / lines), 12 + 14 * (i % lines)];
-      this.drawn.append(text("●", { x, y, fill: colour }), text(name, { x: x + 12, y, fill: "currentColor" }));
+      this.drawn.append(text(SIGNS[round(i)], { x, y, fill: colour }), text(name, { x: x + 12, y, fill: "currentColor" }));
     });
     this.figure.replaceChildren(this.drawn);
   }

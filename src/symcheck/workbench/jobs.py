@@ -22,7 +22,14 @@ from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result, Statistical, bounds_text, show_value
 from symcheck.check.state_distributions import Distribution
 from symcheck.engines.states import variable_names
-from symcheck.errors import Diagnostic, InputError, SymcheckError, UnsupportedError, UsageError
+from symcheck.errors import (
+    Diagnostic,
+    InputError,
+    SymcheckError,
+    SyntaxFault,
+    UnsupportedError,
+    UsageError,
+)
 from symcheck.experiments.rows import Row, constant_text, error_text
 from symcheck.experiments.run import Progress, experiment
 from symcheck.matrices.numbers import doubles
@@ -40,7 +47,8 @@ from symcheck.simulate.snapshot import snapshot
 from symcheck.simulate.statistics import METHODS, Plan
 from symcheck.simulate.stepper import Simulator
 from symcheck.syntax.declarations import Program, PropertiesFile
-from symcheck.syntax.parse import parse_model, parse_properties
+from symcheck.syntax.parse import parse_model
+from symcheck.syntax.properties_in_part import PropertiesInput, parse_properties_in_part
 from symcheck.view.picture import Picture, Room
 from symcheck.view.states import neighbourhood, paths_graph, strategy_graph
 from symcheck.workbench.language import faults
@@ -75,10 +83,10 @@ class _Session:
         self.reporter = Reporter(lambda _: None)
 
     def model(self, job: Job, **more: object) -> tuple[Model, PropertiesFile, dict[str, str]]:
-        """The model of a job with its options, its properties, and the constants of these."""
-        program, file = _program(job), PropertiesFile()
-        if job.get("properties"):
-            file = parse_properties(job["properties"], job.get("properties_name") or "properties")
+        """The model of a job with its options, those of its properties that follow the grammar, and
+        the constants of these.
+        """
+        program, file = _program(job), _properties(job).parsed
         given = {n: v for n, v in job.get("constants", {}).items() if v}
         return self._kept(job, program, file, given, more)
 
@@ -116,6 +124,11 @@ class _Session:
 
 def _program(job: Job) -> Program:
     return parse_model(job["model"], job.get("model_name") or "model")
+
+
+def _properties(job: Job) -> PropertiesInput:
+    name = job.get("properties_name") or "properties"
+    return parse_properties_in_part(job.get("properties", ""), name)
 
 
 _SESSION = _Session()
@@ -358,8 +371,19 @@ def _page(job: Job) -> Answer:
         model, file, constants = _SESSION.model(job)
     except InputError:  # of the properties, perhaps: the model is drawn without them
         model, file, constants = _SESSION.model_alone(job), PropertiesFile(), {}
-    page = model.page(file, constants, max_states=job["states"], title=job["model_name"])
+    try:
+        page = model.page(file, constants, max_states=job["states"], title=job["model_name"])
+    except UnsupportedError as error:  # of the class of the model: its states can be drawn
+        return {"html": _first_states(job, error.message)}
     return {"html": page.html}
+
+
+def _first_states(job: Job, why: str) -> str:
+    """The states nearest to the initial ones, where there is no page."""
+    model, most = _SESSION.model_alone(job, engine="explicit"), job["states"]
+    drawn, radius = neighbourhood(model, '"init"', max_states=most, radius=most, room=_room(job))
+    note = f"The states at most {radius} steps from the initial ones, which are green ({why})."
+    return _picture("States", note, drawn)
 
 
 def _graph(job: Job) -> Answer:
@@ -438,14 +462,35 @@ def _export(job: Job) -> Answer:
         raise UsageError(f"there is no export '{kind}'", hint=", ".join(EXPORTS))
     file: PropertiesFile | None
     if kind == "jani":
+        if faulty := _properties(job).diagnostics:  # a file has all properties, or there is none
+            raise SyntaxFault(*faulty)
         model, file, constants = _SESSION.model(job)
     else:
         model, file, constants = _SESSION.model_alone(job), None, {}
     with TemporaryDirectory() as folder:
         target = str(Path(folder) / f"model.{kind}")
         export(model, target, file, constants)
-        found = {p.name: p.read_text(encoding="utf-8") for p in sorted(Path(folder).iterdir())}
-    return {"files": found}
+        return {"files": _texts_in(Path(folder))}
+
+
+def _texts_in(folder: Path) -> dict[str, str]:
+    """The texts of the files of a folder."""
+    return {p.name: p.read_text(encoding="utf-8") for p in sorted(folder.iterdir())}
+
+
+def _strategy_files(job: Job) -> Answer:
+    """The strategy of a property as files, which `symcheck -exportstrat` writes too."""
+    from symcheck.exchange.strategies.files import KINDS, strategy_target, write_strategy_files
+
+    kind = job["kind"]
+    if kind not in KINDS:
+        raise UsageError(f"there is no kind '{kind}' of strategy files", hint=", ".join(KINDS))
+    strategy = _checked(job, engine="explicit", strategy=True)[1].strategy
+    with TemporaryDirectory() as folder:
+        ending = {"induced": "all", "dot": "dot"}.get(kind, "txt")
+        target = strategy_target(f"{folder}/model_strategy_{kind}.{ending}:type={kind}")
+        write_strategy_files(strategy, target, StringIO())
+        return {"files": _texts_in(Path(folder))}
 
 
 # -------------------------------------------------------------------------------------- simulator
@@ -505,6 +550,7 @@ JOBS: Mapping[str, Callable[[Job], Answer]] = {
     "graph": _graph,
     "explain": _explain,
     "strategy": _strategy,
+    "strategy files": _strategy_files,
     "export": _export,
     "start": _start,
     "move": _move,

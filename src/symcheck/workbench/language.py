@@ -84,7 +84,7 @@ def analysis(texts: Texts) -> dict[str, Any]:
     model, properties = documents["model"].program, documents["properties"].program
     if isinstance(properties, PropertiesFile):
         text = documents["properties"].text
-        found["list"] = [
+        parsed: list[dict[str, Any]] = [
             {
                 "name": p.name or "",
                 "text": PropertyInstance(properties, i, {}).text,
@@ -92,17 +92,28 @@ def analysis(texts: Texts) -> dict[str, Any]:
             }
             for i, p in enumerate(properties.properties)
         ]
+        unparsed = [
+            {
+                "name": "",
+                "text": p.text,
+                "at": _units(text, p.span.start),
+                "constants": [],
+                "fault": str(p.fault),
+            }
+            for p in documents["properties"].unparsed
+        ]
+        found["list"] = sorted([*parsed, *unparsed], key=lambda listed: listed["at"])
         if isinstance(model, Program):  # the fields stay while a text is faulty
             of_properties = (c for c in properties.constants if c.value is None)
             constants = [*undefined_constants(model), *of_properties]
             found["constants"] = [{"name": c.name, "type": c.type.value} for c in constants]
             found["of_model"] = [c.name for c in undefined_constants(model)]
             needed = needed_constants(model, properties)
-            for listed, names in zip(found["list"], needed, strict=True):
+            for listed, names in zip(parsed, needed, strict=True):
                 listed["constants"] = names
             if (bound := documents["model"].bound) is not None:
                 found["timed"] = bound.type.continuous_time
-                for listed, p in zip(found["list"], properties.properties, strict=True):
+                for listed, p in zip(parsed, properties.properties, strict=True):
                     listed["chooses"] = has_strategy(bound, p.formula)
     return found
 
