@@ -411,8 +411,8 @@ class Options:
         True,
         _FLAG,
         "model",
-        "Warn of names that a copy of a module renames, and that are misspelt.",
-        _switch("nowarnrenaming", "no warnings of misspelt names in copies of modules", False),
+        "Warn of copies of modules that rename misspelt names, or take two variables for one.",
+        _switch("nowarnrenaming", "no warnings of doubtful renamings in copies of modules", False),
     )
     warn_overlaps: bool = _option(
         True,

@@ -67,6 +67,17 @@ CELLS = [
     ("m.check('P=? [ F unit=1 ]')", "NameFault: .*the variables are x, b; or declare"),
     ("symcheck.view.plot_search(m)", "UsageError: plot_search takes .*teach.frontiers"),
     ("symcheck.view.plot_bounds(m)", "UsageError: plot_bounds takes .*teach.until_trace"),
+    ("symcheck.view.plot_blocks(m)", "UsageError: plot_blocks takes teach.block_structure"),
+    ("symcheck.view.results(m.check('x=1'))", "UsageError: results takes the pairs of .*check_all"),
+    ("symcheck.view.picture(m, part='state')", "UsageError: part='state': expected one of states,"),
+    (
+        "symcheck.teach.prob1(load(DIE, type='mdp'), 'true', 'd=6')",
+        "UsageError: the value depends on the strategy: give a direction.*direction='min'",
+    ),
+    (
+        "symcheck.teach.until_trace(load(DIE, type='mdp'), 'true', 'd=6', direction='Pmin')",
+        "UsageError: direction='Pmin': expected min or max",
+    ),
     ("m.check('x=1; x=2')", "UsageError: .*check_all takes several"),
     ("m.check('P=? [ F x=3 ]', 'k=1')", "NameFault: .*k is given a value"),
     ("m.check('P=? [ F x=3 ]', method='foo')", "TypeError: .*unexpected keyword .*'method'"),

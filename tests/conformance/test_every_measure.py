@@ -119,7 +119,8 @@ def test_every_measure_is_drawn() -> None:
         rng = Random(f"every measure {seed}")
         return random_question(rng, wild_model(rng, rng.choice(("dtmc", "ctmc", "mdp"))))
 
-    needed = {*leaves(ast.StateOperator), *QUERIES, *PATHS} - {ast.EndedReward}  # of games alone
+    of_games = {ast.EndedReward, ast.Equilibrium}
+    needed = {*leaves(ast.StateOperator), *QUERIES, *PATHS} - of_games
     missing = first_missing(needed, (kinds([asked(seed)]) for seed in range(1500)))
     assert not missing, "random_question in tests/generate.py"
 

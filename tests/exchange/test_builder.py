@@ -58,6 +58,7 @@ def test_a_model_with_modules_and_rewards_is_that_of_its_text() -> None:
         (lambda x, y: True & (x >= y), "true & x>=y"),
         (lambda x, y: x % 2 + y**2, "mod(x, 2) + pow(y, 2)"),
         (lambda x, y: 1 / x, "1/x"),
+        (lambda x, y: x // 2 + 5 // y, "floor(x/2) + floor(5/y)"),
         (lambda x, y: 5 % x + 2**y, "mod(5, x) + pow(2, y)"),
         (lambda x, y: x * Fraction(1, 3), "x*(1.0/3.0)"),
         (lambda x, y: x * -0.25, "x*-0.25"),

@@ -83,6 +83,24 @@ def test_attributes_are_variables_where_they_tell_nodes_apart() -> None:
     [
         (networkx.Graph(), {}, UsageError, "expected a directed graph"),
         (networkx.DiGraph(), {}, UsageError, "no nodes"),
+        (
+            networkx.DiGraph([("a", "b", {"probability": 0.9})]),
+            {},
+            ModelFault,
+            "the probabilities of node 'a' sum to 0.9, not to 1",
+        ),
+        (
+            networkx.DiGraph([("a", "b", {"probability": -1})]),
+            {},
+            ModelFault,
+            "node 'a' gives -1 as the probability or rate of 'b'",
+        ),
+        (
+            networkx.DiGraph([("a", "b", {"probability": "1/2"})]),
+            {},
+            UsageError,
+            "the edge from 'a' to 'b' has probability='1/2': expected a number",
+        ),
         (networkx.DiGraph([(0, 1)]), {}, UsageError, "the edge from 0 to 1 has no 'probability'"),
         (networkx.DiGraph([(0, 0, {"p": 0.5})]), {"weight": "p"}, ModelFault, "0.5"),
         (

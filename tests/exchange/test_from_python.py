@@ -363,6 +363,8 @@ WRONG_FUNCTIONS = [
     (0, lambda s: (1 / 0 for _ in "x"), {}, ModelFault, r"step\(0\) raised ZeroDivisionError"),
     (0, lambda s: {s + 1: 1}, {"max_states": 9}, ResourceError, "more than 9 states"),
     (0, lambda _: {0: 0.9}, {}, ModelFault, "sum to 0.9, not to 1"),
+    (0, lambda n: [(1 - n, 0.5), (n, 0.5)], {}, ModelFault, r"gives pairs \(state, probability\)"),
+    (0, lambda n: [("a", [(n, 0.5), (1, 0.5)])], {}, ModelFault, r"gives pairs \(state, prob"),
     (0, lambda _: [("a", {0: 0.9})], {}, ModelFault, "for 'a' sum to 0.9"),
     (0, lambda _: [("a", {})], {}, ModelFault, "for 'a' sum to 0, not"),
     (0, lambda _: {0: 2, 1: -1}, {}, ModelFault, r"step\(0\) gives -1 as the probability"),

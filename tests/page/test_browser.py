@@ -148,7 +148,50 @@ def test_keys_step_the_player_after_a_choice_in_the_list(
     chooser.send_keys(" ")
     assert page.at("play").text == "Pause"
     chooser.send_keys(" ")
+    chosen = chooser.get_property("value")
+    chooser.send_keys(END)
+    assert not page.at("forward").is_enabled()
+    chooser.send_keys(HOME)
+    assert not page.at("back").is_enabled()
+    assert chooser.get_property("value") == chosen
     assert page.run("return document.activeElement.id") == "show"
+
+
+@pytest.mark.parametrize("button", ["first", "back", "forward", "last", "slider"])
+def test_who_goes_to_a_frame_pauses(opened: Callable, pages: dict[str, Path], button: str) -> None:
+    page = opened(pages["die"])
+    page.select("Construction")
+    page.at("forward").click()
+    move = "click()" if button != "slider" else "dispatchEvent(new Event('input'))"
+    assert page.run(PLAY)[0] == "Pause"
+    page.run(f"document.getElementById('{button}').{move}")
+    assert page.at("play").text == "Play"
+
+
+def test_the_bar_of_a_phone_keeps_the_zoom(opened: Callable, pages: dict[str, Path]) -> None:
+    page = opened(pages["die"], 420)
+
+    def resize(width: int, height: int) -> None:
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": True}
+        page.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        page.run("return new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
+
+    page.browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": True})
+    try:
+        resize(420, 900)
+        page.at("larger").click()
+        view = page.run("return document.querySelector('.pane svg').getAttribute('viewBox')")
+        resize(420, 844)
+        assert page.run("return innerHeight") == 844
+        assert view == page.run(
+            "return document.querySelector('.pane svg').getAttribute('viewBox')"
+        )
+        resize(900, 420)
+        assert view != page.run(
+            "return document.querySelector('.pane svg').getAttribute('viewBox')"
+        )
+    finally:
+        page.browser.execute_cdp_cmd("Emulation.setTouchEmulationEnabled", {"enabled": False})
 
 
 def test_the_address_names_an_entry_of_the_list_and_a_frame(
@@ -183,7 +226,7 @@ def test_values_of_properties(opened: Callable, pages: dict[str, Path]) -> None:
 def test_rewards_are_iterated(opened: Callable, pages: dict[str, Path]) -> None:
     page = opened(pages["die"])
     page.select("Optimistic")
-    assert "6 states have reward 0, the target, 0 have infinite reward, 7 are" in page.caption
+    assert "target: 6 states; infinite reward: 0 states; unknown: 7 states." in page.caption
     page.at("last").click()
     values = {
         tuple(t.text for t in node.find_elements("css selector", "text"))
@@ -196,7 +239,7 @@ def test_rewards_are_iterated(opened: Callable, pages: dict[str, Path]) -> None:
 def test_iterations_have_both_bounds(opened: Callable, pages: dict[str, Path]) -> None:
     page = opened(pages["die"])
     page.select("Interval")
-    assert "9 states have probability 0, 1 have probability 1, 3 are unknown" in page.caption
+    assert "probability 0: 9 states; probability 1: 1 state; unknown: 3 states." in page.caption
     assert page.marked("one") == {"s=7, d=6"}
     page.press(RIGHT)
     page.at("forward").click()

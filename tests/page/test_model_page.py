@@ -94,10 +94,26 @@ def test_models_without_diagrams_have_pages(tmp_path: Path) -> None:
     page = symcheck.loads(text).page("P=? [ F x=3 ]")
     assert "Diagrams" in names(page)
     assert "Interval iteration" in names(page)
-    symcheck.export(symcheck.load(MODELS / "die/die.pm"), f"{tmp_path}/die.all")
+
+
+def test_a_model_without_commands_has_all_but_their_construction(tmp_path: Path) -> None:
+    die = symcheck.load(MODELS / "die/die.pm")
+    symcheck.export(die, f"{tmp_path}/die.all")
     imported = symcheck.load_explicit(f"{tmp_path}/die.all").page("P=? [ F d=6 ]")
-    assert names(imported) == ["State graph", "Simulator", "Values", "Interval iteration"]
+    of_text = names(die.page("P=? [ F d=6 ]"))
+    assert names(imported) == [name for name in of_text if not name.startswith("Construction")]
     assert imported.data["text"] == ""
+    stages = {
+        s["name"]: s["frames"]
+        for s in symcheck.quotient(die, labels={"six": "d=6"}).page('P=? [ F "six" ]').data["shows"]
+    }
+    reached = {
+        node
+        for _, _, nodes in stages["Reachability, frontier by frontier"][-1]["marks"]
+        for node in nodes
+        if node.startswith("s")
+    }
+    assert len(reached) == 5
 
 
 def test_rationals_and_infinity() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 
 import symcheck
 from symcheck import teach
-from symcheck.errors import UsageError
+from symcheck.errors import UnsupportedError, UsageError
 from symcheck.options import Options
 from symcheck.semantics.rewards import Steps
 from symcheck.symbolic.build import construct
@@ -261,3 +262,45 @@ def test_an_unknown_reward_structure_is_an_error() -> None:
     model = symcheck.load(MODELS / "die/die.pm")
     with pytest.raises(UsageError, match='has no reward structure "coins"; it has "tosses"'):
         teach.reward_trace(model, "s=7", "coins")
+
+
+@pytest.mark.parametrize("how", ["matrix", "graph", "quotient"])
+def test_traces_of_a_model_without_commands_are_those_of_its_text(how: str) -> None:
+    die = symcheck.load(MODELS / "die/die.pm")
+    match how:
+        case "matrix":
+            read = symcheck.from_matrix(die.matrix, labels={"six": die.where("d=6").mask})
+        case "graph":
+            six = die.where("d=6").numbers.tolist()
+            read = symcheck.from_networkx(die.to_networkx(), labels={"six": six})
+        case _:
+            read = symcheck.quotient(die, labels={"six": "d=6"})
+    last = list(teach.frontiers(read))[-1].iteration
+    assert last.states == len(read.states)
+    for trace, bound in ((teach.prob0, "<=0"), (teach.prob1, ">=1")):
+        last_set = list(trace(read, "true", '"six"'))[-1].states
+        assert last_set.count == read.where(f'P{bound} [ F "six" ]').count
+    entries = teach.block_structure(read).statistics["entries"]
+    assert entries == len(read.transitions)
+    with pytest.raises(UnsupportedError, match="no commands"):
+        teach.construction(read)
+    with pytest.raises(UnsupportedError, match="no commands"):
+        list(teach.compare_orders(read))
+
+
+@pytest.mark.parametrize("trace", [teach.prob0, teach.prob1, teach.until_trace])
+def test_traces_of_an_mdp_need_a_direction(trace: Callable) -> None:
+    model = symcheck.load(MODELS / "gambler/stakes.nm")
+    with pytest.raises(UsageError, match="depends on the strategy: give a direction"):
+        trace(model, "true", '"rich"')
+    with pytest.raises(UsageError, match="direction='Pmin': expected min or max"):
+        trace(model, "true", '"rich"', direction="Pmin")
+
+
+def test_the_directions_of_a_trace() -> None:
+    model = symcheck.load(MODELS / "gambler/stakes.nm")
+    least, most = (
+        list(teach.prob0(model, "true", '"rich"', d))[-1].states.count for d in ("min", "max")
+    )
+    assert least == model.where('Pmin<=0 [ F "rich" ]').count
+    assert most == model.where('Pmax<=0 [ F "rich" ]').count

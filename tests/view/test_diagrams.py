@@ -177,3 +177,22 @@ def test_pictures_zoom_in_notebooks(made: Transitions) -> None:
     html = view.picture(made.space.states, made.space.symbolic.encoding)._repr_html_()
     assert html.startswith("<iframe")
     assert "Zoom in" in html
+
+
+@pytest.mark.parametrize("engine", ["explicit", "mtbdd"])
+def test_a_set_of_states_is_drawn(engine: str) -> None:
+    model = symcheck.loads(MODEL, engine=engine)  # type: ignore[arg-type]
+    picture = view.picture(model.where("x>=6 & b"))
+    assert [n.label for n in picture.nodes] == ["x\n6, 7", "b\ntrue", "true"]
+
+
+def test_a_model_without_commands_is_drawn() -> None:
+    rows = [[0, 1, 0], [0.5, 0, 0.5], [0, 0, 1]]
+    model = symcheck.from_matrix(rows)
+    edges = [e.label for e in view.picture(model).edges]
+    assert sorted(edges) == ["0 → 1; 2 → 2", "1 → 0, 2"]
+    assert [n.label for n in view.picture(model, part="states").nodes] == ["s\n0..2", "true"]
+    with pytest.raises(UsageError, match="model without commands"):
+        view.picture(model.where("s=1"))
+    on_diagrams = model.with_options(engine="mtbdd").where("s=1")
+    assert [n.label for n in view.picture(on_diagrams).nodes] == ["s\n1", "true"]

@@ -107,3 +107,11 @@ def test_a_pareto_front_is_plotted() -> None:
     (line,) = axes.lines
     assert sorted(map(tuple, line.get_xydata().tolist())) == [(0.0, 1.0), (1.0, 0.0)]
     assert "F x=1" in axes.get_xlabel()
+
+
+def test_the_states_of_bars_are_texts_of_the_language() -> None:
+    model = symcheck.loads(
+        "dtmc module m b : bool; [] true -> 0.5 : (b'=!b) + 0.5 : true; endmodule"
+    )
+    names = [t.get_text() for t in model.steady_state().plot().get_yticklabels()]
+    assert names == ["b=false", "b=true"]

@@ -359,7 +359,7 @@ class StateVector(Tabular):
         values = doubles(self.array)
         chosen = np.sort(np.argsort(-values, kind="stable")[:most])
         states = _all(self.engine)
-        names = [", ".join(f"{n}={v}" for n, v in states[i].items()) for i in chosen.tolist()]
+        names = [str(states[i])[1:-1] for i in chosen.tolist()]
         bounds = tuple(doubles(side)[chosen] for side in self._bounds)
         what = self._noun if len(names) == len(self) else f"{self._noun}: the {most} largest"
         return plot_bars(names, values[chosen], (bounds[0], bounds[1]), what, axes)

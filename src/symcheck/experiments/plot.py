@@ -85,7 +85,9 @@ def plot(
     if len(lines) > 1:
         both = [axes] if right is axes else [axes, right]
         handles = [handle for one in both for handle in one.get_legend_handles_labels()[0]]
-        right.legend(handles=handles)  # above the lines of both
+        below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14)}
+        # matplotlib finds a free place among the lines of one pair of axes only.
+        right.legend(handles=handles, **(below if new_axes and right is not axes else {}))
     return axes
 
 

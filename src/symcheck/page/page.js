@@ -393,7 +393,10 @@ const walk = {
         const to = target < 0 ? "states that are not shown" : model.states[target];
         const button = make("button", `${by ? `${by}: ` : ""}${number(p)} → ${to}`, { type: "button", "data-row": row });
         button.disabled = target < 0;
-        button.addEventListener("click", () => this.take(choice, target));
+        button.addEventListener("click", () => {
+          pause();
+          this.take(choice, target);
+        });
         group.append(button);
       }
       return group;
@@ -440,32 +443,42 @@ function fill() {
 }
 
 function listen() {
+  const paused = (action) => () => {
+    pause();
+    action();
+  };
   at("show").addEventListener("change", () => select(Number(at("show").value)));
-  at("first").addEventListener("click", () => go(0));
-  at("back").addEventListener("click", () => go(index - 1));
+  at("first").addEventListener("click", paused(() => go(0)));
+  at("back").addEventListener("click", paused(() => go(index - 1)));
   at("play").addEventListener("click", play);
-  at("forward").addEventListener("click", forward);
-  at("last").addEventListener("click", () => go(Infinity));
-  at("slider").addEventListener("input", () => go(Number(at("slider").value)));
-  at("step").addEventListener("click", () => walk.step());
+  at("forward").addEventListener("click", paused(forward));
+  at("last").addEventListener("click", paused(() => go(Infinity)));
+  at("slider").addEventListener("input", paused(() => go(Number(at("slider").value))));
+  at("step").addEventListener("click", paused(() => walk.step()));
   at("restart").addEventListener("click", () => walk.restart());
   at("policy").addEventListener("change", () => walk.show());
   const each = (action) => () => visible.forEach((i) => action(pane(i)));
   at("larger").addEventListener("click", each((p) => p.zoom(1.3)));
   at("smaller").addEventListener("click", each((p) => p.zoom(1 / 1.3)));
   at("fit").addEventListener("click", each((p) => p.fit()));
-  addEventListener("resize", () => visible.length && (arrange(), render()));
+  let width = innerWidth;
+  addEventListener("resize", () => {
+    const bar = innerWidth === width && matchMedia("(pointer: coarse)").matches; // a phone's, which comes and goes
+    width = innerWidth;
+    if (!visible.length || bar) return;
+    arrange();
+    render();
+  });
   addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     const tag = event.target.tagName;
-    const steps = ["ArrowRight", "ArrowLeft", " "].includes(event.key); // a list keeps the other keys
-    if ((tag === "SELECT" && !steps) || (tag === "BUTTON" && event.key === " ") || (tag === "INPUT" && event.key !== " ")) return;
+    if ((tag === "BUTTON" && event.key === " ") || (tag === "INPUT" && event.key !== " ")) return;
     const action = {
-      ArrowRight: forward, ArrowLeft: () => go(index - 1), Home: () => go(0), End: () => go(Infinity), " ": play,
-    }[event.key];
+      ArrowRight: paused(forward), ArrowLeft: paused(() => go(index - 1)),
+      Home: paused(() => go(0)), End: paused(() => go(Infinity)), " ": play,
+    }[event.key]; // a list keeps the other keys
     if (!action || at("player").hidden) return;
     event.preventDefault();
-    if (event.key !== " ") pause();
     action();
   });
 }

@@ -13,10 +13,11 @@ import numpy as np
 
 from symcheck.matrices.blocks import blocks, quad_dag
 from symcheck.matrices.rows import Int64s
-from symcheck.teach.source import transitions_of
+from symcheck.teach.source import matrices
 from symcheck.view.choice_graph import GivenModel
 
 if TYPE_CHECKING:
+    from symcheck.dd.odd import Odd
     from symcheck.symbolic.model import Transitions
 
 __all__ = ["BlockStructure", "Level", "block_structure"]
@@ -68,13 +69,13 @@ def block_structure(model: GivenModel | Transitions, budget: int = 60_000) -> Bl
         budget: the most diagonal runs that all distinct blocks may have together. A small budget
             partitions the matrix of a small model too.
     """
-    made = transitions_of(model)
-    odd, encoding = made.space.odd, made.space.symbolic.encoding
-    quad = quad_dag(made.roots, odd, odd, encoding.columns)
+    space, roots = matrices(model)
+    odd, encoding = space.odd, space.symbolic.encoding
+    quad = quad_dag(roots, odd, odd, encoding.columns)
     matrix = blocks(quad, budget=budget)
     shapes, places = matrix.operations.describe()
     return BlockStructure(
-        _levels(made),
+        _levels(odd),
         quad.nodes,
         quad.triples,
         shapes,
@@ -84,8 +85,7 @@ def block_structure(model: GivenModel | Transitions, budget: int = 60_000) -> Bl
     )
 
 
-def _levels(made: Transitions) -> tuple[Level, ...]:
-    odd = made.space.odd
+def _levels(odd: Odd) -> tuple[Level, ...]:
     depth, low, _, count, _ = odd.table
     levels = []
     for number, bit in enumerate(odd.rows):

@@ -10,7 +10,7 @@ from symcheck.options import Options
 from symcheck.symbolic.events.commands import touched_by
 from symcheck.symbolic.matrix.transitions import full_matrix, participant_matrix, transitions
 from symcheck.teach.board import Board, Show, left_out, played, shown
-from symcheck.teach.source import state_space
+from symcheck.teach.source import bound_of, state_space
 from symcheck.teach.trace import Trace
 from symcheck.view.choice_graph import GivenModel
 
@@ -66,6 +66,8 @@ def construction(
     Raises:
         SymcheckError: as `transitions`.
     """
+    if isinstance(model, GivenModel):
+        bound_of(model)  # raises an error where there are no commands
     return Trace(
         _construction(state_space(model), options or Options()),
         lambda made: played(board := Board.of(model), construction_show(made, board)),

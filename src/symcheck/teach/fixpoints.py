@@ -11,7 +11,7 @@ from symcheck.engines.base import erased
 from symcheck.engines.symbolic.graph import SymbolicGraph
 from symcheck.tables import counted
 from symcheck.teach.board import Board, Show, left_out, played, shown
-from symcheck.teach.source import graph_engine
+from symcheck.teach.source import direction_of, graph_engine
 from symcheck.teach.trace import Trace
 from symcheck.view.choice_graph import GivenModel, set_of
 
@@ -65,7 +65,10 @@ def prob0(
         left: the states before those of `right` on the path of `left U right`: a formula such as
             "true", or a set of the engine.
         right: the states that it ends in: a formula such as "d=6", or a set of the engine.
-        direction: minimise or maximise over strategies; None for a chain.
+        direction: minimise or maximise over strategies, "min" or "max"; None for a chain.
+
+    Raises:
+        UsageError: the direction is missing, of an MDP, or is no direction.
     """
     return _trace(model, "prob0", left, right, direction)
 
@@ -88,6 +91,7 @@ def _trace(
     direction: Direction | None,
 ) -> Trace[SetFrame]:
     engine = graph_engine(model)
+    direction = direction_of(engine, direction)
     sets = set_of(engine, left), set_of(engine, right)
 
     def play(made: Sequence[SetFrame]) -> Show:

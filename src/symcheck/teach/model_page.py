@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, Unpack
 
@@ -14,6 +15,7 @@ from symcheck.check.state_formulas import query_of
 from symcheck.constant_values import GivenConstants, constant_values
 from symcheck.direction import Direction
 from symcheck.engines.base import Engine, StateSet
+from symcheck.engines.states import States
 from symcheck.errors import MemoryLimitError, SymcheckError, UnsupportedError, UsageError
 from symcheck.options import MethodName, Options, OptionValues
 from symcheck.page.document import JsonObject, JsonValue, document, fragment
@@ -189,7 +191,7 @@ class _Writer:
         ]
         for entry in properties:
             entry["show"] = None if entry["show"] is None else entry["show"] + 1
-        has_diagrams = bound.events and total <= _MOST_DIAGRAM_STATES
+        has_diagrams = total <= _MOST_DIAGRAM_STATES and (bound.events or self._is_sorted())
         symbolic = self._diagrams() if has_diagrams else None
         for instance, entry in zip(instances, properties, strict=True):
             if entry["value"] != "error":
@@ -258,6 +260,11 @@ class _Writer:
             self.strategies.append({"name": instance.title, "rows": rows, "values": frame["low"]})
         return frame
 
+    def _is_sorted(self) -> bool:
+        """Whether a model without commands numbers its states as its diagrams do."""
+        states = [tuple(state.values()) for state in States(self._explicit, self._explicit.all)]
+        return all(before < after for before, after in pairwise(states))
+
     def _diagrams(self) -> SymbolicEngine | None:
         """Add search, construction, and the diagrams of states and matrix. Where there is no CUDD,
         the page has the sets and says what the rest needs.
@@ -272,8 +279,9 @@ class _Writer:
             encoding = space.symbolic.encoding
             search = list(frontiers(space.symbolic, frames=1000))
             self.shows.append(search_show(search, self.board))
-            built = list(construction(space, self.model.options))
-            self.shows.append(construction_show(built, self.board))
+            if self.model.bound.events:
+                built = list(construction(space, self.model.options))
+                self.shows.append(construction_show(built, self.board))
             self.shows.extend(self._pictures("Reachable states", space.states, encoding))
             title = "The matrix is not drawn."
             matrix = symbolic.diagrams if symbolic else transitions(space, self.model.options)

@@ -19,7 +19,9 @@ from symcheck.numerics.linear.problem import LinearProblem, Progress, Solution
 from symcheck.options import Options
 from symcheck.page.document import JsonObject
 from symcheck.semantics.rewards import Reward, Structure
+from symcheck.tables import counted
 from symcheck.teach.board import Board, Show, played
+from symcheck.teach.source import direction_of
 from symcheck.view.choice_graph import GivenModel, engine_of, set_of
 
 if TYPE_CHECKING:
@@ -146,13 +148,15 @@ def until_trace(
         right: a formula such as "d=6", or a set of states of the engine.
         options: `options.method` names the method; 'interval' has both bounds, and 'policy' the
             policies of an MDP. None: 'interval'.
-        direction: minimise or maximise over strategies; None for a chain.
+        direction: minimise or maximise over strategies, "min" or "max"; None for a chain.
         max_steps: the trace ends after so many iterations.
 
     Raises:
         SymcheckError: as the method.
+        UsageError: the direction is missing, of an MDP, or is no direction.
     """
-    engine, direction = engine_of(model), direction and Direction(direction)
+    engine = engine_of(model)
+    direction = direction_of(engine, direction)
     left, right = set_of(engine, left), set_of(engine, right)
     zero = engine.graph.prob0(left, right, direction)
     one = engine.graph.prob1(left, right, direction)
@@ -192,17 +196,19 @@ def reward_trace(
             `symcheck.semantics.rewards`.
         options: `options.method` names the method; 'policy' has the policies of an MDP. None:
             'optimistic'.
-        direction: minimise or maximise over strategies; None for a chain.
+        direction: minimise or maximise over strategies, "min" or "max"; None for a chain.
         max_steps: the trace ends after so many iterations.
 
     Raises:
         SymcheckError: as the method.
-        UsageError: the model has no such reward structure.
+        UsageError: the model has no such reward structure, or the direction is missing, of an MDP,
+            or is no direction.
 
     Examples:
         >>> teach.reward_trace(die, "s=7", "tosses").infinite  # doctest: +SKIP
     """
-    engine, direction = engine_of(model), direction and Direction(direction)
+    engine = engine_of(model)
+    direction = direction_of(engine, direction)
     requested = _structure(engine, reward) if isinstance(reward, str) else reward
     target = set_of(engine, target)
     infinite = ~engine.finite_reward(requested, target, direction)
@@ -277,14 +283,11 @@ def equations_show(name: str, trace: EquationsTrace, board: Board) -> Show:
         members = engine.to_bools(part.states)
         marks += board.marks(part.mark, board.names(members))
         start[members] = part.value
-    first_part, second_part = trace.decided
-    counts = (
-        f"{first_part.states.count} states have {first_part.text}, "
-        f"{second_part.states.count} have {second_part.text}"
-    )
+    parts = [(part.text, part.states) for part in trace.decided] + [("unknown", trace.unknown)]
+    counts = "; ".join(f"{text}: {counted(states.count, 'state')}" for text, states in parts)
     first: JsonObject = {
         "title": "Graph analysis",
-        "note": f"{counts}, {trace.unknown.count} are unknown.",
+        "note": f"{counts}.",
         "marks": marks,
         "low": [None if np.isnan(v) else plain(v) for v in start[board_ids]],
     }
@@ -303,9 +306,11 @@ def equations_show(name: str, trace: EquationsTrace, board: Board) -> Show:
                 values[unknown] = vector
                 frame[key] = [plain(v) for v in values[board_ids]]
         frames.append(frame)
+    some = len(frames) - 1 < len(trace.steps)
+    left_out = f"; {len(frames) - 1} of them are shown" if some else ""
     return {
         "name": name,
-        "note": f"{len(trace.steps)} iterations; {len(frames) - 1} of them are shown."
+        "note": f"{counted(len(trace.steps), 'iteration')}{left_out}."
         if trace.steps
         else "Graph analysis decides every state: there is nothing to iterate.",
         "panes": board.panes,

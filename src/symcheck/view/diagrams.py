@@ -12,13 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, Literal, cast, get_args
 
 import numpy as np
 
+from symcheck.engines.states import States
 from symcheck.errors import UnsupportedError, UsageError
 from symcheck.matrices.rows import Floats, Int32s, Int64s
+from symcheck.options import Options
 from symcheck.view.choice_graph import GivenModel
+from symcheck.view.model_diagrams import matrices_of, space_of
 from symcheck.view.picture import Edge, Kind, Node, Picture
 from symcheck.view.values import moves_text, values_text
 
@@ -27,6 +30,9 @@ if TYPE_CHECKING:
     from symcheck.symbolic.encoding.variables import EncodedVariable, Encoding
 
 __all__ = ["dot", "picture", "shared_picture"]
+
+Part = Literal["states", "matrix"]
+"""Which diagram of a model is drawn."""
 
 _MOST_PAIRS = 2**20
 """A variable with more pairs (value, next value) than this is drawn bit by bit."""
@@ -53,10 +59,10 @@ def dot(
 
 
 def picture(
-    diagram: Bdd | Mtbdd | GivenModel,
+    diagram: Bdd | Mtbdd | GivenModel | States,
     encoding: Encoding | None = None,
     *,
-    part: Literal["states", "matrix"] = "matrix",
+    part: Part = "matrix",
     max_nodes: int = 200,
     bits: bool = False,
     title: str = "diagram",
@@ -64,8 +70,8 @@ def picture(
     """The picture of a decision diagram over the row and column bits of an encoding.
 
     Args:
-        diagram: a set (BDD), a function (MTBDD), or a model.
-        encoding: says which bits encode which variable; needless for a model.
+        diagram: a set (BDD), a function (MTBDD), a model, or a set of states of a model.
+        encoding: says which bits encode which variable; only for a set or function as a diagram.
         part: which diagram of a model is drawn: its reachable states, or its matrix. The matrices
             of the choice classes of an MDP share their nodes.
         max_nodes: the most nodes that are drawn.
@@ -76,28 +82,50 @@ def picture(
 
     Raises:
         UnsupportedError: the picture has more than `max_nodes` nodes.
-        UsageError: the encoding of a diagram is missing.
+        UsageError: the encoding of a diagram is missing, a model has no such part, or the states
+            are those of a reduced model.
 
     Examples:
         >>> view.picture(space.states, space.symbolic.encoding).save("states.svg")  # doctest: +SKIP
         >>> view.picture(symcheck.load("models/die/die.pm"), bits=True)  # doctest: +SKIP
+        >>> view.picture(die.where("d=6"))  # doctest: +SKIP
     """
-    if isinstance(diagram, GivenModel):
-        from symcheck.symbolic.build import build, construct
-        from symcheck.symbolic.reachability.search import reach
-
+    diagrams: Sequence[Bdd | Mtbdd]
+    if part not in get_args(Part):
+        raise UsageError(f"part={part!r}: expected one of {', '.join(get_args(Part))}")
+    if isinstance(diagram, States):
+        diagrams, encoding = _set_of_states(diagram)
+    elif isinstance(diagram, GivenModel):
         if part == "states":
-            space = reach(build(diagram.bound, diagram.options))
-            diagrams: Sequence[Bdd | Mtbdd] = [space.states]
+            space = space_of(diagram)
+            diagrams = [space.states]
         else:
-            made = construct(diagram.bound, diagram.options)
-            space, diagrams = made.space, made.roots
+            space, diagrams = matrices_of(diagram)
         encoding = space.symbolic.encoding
     elif encoding is None:
         raise UsageError("a diagram is drawn with its encoding: picture(diagram, encoding)")
     else:
         diagrams = [diagram]
     return shared_picture(diagrams, encoding, max_nodes=max_nodes, bits=bits, title=title)[0]
+
+
+def _set_of_states(states: States) -> tuple[Sequence[Bdd], Encoding]:
+    """A set of states as a diagram. Raises UsageError."""
+    from symcheck.engines.symbolic.engine import SymbolicEngine
+    from symcheck.symbolic.build import build
+    from symcheck.symbolic.reachability.search import reach
+
+    engine = states.engine
+    if (symbolic := engine.capability(SymbolicEngine)) is not None:
+        return [symbolic.from_bools(states.mask).bdd], symbolic.space.symbolic.encoding
+    hint = "model.with_options(engine='mtbdd').where(…) has a diagram"
+    if engine.model.builder is not None:
+        raise UsageError("the states of a model without commands are no diagram", hint=hint)
+    space = reach(build(engine.model, Options()))
+    if space.count != engine.states:
+        raise UsageError("the states of a reduced model are no diagram", hint=hint)
+    # Both number the states lexicographically.
+    return [space.odd.from_mask(states.mask)], space.symbolic.encoding
 
 
 def shared_picture(

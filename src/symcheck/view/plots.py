@@ -54,9 +54,9 @@ class Framed(Protocol):
     def iteration(self) -> Iteration: ...
 
 
-def _require_frames(given: object, expected: str) -> None:
-    if not isinstance(given, Iterable):
-        raise UsageError(f"{expected}, not {given!r}")
+def _require(given: object, kind: type, expected: str) -> None:
+    if not isinstance(given, kind):
+        raise UsageError(f"{expected}, not an object of the type {type(given).__name__}")
 
 
 def plot_search(
@@ -70,7 +70,7 @@ def plot_search(
         axes: where to draw.
         title: the caption.
     """
-    _require_frames(iterations, "plot_search takes the frames of teach.frontiers(model)")
+    _require(iterations, Iterable, "plot_search takes the frames of teach.frontiers(model)")
     counted = [i.iteration if isinstance(i, Framed) else i for i in iterations]
     seen = [i for i in counted if i.states is not None]
     axes = axes_of(axes)
@@ -104,7 +104,7 @@ def plot_bounds(
         truth: a value that is drawn as a line for comparison.
         title: the caption.
     """
-    _require_frames(steps, "plot_bounds takes the steps of teach.until_trace(model, left, right)")
+    _require(steps, Iterable, "plot_bounds takes teach.until_trace(model, left, right).steps")
     seen = list(steps)
     axes = axes_of(axes)
     number = [s.iteration for s in seen if s.lower is not None]
@@ -125,7 +125,7 @@ def plot_orders(frames: Sequence[Ordered], axes: Axes | None = None, title: str 
     """Plot the nodes of reachable states and matrix under each variable order, fewest first.
     Without CUDD there is no matrix.
     """
-    _require_frames(frames, "plot_orders takes the frames of teach.compare_orders(model)")
+    _require(frames, Iterable, "plot_orders takes the frames of teach.compare_orders(model)")
     best = sorted(frames, key=lambda f: (f.matrix_nodes or 0, f.states_nodes), reverse=True)
     axes = axes_of(axes, (6.4, 1.0 + 0.32 * len(best)))
     positions = range(len(best))
@@ -144,6 +144,7 @@ def plot_orders(frames: Sequence[Ordered], axes: Axes | None = None, title: str 
     return axes
 
 
+@runtime_checkable
 class Blocked(Protocol):
     """The blocks of a matrix (`symcheck.teach.BlockStructure`)."""
 
@@ -159,6 +160,7 @@ def plot_blocks(matrix: Blocked, axes: Axes | None = None, title: str = "") -> A
     Raises:
         UnsupportedError: there are more than 20 000 occurrences.
     """
+    _require(matrix, Blocked, "plot_blocks takes teach.block_structure(model)")
     occurrences = matrix.occurrences
     if len(occurrences) > _MOST_OCCURRENCES:
         raise UnsupportedError(

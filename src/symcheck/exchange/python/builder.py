@@ -42,7 +42,8 @@ class Expression:
     def __bool__(self) -> bool:
         raise TypeError(
             f"{self} is an expression, which Python cannot decide: write & | ~ for and, or, not, "
-            "with comparisons in parentheses, as in (0 < x) & (x < 2)"
+            "with comparisons in parentheses, as in (0 < x) & (x < 2), and choose, min and max of "
+            "the builder for if, min and max"
         )
 
     __hash__ = object.__hash__
@@ -104,6 +105,12 @@ class Expression:
 
     def __rtruediv__(self, other: object) -> Expression:
         return self._with(Operator.DIVIDE, other, swapped=True)
+
+    def __floordiv__(self, other: object) -> Expression:
+        return _call(Function.FLOOR, self / other)
+
+    def __rfloordiv__(self, other: object) -> Expression:
+        return _call(Function.FLOOR, self._with(Operator.DIVIDE, other, swapped=True))
 
     def __mod__(self, other: object) -> Expression:
         return _call(Function.MOD, self, other)

@@ -35,13 +35,13 @@ from symcheck.exchange.python.from_matrix import (
 )
 from symcheck.explicit.explored import RACE
 from symcheck.matrices.rows import Int64s, SparseMatrix, starts_of
-from symcheck.options import OptionValues, make_options
+from symcheck.options import Options, OptionValues, make_options
 from symcheck.semantics.features import require_type
 from symcheck.semantics.state_faults import sums_to_one
 from symcheck.syntax.ast import ModelType, Type
 from symcheck.syntax.parse import parse_model
 
-__all__ = ["from_function"]
+__all__ = ["from_function", "model_of_steps"]
 
 S = TypeVar("S", bound=Hashable)
 Weight = float | Fraction
@@ -53,7 +53,6 @@ _LARGEST = 1 << 61  # of the values of a variable
 
 
 @takes_options
-@converts_memory_error()
 def from_function(
     initial: S | list[S],
     step: Step[S],
@@ -96,15 +95,38 @@ def from_function(
         >>> symcheck.from_function(1, step).check("P=? [ F s=4 ]").value
         0.25
     """
-    settings = make_options(options)
-    model_kind = plain_type(type)
-    start = initial if isinstance(initial, list) else [initial]
+    return model_of_steps(
+        initial if isinstance(initial, list) else [initial],
+        step,
+        labels,
+        rewards,
+        plain_type(type),
+        max_states,
+        make_options(options),
+    )
+
+
+@converts_memory_error()
+def model_of_steps(
+    start: list[S],
+    step: Step[S],
+    labels: Mapping[str, Callable[[S], bool]] | None,
+    rewards: Mapping[str, StateReward[S] | tuple[StateReward[S] | None, TransitionReward[S] | None]]
+    | None,
+    model_kind: ModelType | None,
+    max_states: int,
+    settings: Options,
+    node_of: Mapping[S, Hashable] | None = None,
+) -> Model:
+    """See `from_function`; `node_of`: how messages name a state of a graph."""
     has_rates = model_kind is not None and model_kind.continuous_time
     mixed = model_kind is not None and model_kind.immediate_choices
     if model_kind is not None:
         require_type(model_kind)
     weighted = (has_rates and not mixed) or not settings.check_sums
-    explored, choices, racing, has_actions = _explore(start, step, max_states, weighted, mixed)
+    explored, choices, racing, has_actions = _explore(
+        start, step, max_states, weighted, mixed, node_of
+    )
     kind = model_kind or ModelType.with_properties(has_choices=has_actions)
     if has_actions and not kind.has_choices:
         raise UsageError(f"step gives actions, which only an MDP has, not a {kind.name}")
@@ -172,7 +194,12 @@ def from_function(
 
 
 def _explore(
-    initial: list[S], step: Step[S], max_states: int, weighted: bool, mixed: bool
+    initial: list[S],
+    step: Step[S],
+    max_states: int,
+    weighted: bool,
+    mixed: bool,
+    node_of: Mapping[S, Hashable] | None,
 ) -> tuple[list[S], list[tuple[int, str | None, dict[int, Weight]]], list[int], bool]:
     """Explore breadth first; `weighted`: the numbers need not sum to 1; `mixed`: only those of
     actions do.
@@ -197,7 +224,7 @@ def _explore(
                 f"there are more than {max_states:,} states",
                 hint="is the number of states finite? max_states allows more",
             )
-        who = f"step({state!r})"
+        who = f"step({state!r})" if node_of is None else f"node {node_of[state]!r}"
         given = _call("step", step, state)
         pairs = _pairs(who, given)
         distributions: list[tuple[str | None, list[tuple[Any, Any]]]] = (
@@ -213,11 +240,17 @@ def _explore(
             ]
         for action, distribution in distributions:
             successors: dict[int, Weight] = {}
+            if _swapped(distribution):
+                raise _fault(
+                    f"{who} gives pairs (state, probability)",
+                    "expected pairs (probability, state), or {state: probability}",
+                )
             for weight, target in distribution:
                 valid = isinstance(weight, Real) and 0 <= float(weight) < inf
                 if not valid:
+                    goal = target if node_of is None else node_of[target]
                     raise _fault(
-                        f"{who} gives {weight!r} as the probability or rate of {target!r}",
+                        f"{who} gives {weight!r} as the probability or rate of {goal!r}",
                         "expected a finite number that is not negative",
                     )
                 if weight:
@@ -247,6 +280,13 @@ def _pairs(who: str, given: Any) -> list[tuple[Any, Any]]:
             "(action, distribution)",
         )
     return items
+
+
+def _swapped(distribution: Sequence[tuple[Any, Any]]) -> bool:
+    """Whether the states look like probabilities, and the probabilities like states."""
+    integers = all(isinstance(weight, Integral) for weight, _ in distribution)
+    shares = [target for _, target in distribution if isinstance(target, float) and 0 < target < 1]
+    return integers and len(shares) == len(distribution) > 0 and sums_to_one(sum(shares))
 
 
 def _number(numbers: dict[S, int], state: S, who: str) -> int:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable, Mapping
 from functools import partial
 from keyword import iskeyword
-from numbers import Integral
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
 from symcheck.api.arguments import takes_options
 from symcheck.api.model import Model
 from symcheck.errors import UsageError
-from symcheck.exchange.python.from_function import Weight, from_function
+from symcheck.exchange.python.from_function import Weight, model_of_steps
 from symcheck.exchange.python.from_matrix import named, plain_type
-from symcheck.options import OptionValues
+from symcheck.options import OptionValues, make_options
 from symcheck.syntax.ast import ModelType
 from symcheck.tables import optional_package
 
@@ -83,11 +83,13 @@ def from_networkx(
     def step(source: Hashable) -> Any:
         choices: dict[tuple[object, str | None], list[tuple[Weight, Hashable]]] = {}
         for _, target, given in graph.out_edges(node_of[source], data=True):
+            name = f"the edge from {node_of[source]!r} to {target!r}"
             if weight not in given:
-                name = f"the edge from {node_of[source]!r} to {target!r}"
                 known = ", ".join(map(str, given)) or "none"
                 hint = f"weight= names the attribute; those of this edge: {known}"
                 raise UsageError(f"{name} has no '{weight}'", hint=hint)
+            if not isinstance(given[weight], Real):
+                raise UsageError(f"{name} has {weight}={given[weight]!r}: expected a number")
             key = (given.get("choice"), given.get("action")) if kind.has_choices else (None, None)
             choices.setdefault(key, []).append((given[weight], states[target]))
         if kind.has_choices:
@@ -106,13 +108,15 @@ def from_networkx(
             raise UsageError(f"{what}: expected a mapping from nodes, not {of_nodes!r}")
         earned[name] = {state(node, what): x for node, x in of_nodes.items()}
     starts = graph.graph.get("initial", nodes[:1]) if initial is None else [initial]
-    return from_function(
+    return model_of_steps(
         [state(node, "initial") for node in starts],
         step,
-        labels={name: of.__contains__ for name, of in members.items()},
-        rewards={name: partial(_reward, of) for name, of in earned.items()},
-        type=kind,
-        **options,
+        {name: of.__contains__ for name, of in members.items()},
+        {name: partial(_reward, of) for name, of in earned.items()},
+        kind,
+        len(nodes),
+        make_options(options),
+        node_of,
     )
 
 
