@@ -488,8 +488,9 @@ def _mistake(fault: Fault, source: Source, expected: set[str]) -> Diagnostic | N
         if word.lower() in _FOREIGN_OPERATORS:
             hint = f"write {_FOREIGN_OPERATORS[word.lower()]}"
             return wrong(f"'{word}' is no operator of the language", hint, len(word), at)
-        if word in _FOREIGN_PATHS and _inside_path(fault.before):
-            hint = f"write {_FOREIGN_PATHS[word]}"
+        path = _FOREIGN_PATHS.get(word) or _FOREIGN_PATHS.get(word.lower())
+        if path is not None and _inside_path(fault.before):
+            hint = f"write {path}"
             return wrong(f"'{word}' is no operator of paths", hint, len(word), at)
     if glued and "TIMES" in expected and fault.before[-1].type in ("INTEGER", "REAL"):
         name = fault.token.value

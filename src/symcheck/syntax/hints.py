@@ -73,7 +73,8 @@ def _meant_in_properties(fault: Fault, source: Source, signs: Set[str | None]) -
     if found == ",":
         return None if "(" in before else "properties are separated by ;"
     if found == "]" and "," in signs:
-        return "an interval of time is [low,high]"
+        is_name = before[-2:-1] == ["["] and last.isidentifier()
+        return f"an interval of time is [low,high]{'; an action is no condition' * is_name}"
     if found == ":" and last.isidentifier() and before in ([last], [";", last]):
         return f'the name of a property stands in quotes: "{last}"'
     if found == "?" and last in ("<", "<=", ">", ">="):
@@ -98,7 +99,15 @@ def _meant_in_properties(fault: Fault, source: Source, signs: Set[str | None]) -
         if last != "E" and ">=" in signs and not _STRUCTURE.match(after_fault):
             return f"{last}=? [ … ] asks for the value, {last}>=0.5 [ … ] whether a bound holds"
     if last == "?" and found in ("min", "max"):
+        if before[-3:-2] == ["}"]:
+            return f'the direction comes before =?: R{{"…"}}{found}=? [ F … ]'
         return f"write {before[-3]}{found}=?" if before[-3:-2] else None
+    if last == "?" and before[-3:-2] == ["R"] and (part := _STRUCTURE.match(after_fault)):
+        return f'the reward structure comes before =?: R{{"{part[1]}"}}=? [ F … ]'
+    if found == "[" and last == "}" and {"min", "max"} <= signs:
+        return "=? asks for the value, >=0.5 whether a bound holds"
+    if before[-4:-3] and before[-4] in "FGXU" and before[-3] == "{" and last == "}":
+        return f"a bound is written {before[-4]}<={before[-2]}"
     if found in ("F", "G", "X") and "[" in signs:
         return f"its path stands in brackets: {last} [ {found} … ]" if last in "AE" else brackets
     if "[" in signs and (last == "?" or found == "(" or (not found and _MEASURES & set(before))):
@@ -109,7 +118,7 @@ def _meant_in_properties(fault: Fault, source: Source, signs: Set[str | None]) -
     if found == "?" and last == "=" and before[-2:-1]:
         if before[-2] == "]":
             return "the bound stands before the brackets: P=? [ F … ]"
-        if name := _OTHER.get(before[-2].lower()):
+        if name := _OTHER.get(before[-2].lower().replace("_", "").replace("imum", "")):
             return f"write {name}=?"
         if before[-2].isidentifier():
             return f"{letters_of(AnyMeasure)} ask for values: P=? [ F … ]"

@@ -20,6 +20,7 @@ _ALTERNATIVES = "updates are joined by +, each with its probability: 0.5 : (x'=1
 _CHOICE = "a choice is several commands: [a] … -> (x'=1); [b] … -> (x'=2);"
 _DECIMAL = "a variable is an int or a bool; constants, probabilities and rewards may be doubles"
 _COPY = "a copy of a module is written module copy = original [ x=y, a=b ] endmodule"
+_CASES = "each case is a command: [] guard & case -> updates;"
 _CONDITION = "a choice of values is written condition ? value : other value"
 _OTHER_OPERATORS = frozenset({"?", "*", "/", "-", "|", "^", "=", "!=", "<", "<=", ">", ">=", "=>"})
 _LONGEST = 60
@@ -111,6 +112,9 @@ def _in_variable(at: _Place) -> str | None:
             return _NO_ACTION
         if found in ("double", "float", "real"):
             return _DECIMAL
+        if found == "{":
+            name = (*_values(fault.after), last)[0]
+            return f"values are numbers, which constants name: const int {name} = 0;"
         meant = {"integer": "int", "boolean": "bool"}.get(found, found).lower()
         return f"did you mean '{meant}'?" if meant in ("int", "bool") else VARIABLE
     if last == "int" and found == "[" and ";" in signs:
@@ -146,7 +150,9 @@ def _in_update(at: _Place) -> str | None:
         return None
     if last == "if" or found == "if":
         inside = ")" in signs
-        return _CONDITION if inside else "each case is a command: [] guard & case -> updates;"
+        return _CONDITION if inside else _CASES
+    if found == ":" and last == ")" and "'" in before and "&" in signs:
+        return "the probability comes first: 0.5 : (x'=1)"
     if found in (",", ";") and ")" in signs and "'" in before:
         return _joined_assignments(fault, source)
     if found == "," and (last == ")" or signs == {"&", ";"}):
@@ -203,13 +209,15 @@ def _statement(at: _Place) -> str | None:
         return None
     if before[-2:-1] == ["["] and "]" in signs and found in ("-", ".", "/", "+"):
         return "a name is made of letters, digits and _"
+    if before[-2:-1] == ["["] and "]" in signs and found == "(":
+        return f"an action is one name: [{last}]"
     if found == ">" and last == "-":
         return "write ->"
     if "->" in signs:
         if found.lower() == "then":
             return "write -> in place of then"
         if last == "if":
-            return _NO_ACTION
+            return _CASES if before[-2:-1] == ["]"] else _NO_ACTION
     if last == "if":
         return _NO_ACTION if before[:1] == [";"] and "->" in words else _CONDITION
     return None

@@ -279,7 +279,10 @@ class Typer:
                 return Type.BOOL
             case Signature.EQUALITY:
                 one, other = map(self.state, operands)
-                self._common(span, one, other, _repeated(operator, *operands))
+                hint = _repeated(operator, *operands)
+                if hint is None and one is Type.BOOL and isinstance(operands[0], Name):
+                    hint = f"a bool needs no comparison: {operands[0].name}, or !{operands[0].name}"
+                self._common(span, one, other, hint)
                 return Type.BOOL
             case Signature.ARITHMETIC:
                 return self._arithmetic(operator, operands)
