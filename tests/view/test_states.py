@@ -57,6 +57,26 @@ def test_chains_have_an_edge_per_transition() -> None:
     assert picture.svg.count('class="node"') == 4
 
 
+@pytest.mark.parametrize("exact", [False, True])
+@pytest.mark.parametrize("kind", ["dtmc", "mdp"])
+def test_intervals_are_written_on_edges(kind: str, exact: bool) -> None:
+    text = f"""{kind}
+        module m
+          x : [0..2] init 0;
+          [go] x=0 -> [0.25,0.5] : (x'=1) + [0.5,0.75] : (x'=2);
+          [] x>0 -> true;
+        endmodule
+    """
+    model = symcheck.loads(text, exact=exact)
+    labels = [edge.label for edge in view.state_graph(model).edges]
+    low, half, high = ("1/4", "1/2", "3/4") if exact else ("0.25", "0.5", "0.75")
+    assert {f"[{low},{half}]", f"[{half},{high}]"} <= set(labels)
+    near = view.state_graph(model, around="x=1", radius=0)
+    assert [edge.label for edge in near.edges if edge.target == "s1"] == [
+        "" if kind == "mdp" else "1"
+    ]
+
+
 def test_large_models_are_refused() -> None:
     with pytest.raises(UnsupportedError, match="max_states"):
         view.state_graph(

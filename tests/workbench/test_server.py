@@ -160,10 +160,19 @@ module m x : [0..2] init 0; [] x<2 -> (x'=x+1); [] x=2 -> true; endmodule
 """
 
 
-def test_states_of_a_model_that_has_no_page_are_drawn(user: Client) -> None:
-    job = {"model": GAME, "properties": "", "constants": {}, "states": 10, "room": [500, 400]}
+INTERVALS = (
+    "dtmc module m x : [0..2] init 0; [] true -> [0.2,0.8]:(x'=1) + [0.2,0.8]:(x'=2); endmodule"
+)
+
+
+@pytest.mark.parametrize(
+    ("model", "named"),
+    [(GAME, "stochastic games"), (INTERVALS, "discrete-time Markov chains with intervals")],
+)
+def test_states_of_a_model_that_has_no_page_are_drawn(user: Client, model: str, named: str) -> None:
+    job = {"model": model, "properties": "", "constants": {}, "states": 10, "room": [500, 400]}
     html = user.get(run(user, "draw", do="page", **job)[-1]["result"]["page"]).text
-    assert "pages are not available for stochastic games" in html
+    assert f"pages are not available for {named}" in html
     assert all(f"x={x}" in html for x in range(3))
 
 

@@ -18,6 +18,7 @@ from symcheck.check.state_formulas import satisfying
 from symcheck.engines.base import Engine, EngineOf, S, StateSet, V, erased
 from symcheck.engines.capabilities import HasActions, HasBlocks
 from symcheck.engines.explicit.engine import ExplicitEngine
+from symcheck.engines.explicit.intervals import IntervalEngine
 from symcheck.engines.states import States as NamedStates
 from symcheck.engines.transition_actions import transition_parts
 from symcheck.errors import UnsupportedError, UsageError
@@ -116,11 +117,26 @@ def number_text(value: float | Fraction) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """A row of the matrix: its number, its action, and pairs (successor, probability or rate)."""
+    """A row of the matrix.
+
+    Attributes:
+        row: its number.
+        action: its action, or "".
+        successors: pairs of a state and its probability or rate; of an interval, the upper end.
+        lower: the lower ends of intervals; empty for numbers.
+    """
 
     row: int
     action: str
     successors: tuple[tuple[int, float | Fraction], ...]
+    lower: tuple[float | Fraction, ...] = ()
+
+    def text(self, number: int) -> str:
+        """The probability, the rate or the interval of a successor."""
+        upper = number_text(self.successors[number][1])
+        if not self.lower or self.lower[number] == self.successors[number][1]:
+            return upper
+        return f"[{number_text(self.lower[number])},{upper}]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +153,14 @@ class ChoiceGraph:
 
     @cached_property
     def matrix(self) -> SparseMatrix:
-        """Probabilities or rates of all states."""
+        """Probabilities or rates of all states; of intervals, the upper ends."""
+        if self._intervals is not None:
+            return self._intervals.weights
         return self.engine.system(self.engine.all).weights
+
+    @cached_property
+    def _intervals(self) -> IntervalEngine | None:
+        return self.engine.capability(IntervalEngine)
 
     @cached_property
     def _starts(self) -> Int64s:
@@ -194,7 +216,7 @@ class ChoiceGraph:
     def _steps(self) -> CommandSuccessors | None:
         """The commands of a chain with actions."""
         engine, model = self.engine, self.engine.model
-        if not self.is_chain or engine.capability(HasBlocks) is not None:
+        if not self.is_chain or engine.capability(HasBlocks) is not None or self._intervals:
             return None
         if len(self._numbers) < engine.states:  # a product with an automaton
             return None
@@ -229,7 +251,8 @@ class ChoiceGraph:
             part = slice(int(m.indptr[row]), int(m.indptr[row + 1]))
             successors = zip(m.indices[part].tolist(), m.data[part].tolist(), strict=True)
             action = "" if self._actions is None else self._actions[row]
-            result.append(Choice(row, action, tuple(successors)))
+            lower = () if self._intervals is None else self._intervals.lower[part].tolist()
+            result.append(Choice(row, action, tuple(successors), tuple(lower)))
         return result
 
     def number(self, state: PathStep | State | Mapping[str, bool | int] | int) -> int:

@@ -417,11 +417,11 @@ def draw_states(
                 lead: Emphasis = "path" if leads else emphasis
                 edges.append(Edge(f"s{s}", source, action, False, lead, row))
             rest = 0.0
-            for t, p in choice.successors:
+            for i, (t, p) in enumerate(choice.successors):
                 if t not in layer:
                     rest += float(p)
                     continue
-                text = action if has_choices and source == f"s{s}" else number_text(p)
+                text = action if has_choices and source == f"s{s}" else choice.text(i)
                 text = f"{text} {of_chain[t]}" if of_chain.get(t) else text
                 kind: Emphasis = "path" if on_path(s, t, choice.action) else emphasis
                 edges.append(Edge(source, f"s{t}", text, False, kind, f"{row} t{t}"))
@@ -429,7 +429,8 @@ def draw_states(
                 if outside[-1:] != [s]:
                     outside.append(s)
                     nodes.append(Node(f"m{s}", "…", -1, "root"))
-                text = action if has_choices and source == f"s{s}" else number_text(rest)
+                text = "" if choice.lower else number_text(rest)  # sums of ends bound nothing
+                text = action if has_choices and source == f"s{s}" else text
                 edges.append(Edge(source, f"m{s}", text, True, emphasis, row))
     widest = max(np.unique([d for d in layer.values() if d >= 0], return_counts=True)[1], default=0)
     depth = max(layer.values(), default=0) + spread
