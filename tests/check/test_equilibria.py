@@ -131,12 +131,19 @@ def test_coalitions_are_named_or_numbered():
 def test_thresholds_compare_the_sum():
     model = symcheck.loads(MEETING)
     objectives = '(R{"one"} [ I=1 ] + R{"two"} [ I=1 ])'
-    assert model.check(f"<<one:two>> max>=5 {objectives}").value is True
-    assert model.check(f"<<one:two>> max>5 {objectives}").value is False
+    assert model.check(f"<<one:two>> max>=4.99 {objectives}").value is True
+    assert model.check(f"<<one:two>> max>5.01 {objectives}").value is False
     assert model.check(f"at=0 & !(<<one:two>> max<4.5 {objectives})").value is True
-    result = model.check(f"<<one:two>> max>=5 {objectives}")
+    result = model.check(f"<<one:two>> max>=4.99 {objectives}")
     assert str(result) == "true"
     assert result.explanation == "satisfied in the initial state: 3.0 + 2.0"
+
+
+@pytest.mark.parametrize("bound", [">=5", ">5", "<5.000000001"])
+def test_an_estimate_decides_no_threshold_that_is_near(bound):
+    asked = f'<<one:two>> max{bound} (R{{"one"}} [ I=1 ] + R{{"two"}} [ I=1 ])'
+    with pytest.raises(NumericalError, match="cannot decide"):
+        symcheck.loads(MEETING).check(asked)
 
 
 def test_values_of_other_states():

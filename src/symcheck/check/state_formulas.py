@@ -7,6 +7,8 @@ from fractions import Fraction
 from functools import partial
 from typing import assert_never
 
+import numpy as np
+
 from symcheck.check.context import Context
 from symcheck.check.exact_twin import exact_twin
 from symcheck.check.expression_values import expression_values, in_doubles
@@ -107,7 +109,7 @@ def satisfying(context: Context, formula: Expression, relevant: StateSet) -> Sta
             threshold = threshold_of(bound)
             return decide(
                 context,
-                lambda c: _equilibrium(c, formula, relevant),
+                lambda c: _around(c, _equilibrium(c, formula, relevant)),
                 threshold.operator.value,
                 threshold.value,
                 relevant,
@@ -169,6 +171,10 @@ def values_of(context: Context, formula: Expression, relevant: StateSet) -> Valu
             assert_never(formula)
 
 
+_LEAST_MARGIN = 1e-9
+"""Estimates decide no threshold that is nearer to them, whatever accuracy is asked for."""
+
+
 def _equilibrium(context: Context, formula: Equilibrium, relevant: StateSet) -> Values:
     """The sum of the objectives of an equilibrium; logs the value of each."""
     require(context.engine.model, Feature.EQUILIBRIA)
@@ -178,6 +184,14 @@ def _equilibrium(context: Context, formula: Equilibrium, relevant: StateSet) -> 
     found = equilibrium_values(context.relevant_at(relevant), formula, queries)
     context.log.objectives = tuple(found)
     return found[0].map(Operator.PLUS, found[1])
+
+
+def _around(context: Context, estimates: Values) -> Values:
+    """What a threshold is compared with: one that is near to an estimate is not decided."""
+    engine = context.engine
+    values, _ = estimates.at(engine.all)
+    margin = max(context.options.epsilon, _LEAST_MARGIN) * np.maximum(1.0, np.abs(values))
+    return engine.system(engine.all).lift(values - margin, values + margin)
 
 
 def _applied(context: Context, operator: Operator | Function, operands: Sequence[Values]) -> Values:

@@ -29,6 +29,7 @@ from symcheck.matrices.rows import Bools, Floats, best_of_rows
 from symcheck.numerics.bimatrix_games import correlated_values, nash_values
 from symcheck.numerics.concurrent_games import Game
 from symcheck.numerics.linear.problem import Progress, largest_width
+from symcheck.semantics.features import Feature, require
 from symcheck.semantics.path_formulas import NextPath, StatePath, UntilPath
 from symcheck.semantics.query import (
     CumulativeReward,
@@ -88,6 +89,8 @@ def equilibrium_values(
     if len(queries) != 2:
         message = f"equilibria of two coalitions are supported, and here are {len(queries)}"
         raise _refused(message, formula.coalitions[0].span)
+    if context.engine.is_rational:
+        require(context.engine.model, Feature.RATIONALS)
     first, second = queries
     engine = context.engine.capability(ExplicitEngine)
     assert engine is not None, "concurrent games are explored explicitly"
