@@ -65,6 +65,7 @@ class Feature(Enum):
 
 
 _ALL = frozenset(Feature)
+_OF_GAMES = frozenset({Feature.ENDED_REWARDS, Feature.EQUILIBRIA})
 _NONE: frozenset[Feature] = frozenset()
 _OBSERVED = frozenset(
     {
@@ -85,9 +86,9 @@ _MARKOV_AUTOMATON = frozenset(
 )
 
 _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
-    ModelType.DTMC: _ALL - {Feature.ENDED_REWARDS, Feature.EQUILIBRIA},
-    ModelType.CTMC: _ALL - {Feature.ENDED_REWARDS, Feature.EQUILIBRIA},
-    ModelType.MDP: _ALL - {Feature.ENDED_REWARDS, Feature.EQUILIBRIA},
+    ModelType.DTMC: _ALL - _OF_GAMES,
+    ModelType.CTMC: _ALL - _OF_GAMES,
+    ModelType.MDP: _ALL - _OF_GAMES,
     ModelType.MA: _MARKOV_AUTOMATON,
     ModelType.POMDP: _OBSERVED | {Feature.STRATEGIES, Feature.STEPPING, Feature.EXPLICIT_FILES},
     ModelType.POPTA: _OBSERVED,
