@@ -127,13 +127,6 @@ def test_small_probabilities_have_relative_accuracy() -> None:
     assert result.value < 1e-50
 
 
-@pytest.mark.parametrize("count", [1, 30, 90])
-def test_one_distribution_gives_both_bounds(count: int) -> None:
-    result = truncated(ARRIVALS, f"P=? [ F<=5 n>={count} ]")
-    assert [run.kind for run in result.runs] == ["graph", "transient"]
-    assert encloses(result, sum(poisson(10.0, k) for k in range(count, 160)))
-
-
 def test_nobody_looks_for_fewer_states_than_those_of_the_region(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -25,9 +25,8 @@ from symcheck.check import tuning
 from symcheck.check.context import CheckLog, Context
 from symcheck.check.queries.path_probabilities import probability
 from symcheck.check.result import Answer, Certified, Exact, Result, SolverRun
-from symcheck.check.state_distributions import transient
 from symcheck.check.state_formulas import states_of
-from symcheck.engines.base import ROUNDING, StateSet, erased
+from symcheck.engines.base import StateSet, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import MemoryLimitError, NumericalError, UnsupportedError
 from symcheck.explicit.region import Region
@@ -37,7 +36,7 @@ from symcheck.numerics.transient.state_space_truncation import expected_times
 from symcheck.options import Options
 from symcheck.semantics.features import Feature, offers
 from symcheck.semantics.model import BoundModel
-from symcheck.semantics.path_formulas import NextPath, PathFormula, UntilPath, over_leaves
+from symcheck.semantics.path_formulas import NextPath, UntilPath, over_leaves
 from symcheck.semantics.query import PathProbability, Query, query_of
 from symcheck.semantics.reduction.stop_at_targets import deciding_states, stop_at
 from symcheck.syntax.ast import AnyMeasure, Expression, StateOperator
@@ -196,8 +195,6 @@ class _Truncated:
         quantity = query.over(states_of(context)).quantity
         assert isinstance(quantity, PathProbability)
         path = quantity.path
-        if (both := self._by_distribution(path)) is not None:
-            return max(known[0], both[0]), min(known[1], both[1])
 
         def without(states: StateSet) -> StateSet:
             return states - boundary
@@ -215,34 +212,6 @@ class _Truncated:
         )
         self._unsure = max(below - least, most - above)
         return max(known[0], least, 0.0), min(known[1], most, 1.0)
-
-    def _by_distribution(self, path: PathFormula[StateSet]) -> tuple[float, float] | None:
-        """Both bounds by one distribution at the end of the time, if the chain stays where the path
-        is decided; None: they need a solution each, or the distribution takes too many steps.
-        """
-        explored, engine = self.explored, self.context.engine
-        if not (explored.model.type.continuous_time and isinstance(path, UntilPath)):
-            return None
-        window, matrix = path.window, explored.matrix
-        if path.negative or not window.contains_zero or window.upper is None:
-            return None
-        time, goal = float(window.upper), engine.to_bools(path.right)
-        undecided = self._boundary & engine.to_bools(path.left) & ~goal
-        ends = np.flatnonzero(goal | ~engine.to_bools(path.left) | undecided)
-        stays = (matrix.lengths[ends] == 1) & (matrix.indices[matrix.indptr[ends]] == ends)
-        steps = float(matrix.row_sums().max()) * time
-        if not stays.all() or steps > tuning.TRUNCATION_STEPS or time == 0.0:
-            return None
-        # A sum of numbers with a relative error has no greater one.
-        epsilon = tuning.TRUNCATION_SHARE * self._options.epsilon
-        end = transient(engine, time, replace(self._options, epsilon=epsilon, relative=True))
-        self.context.log.runs.append(
-            SolverRun("transient", "uniformisation", len(goal), round(steps), end.explanation)
-        )
-        sums = (np.sum(part) for part in (end.lower[goal], end.upper[goal], end.upper[undecided]))
-        least, below, left = map(float, sums)
-        self._unsure = below - least
-        return least * (1.0 - ROUNDING), (below + left) * (1.0 + ROUNDING)
 
     @property
     def _boundary(self) -> Bools:

@@ -118,7 +118,5 @@ TRUNCATION_STATES = 8_000_000
 """States from which on the region does not grow any more: about a GB."""
 TRUNCATION_USELESS = 0.5
 """What leaves a large region makes bounds useless from here on."""
-TRUNCATION_STEPS = 4e3
-"""The most steps of a distribution that gives both bounds; other methods serve longer times."""
 TRUNCATION_LEAST = 1e-250
 """What leaves a region is not reduced further than this."""
