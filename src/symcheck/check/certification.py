@@ -195,11 +195,16 @@ class _Rows:
     def sides(self, problems: Sequence[Inequalities], guess: Numbers) -> Json:
         """The vectors, the choices and the ranks of both sides, from values or exact values."""
         if is_rational(guess):
-            found = [exactly_inductive(problem, guess) for problem in problems]
-        else:
+            sides = [self.side(problem, guess) for problem in problems]
+        else:  # what one side needs serves the other one
             lower, upper = problems
-            found = list(both_inductive(lower, upper, guess))
-        return {name: self.written(v) for (name, _), v in zip(_SIDES, found, strict=True)}
+            sides = [self.written(found) for found in both_inductive(lower, upper, guess)]
+        return {name: side for (name, _), side in zip(_SIDES, sides, strict=True)}
+
+    def side(self, problem: Inequalities, guess: Numbers) -> Json:
+        """The vector, the choices and the ranks of one side, from values or exact values."""
+        of_values = exactly_inductive if is_rational(guess) else inductive
+        return self.written(of_values(problem, guess))
 
     def written(self, found: InductiveVector) -> Json:
         """The vector, the choices and the ranks of one side."""
@@ -717,8 +722,7 @@ class _Writer:
             within = until(self._context, engine.all, engine.from_bools(target), dual)
             missed = within.at(engine.all)[1]
             proof = self._rows.until(everywhere, target, dual, upper=True)
-            of_values = exactly_inductive if is_rational(missed) else inductive
-            evidence["lower"]["missed"] = self._rows.written(of_values(proof, missed))
+            evidence["lower"]["missed"] = self._rows.side(proof, missed)
         return evidence
 
     def _discounted(self, reward: Reward, discount: Fraction, direction: Direction | None) -> Json:

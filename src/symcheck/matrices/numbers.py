@@ -4,7 +4,7 @@ stay floats).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from math import inf, isfinite, isinf
 from typing import Any, Literal, TypeVar, overload
@@ -22,11 +22,13 @@ __all__ = [
     "Rationals",
     "at_sample",
     "distinct",
+    "distinct_integers",
     "doubles",
     "full",
     "is_infinite",
     "is_rational",
     "numbers",
+    "of_pairs",
     "rationals",
     "shared",
     "shared_sum",
@@ -115,11 +117,31 @@ def shared_sum(one: Numbers, other: Numbers) -> Numbers:
     if not (is_rational(one) and is_rational(other)):
         return one + other
     (ones, of_one), (others, of_other) = shared(one), shared(other)
-    keys = of_one.astype(np.int64) * len(others) + of_other
-    pairs = np.unique(keys)
-    sums = np.empty(len(pairs), object)
-    sums[:] = [ones[key // len(others)] + others[key % len(others)] for key in pairs.tolist()]
-    return np.asarray(sums[np.searchsorted(pairs, keys)])
+    return of_pairs(lambda i, j: ones[i] + others[j], of_one, of_other, len(others))
+
+
+def of_pairs(
+    make: Callable[[int, int], Any], first: Int32s | Int64s, second: Int32s | Int64s, count: int
+) -> Numbers:
+    """What is made of pairs of numbers, which equal pairs share.
+
+    Args:
+        make: takes a pair.
+        first: the first number of each pair, int[n].
+        second: the second one, below `count`.
+        count: see `second`.
+    """
+    keys = first.astype(np.int64) * count + second
+    pairs = distinct_integers(keys)
+    made = np.empty(len(pairs), object)
+    made[:] = [make(*divmod(key, count)) for key in pairs.tolist()]
+    return np.asarray(made[np.searchsorted(pairs, keys)])
+
+
+def distinct_integers(values: Int64s) -> Int64s:
+    """The distinct integers, ascending; np.unique would import numpy.ma."""
+    ordered = np.sort(values)
+    return np.asarray(ordered[np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]])
 
 
 def at_sample(values: Rationals) -> Rationals:

@@ -106,7 +106,7 @@ def _meant_in_properties(fault: Fault, source: Source, signs: Set[str | None]) -
         return f'the reward structure comes before =?: R{{"{part[1]}"}}=? [ F … ]'
     if found == "[" and last == "}" and {"min", "max"} <= signs:
         return "=? asks for the value, >=0.5 whether a bound holds"
-    if before[-4:-3] and before[-4] in "FGXU" and before[-3] == "{" and last == "}":
+    if last == "}" and before[-3:-2] == ["{"] and before[-4:-3] in (["F"], ["G"], ["X"], ["U"]):
         return f"a bound is written {before[-4]}<={before[-2]}"
     if found in ("F", "G", "X") and "[" in signs:
         return f"its path stands in brackets: {last} [ {found} … ]" if last in "AE" else brackets

@@ -22,7 +22,15 @@ from symcheck.errors import ModelFault, UnsupportedError
 from symcheck.explicit.build import explore
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import StateTable
-from symcheck.matrices.numbers import Numbers, Rationals, full, rationals, sum_segments
+from symcheck.matrices.numbers import (
+    Numbers,
+    Rationals,
+    distinct_integers,
+    full,
+    of_pairs,
+    rationals,
+    sum_segments,
+)
 from symcheck.matrices.rows import Int32s, Int64s, SparseMatrix, per_row
 from symcheck.options import Options
 from symcheck.semantics.expressions.types import type_of
@@ -121,18 +129,13 @@ def commands_in_whole_numbers(
 
 def _quotients(tops: Int64s, bottoms: Int64s) -> Rationals:
     """Whole numbers divided by others; equal pairs share one rational."""
-    above, below = _distinct(tops), _distinct(bottoms)
-    keys = np.searchsorted(above, tops) * len(below) + np.searchsorted(below, bottoms)
-    pairs = _distinct(keys)
-    parts = (part.tolist() for part in (above[pairs // len(below)], below[pairs % len(below)]))
-    return rationals(map(Fraction, *parts))[np.searchsorted(pairs, keys)]
-
-
-def _distinct(numbers: Int64s) -> Int64s:
-    """The distinct numbers, ascending; np.unique would import numpy.ma."""
-    ordered = np.sort(numbers)
-    first = np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]
-    return np.asarray(ordered[first])
+    above, below = distinct_integers(tops), distinct_integers(bottoms)
+    return of_pairs(
+        lambda i, j: Fraction(int(above[i]), int(below[j])),
+        np.searchsorted(above, tops),
+        np.searchsorted(below, bottoms),
+        len(below),
+    )
 
 
 class _Searched(NamedTuple):

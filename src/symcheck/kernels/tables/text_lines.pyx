@@ -21,7 +21,7 @@ def join_lines(columns: list[Int64s | tuple[list[str], Int32s]], count: int) -> 
         columns: int64[count] each, or texts in ASCII and the number of that of each line.
         count: the number of lines.
     """
-    cdef Py_ssize_t i, k, width = 0, lines = count, several = len(columns)
+    cdef Py_ssize_t i, k, size = 0, lines = count, several = len(columns)
     cdef const int64_t[::1] numbers
     cdef const int32_t[::1] codes
     cdef bytes joined
@@ -41,15 +41,15 @@ def join_lines(columns: list[Int64s | tuple[list[str], Int32s]], count: int) -> 
                 joined = b"".join(texts)
                 lengths = [len(text) for text in texts]
                 numbers, codes = np.cumsum([0, *lengths]), column[1]
+                size += int(np.asarray(lengths, np.int64)[column[1]].sum()) + lines
                 kept += [joined, numbers, codes]
                 known[k] = Column(NULL, &codes[0], joined, &numbers[0])
-                width += max(lengths) + 1
             else:
                 numbers = column
                 kept.append(numbers)
                 known[k] = Column(&numbers[0], NULL, NULL, NULL)
-                width += 21
-        out = np.empty(width * lines, np.uint8)
+                size += 21 * lines
+        out = np.empty(size, np.uint8)
         start = end = <char*>&out[0]
         with nogil:
             for i in range(lines):
