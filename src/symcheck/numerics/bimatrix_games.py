@@ -36,7 +36,7 @@ _TOLERANCES = (1e-10, 1e-8, 1e-6)
 """What counts as 0 where payoffs are scaled to the range from 1 to 2: the first one with which a
 game has an equilibrium."""
 _SINGULAR = 1e-13
-"""Determinants of these payoffs below are 0."""
+"""Determinants below this, of systems of scaled payoffs, count as 0."""
 _FEASIBLE = (1e-10, 1e-8, 1e-6)
 """By how much solutions of linear programs may violate inequalities: the first one with which they
 are solved."""

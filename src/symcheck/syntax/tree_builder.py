@@ -703,7 +703,10 @@ class PropertiesBuilder(Builder):
             self._wrong("there is no such equilibrium", self._words(words), "equilibrium", hint)
         objectives = terms[::2]
         if word.value[0] == "[" or len(objectives) != len(players):
-            message = "an equilibrium has coalitions in <<…>>, and an objective for each of them"
+            message = "the coalitions of an equilibrium stand in <<…>>"
+            if word.value[0] != "[":
+                found = f"{len(players)} in <<…>>, and {len(objectives)} in (…)"
+                message = f"an equilibrium has an objective for each coalition; here are {found}"
             hint = "as in <<one:two>> max=? (P [ … ] + P [ … ])"
             self._wrong(message, self._words([word]), "equilibrium", hint)
         return ast.Equilibrium(

@@ -2,9 +2,9 @@
 
 In each state and step, they play a bimatrix game, whose payoffs are what a step earns and the
 values of what follows. Once an objective is settled, its coalition helps the other one. Bounds on
-steps are counted down; without any, the values are iterated until they change no more. So they are
-those of an equilibrium in each state and step (a subgame-perfect one), which no bounds prove: a
-rounding error may decide which equilibrium is chosen.
+steps are counted down: the values are those of an equilibrium in each state and step (a
+subgame-perfect one). Without any, the values are iterated until they hardly change. A rounding
+error may decide which equilibrium is chosen, so that no bounds on the error are computed.
 
 Sources: Kwiatkowska, Norman, Parker & Santos (2021), Automatic verification of concurrent
 stochastic systems; (2022), Correlated equilibria and fairness in concurrent stochastic games.
@@ -47,7 +47,7 @@ _CHANGE = 1e-2
 """The change, per requested accuracy, at which value iteration ends."""
 _MOST_STEPS = 10_000
 """The most steps of value iteration, which does not converge in general."""
-_OBJECTIVES = "objectives are P of X, F, G, U, W and R, and the rewards F, C<=k and I=k"
+_OBJECTIVES = "objectives are P of X, F, G, U, W and R (release), and the rewards F, C<=k and I=k"
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class _Objective:
         going: the states in which it is not settled.
         settled: its value in the others.
         last: its value in states that go on, after the last step; without a bound, to begin with.
-        earned: what each row earns.
+        earned: the reward of each joint action of each state, a row of the matrix.
         cooperative: its value if both coalitions maximise it; with a bound, after the last step.
         steps: their number; None: no bound.
     """
@@ -149,7 +149,7 @@ class _Play:
             raise _refused("an objective of an equilibrium has no infinite rewards", place)
         cooperative = last
         if steps.upper is None:
-            # As accurately as possible: what is equal has to look so, if it decides.
+            # As accurately as possible, so that ties between equilibria are recognised.
             inner = self.context.within(self.engine, self.engine.all.members).with_epsilon(ROUNDING)
             low, high = values(inner, replace(query, coalition=None)).at(engine.all)
             cooperative = np.where(going, 0.5 * (low + high), 0.0)
