@@ -114,12 +114,21 @@ class Workbench:
         return self.browser.execute_script(script, *arguments)
 
     def until(self, holds: Callable[[], object], seconds: float = 30) -> Any:
-        from selenium.common.exceptions import StaleElementReferenceException
+        """What holds after a while; if nothing does, the failure tells what the page shows."""
+        from selenium.common.exceptions import StaleElementReferenceException, TimeoutException
         from selenium.webdriver.support.wait import WebDriverWait
 
         passing = [StaleElementReferenceException, IndexError]
         wait = WebDriverWait(self.browser, seconds, 0.05, ignored_exceptions=passing)
-        return wait.until(lambda _: holds())
+        try:
+            return wait.until(lambda _: holds())
+        except TimeoutException:
+            self.browser.switch_to.default_content()
+            shown = self.run(
+                "return ['model', 'properties', 'state', 'trouble', 'list', 'progress', 'log-lines']"
+                ".map((id) => `${id}: ${document.getElementById(id)?.innerText}`).join('\\n')"
+            )
+            pytest.fail(f"not after {seconds} s; the page shows\n{shown}")
 
     def until_drawn(self, holds: Callable[[], object]) -> Any:
         """Wait until a new page of the graph is there, and something holds within it.

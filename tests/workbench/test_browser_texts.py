@@ -33,11 +33,17 @@ def given(bench: Workbench, n: str) -> None:
 
 
 def write(bench: Workbench, part: str, text: str) -> None:
-    """Another text in place of the one that is there, as if it was pasted."""
+    """Another text in place of the one that is there, as if it was pasted.
+
+    The keys go to the editor when it has the focus, and the text is there when this returns.
+    """
     bench.at(f"{part}-tab").click()
     bench.all(f"#{part} .cm-content")[0].click()
+    focus = f"return document.activeElement === document.querySelector('#{part} .cm-content')"
+    bench.until(lambda: bench.run(focus))
     bench.with_control("a")
     bench.browser.execute_cdp_cmd("Input.insertText", {"text": text})
+    bench.until(lambda: shown(bench, part).split() == text.split())
 
 
 def press(bench: Workbench, *keys: str) -> None:
@@ -140,6 +146,15 @@ def test_an_estimate_stands_beside_what_was_checked(bench: Workbench) -> None:
     bench.click("estimate-all")
     bench.until(lambda: len(bench.values) == 2)
     assert bench.values[0] == "0.25"
+
+
+def test_the_buttons_stay_where_they_are_when_fields_of_constants_go(bench: Workbench) -> None:
+    """A button that moves between the press and the release of the mouse is not clicked."""
+    before = bench.at("check-all").location
+    write(bench, "properties", "P=? [ F x=1 ];")
+    write(bench, "model", "dtmc module m x:[0..2]; [] x=0 -> 0.25:(x'=1)+0.75:(x'=2); endmodule")
+    bench.until(lambda: not bench.all("#constants input"))
+    assert bench.at("check-all").location == before
 
 
 def test_an_estimate_says_that_it_is_sampled_with_its_interval(bench: Workbench) -> None:

@@ -26,19 +26,20 @@ class Worker:
     def __init__(self) -> None:
         self.process: asyncio.subprocess.Process | None = None
         self._killed: list[asyncio.subprocess.Process] = []
-        self._turn = asyncio.Lock()
+        self._turn, self._starts = asyncio.Lock(), asyncio.Lock()
 
     async def start(self) -> asyncio.subprocess.Process:
         """The process, started anew if it has ended."""
-        if self.process is None or self.process.returncode is not None:
-            self.process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", "symcheck.workbench.worker"),
-                stdin=asyncio.subprocess.PIPE,
-                stdout=asyncio.subprocess.PIPE,
-                stderr=asyncio.subprocess.DEVNULL,
-                limit=_LONGEST,
-            )
-        return self.process
+        async with self._starts:  # a job that comes while it starts takes the same one
+            if self.process is None or self.process.returncode is not None:
+                self.process = await asyncio.create_subprocess_exec(
+                    *(sys.executable, "-m", "symcheck.workbench.worker"),
+                    stdin=asyncio.subprocess.PIPE,
+                    stdout=asyncio.subprocess.PIPE,
+                    stderr=asyncio.subprocess.DEVNULL,
+                    limit=_LONGEST,
+                )
+            return self.process
 
     async def ask(self, question: Mapping[str, Any]) -> AsyncGenerator[Message, None]:
         """Do a job: progress, then a result or an error. Who stops listening kills the process."""
