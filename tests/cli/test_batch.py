@@ -172,3 +172,20 @@ sys.exit(batch.run_batch(["-batch", "-"], run))
     assert statuses(result.stdout) == [128 + signal.SIGKILL, 0]
     assert "the run was ended by SIGKILL" in result.stderr
     assert result.returncode == 1
+
+
+@pytest.mark.parametrize("engine", [[], ["-hybrid"]])
+def test_a_line_finds_loaded_what_it_needs(engine: Sequence[str]) -> None:
+    code = f"""
+import sys
+from symcheck.cli.batch import _load
+from symcheck.cli.entry_point import run_safely
+_load()
+before = set(sys.modules)
+status = run_safely([{DIE!r}, "-pf", "P=? [ F d=6 ]", *{engine!r}])
+print(sorted(n for n in set(sys.modules) - before if n.startswith("symcheck")))
+sys.exit(status)
+"""
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert found.returncode == 0, found.stderr
+    assert found.stdout.splitlines()[-1] == "[]"

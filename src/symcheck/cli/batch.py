@@ -16,8 +16,9 @@ import signal
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from subprocess import DEVNULL, Popen
+from tempfile import TemporaryDirectory
 from time import perf_counter
 from types import FrameType
 from typing import NoReturn, TextIO
@@ -32,6 +33,8 @@ __all__ = ["is_batch", "run_batch"]
 _RULE = "=" * 69
 _STANDARD_INPUT = "-"
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
+_STOPPED = 128
+"""The least exit status of a run that a signal has stopped."""
 
 _SAMPLE = """
 dtmc
@@ -40,6 +43,7 @@ module m
   [] x<2 -> 1/2 : (x'=x+1) + 1/4 : (x'=3) + 1/4 : (x'=0);
 endmodule
 rewards x<2 : 1; endrewards
+label "end" = x>1;
 """
 _PROPERTIES = (
     'P=? [ F x=2 ]; P=? [ F<=2 x=2 ]; R=? [ F x>1 ]; P>0 [ F x=2 ]; filter(state, "init");'
@@ -150,16 +154,21 @@ def _opened(name: str) -> TextIO:
 
 
 def _load() -> None:
-    """Load what most lines need, by checking properties of a small model on both representations.
+    """Load what most lines need, by runs of a small model on both representations.
 
-    The collector need not visit it, so that the copies of this process share its memory.
+    What they make once, such as the parser of switches, is that of the lines too. The collector
+    need not visit it, so that the copies of this process share its memory.
     """
-    from symcheck.api.loading import loads
+    from symcheck.cli.entry_point import run_safely
 
-    for engine in ("explicit", "hybrid"):
-        with suppress(SymcheckError):  # no decision diagrams on this machine
-            for _ in loads(_SAMPLE, engine=engine).check_all(_PROPERTIES):
-                pass
+    with TemporaryDirectory() as folder, open(os.devnull, "w") as nowhere:
+        sample = os.path.join(folder, "sample.pm")
+        with open(sample, "w") as file:
+            file.write(_SAMPLE)
+        with redirect_stdout(nowhere), redirect_stderr(nowhere):
+            for engine in ([], ["-hybrid"]):  # there may be no diagrams on this machine
+                if run_safely([sample, "-pf", _PROPERTIES, *engine]) >= _STOPPED:
+                    raise KeyboardInterrupt
     gc.collect()
     gc.freeze()
 

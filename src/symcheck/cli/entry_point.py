@@ -11,6 +11,8 @@ from threading import Lock, Thread
 from time import perf_counter
 from typing import NoReturn, TextIO
 
+import numpy as np
+
 from symcheck.cli.check_property import internal_error
 from symcheck.cli.output import LAST_WORDS, Output, fail
 from symcheck.cli.output_paths import check_files, check_results_file, write_results
@@ -170,7 +172,7 @@ class _Session:
         self._started = started
         self._state: RunState | None = None
         self._ending = Lock()
-        self._reserve = [bytearray(_RESERVE)]
+        self._reserve = [np.empty(_RESERVE, np.uint8)]  # of addresses: no page of it is touched
 
     def run(self, words: Sequence[str], stack: ExitStack) -> int:
         """The exit status of a run. The caller closes `stack` after the results are written."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Mapping, Sequence
+from functools import cache
 
 from symcheck.cli.switches.input_switches import (
     add_imports,
@@ -192,6 +193,10 @@ def make_parser() -> SwitchParser:
     return parser
 
 
+_parser = cache(make_parser)
+"""The parser that the lines of a batch share."""
+
+
 def information(arguments: Arguments) -> str | None:
     """The text that -help, -completion, -version or -javaversion asks for. Raises UsageError."""
     if arguments.version:
@@ -212,7 +217,7 @@ def information(arguments: Arguments) -> str | None:
 
 def parse_arguments(words: Sequence[str]) -> Arguments:
     """The parsed command line. Raises UsageError."""
-    parser = make_parser()
+    parser = _parser()
     if len(words) == 2 and words[0] in _HELP:
         words = [f"-help={words[1].lstrip('-')}"]  # also where the switch has its dash
     compares = bool(words) and words[0] == "compare"
