@@ -213,8 +213,65 @@ def test_every_state_is_explored_on_demand(monkeypatch: pytest.MonkeyPatch) -> N
         model.check("P=? [ F[50,50] jobs=25 ]")
 
 
-def test_other_properties_need_every_state() -> None:
+def climb(target: int, up: Fraction, down: Fraction) -> Fraction:
+    """The expected time in which a queue grows from 0 to a number of jobs."""
+    step = total = 1 / up
+    for _ in range(1, target):
+        step = 1 / up + down / up * step
+        total += step
+    return total
+
+
+@pytest.mark.parametrize("target", [1, 2, 9, 40])
+def test_times_until_a_target_need_the_states_before_it(target: int) -> None:
+    result = truncated(QUEUE, f"T=? [ F jobs={target} ]")
+    low, high = result.bounds
+    assert low <= climb(target, Fraction(3), Fraction(4)) <= high
+    assert result.engine is not None
+    assert result.engine.states == target + 1
+    assert f"{target + 1} states, which are all that matter" in result.explanation
+    assert truncated(QUEUE, f"P>=1 [ F jobs={target} ]").value is True
+
+
+@pytest.mark.parametrize("safe", [2, 10])
+def test_ruin_is_decided_before_what_follows_it(safe: int) -> None:
+    walk = WALK.replace("init 0", "init 1")
+    formula = f"x=0 | x={safe}"
+    ruin = 1 - (1 - Fraction(3)) / (1 - Fraction(3) ** safe)
+    low, high = truncated(walk, f"P=? [ x<{safe} U x=0 ]").bounds
+    assert low <= ruin <= high
+    steps = 2 * (1 - safe * (1 - ruin))
+    low, high = truncated(
+        walk.replace("endmodule", "endmodule rewards true : 1; endrewards"), f"R=? [ F {formula} ]"
+    ).bounds
+    assert low <= steps <= high
+
+
+def test_bold_play_is_optimal_up_to_a_target() -> None:
+    """Until 5, with choices: against all memoryless strategies."""
+    result = truncated(GAMBLER, "Pmax=? [ money<5 U money>=5 ]")
+    whole = symcheck.loads(
+        GAMBLER.replace("int init", "[0..9] init")
+        .replace(">0 ->", ">0&money<9 ->")
+        .replace(">1 ->", ">1&money<8 ->")
+    )
+    assert result.value == pytest.approx(whole.check("Pmax=? [ money<5 U money>=5 ]").value)
+    assert result.engine is not None
+    assert result.engine.states == 7
+
+
+def test_a_search_up_to_a_target_begins_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tuning, "GROWING_STATES", 2_000)
+    model = symcheck.loads(QUEUE)
+    assert model.check("P=? [ F jobs=7 ]").value == 1
+    assert not model.is_built
+    with pytest.raises(MemoryLimitError):
+        symcheck.loads(QUEUE, everywhere=True, max_memory=10_000_000).check("P=? [ F jobs=7 ]")
+
+
+@pytest.mark.parametrize("formula", ["S=? [ jobs=0 ]", "P=? [ F jobs<0 ]"])
+def test_other_properties_need_every_state(formula: str) -> None:
     model = symcheck.loads(QUEUE, truncate=True, max_memory=10_000_000)
     with pytest.raises(MemoryLimitError, match="memory limit") as raised:
-        model.check("S=? [ jobs=0 ]")
+        model.check(formula)
     assert "has no bounds" in str(raised.value.note)

@@ -135,7 +135,7 @@ def test_a_model_with_infinitely_many_states(capsys):
 
 def test_truncation_says_where_it_has_no_effect(capsys):
     die = MODELS / "die" / "die.pm"
-    assert main([str(die), "-pf", "P=? [ F d=6 ]; P=? [ F<=3 d=6 ]", "-truncate"]) == 0
+    assert main([str(die), "-pf", "S=? [ d=6 ]; P=? [ F<=3 d=6 ]; P=? [ F d=6 ]", "-truncate"]) == 0
     out = capsys.readouterr().out
     assert out.count("Note: -truncate has no effect: this property needs every state") == 1
     assert "States:      13" in out

@@ -25,6 +25,8 @@ endmodule
 """
 ENDLESS = "ctmc module m x : [0..100000000]; [] x<100000000 -> 1:(x'=x+1); endmodule"
 PROPERTY = "P=? [ F count=3 ]"
+NEVER = "P=? [ F count<0 ]"
+"""Every state is before this target."""
 
 
 @pytest.mark.parametrize("options", [{"engine": "auto"}, {"engine": "explicit"}, {"exact": True}])
@@ -33,7 +35,7 @@ def test_the_message_names_the_variables_and_what_they_have_reached(
 ) -> None:
     model = symcheck.loads(GROWING, max_memory=4 << 20, **options)  # type: ignore[arg-type]
     with pytest.raises(MemoryLimitError) as stopped:
-        model.check(PROPERTY)
+        model.check(NEVER)
     message = str(stopped.value)
     found = re.search(r"count \(<model>:3:3\) has no bounds, and has reached 0\.\.(\d+)", message)
     assert found is not None, message
@@ -63,7 +65,7 @@ def test_diagrams_name_the_variable_and_its_place(engine: str) -> None:
 
 def test_a_time_limit_names_it_too() -> None:
     with pytest.raises(TimeLimitError, match=r"(?s)count .* has reached"):
-        symcheck.loads(GROWING, engine="explicit", time_limit=0.5).check(PROPERTY)
+        symcheck.loads(GROWING, engine="explicit", time_limit=0.5).check(NEVER)
 
 
 @pytest.mark.parametrize("engine", ["-ex", "-exact"])
@@ -71,14 +73,14 @@ def test_a_run_that_is_stopped_names_it(
     engine: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "m.sm").write_text(GROWING)
-    assert main([str(tmp_path / "m.sm"), "-pf", PROPERTY, engine, "-timeout", "8"]) == 3
+    assert main([str(tmp_path / "m.sm"), "-pf", NEVER, engine, "-timeout", "8"]) == 3
     assert "m.sm:3:3) has no bounds, and has reached 0.." in capfd.readouterr().err
 
 
 def test_the_limit_of_the_process_names_it(tmp_path: Path) -> None:
     """Memory ends by itself, before the limit that is taken from what is free on the machine."""
     (tmp_path / "m.sm").write_text(GROWING)
-    words = f"exec {sys.executable} -m symcheck {tmp_path}/m.sm -pf '{PROPERTY}' -ex"
+    words = f"exec {sys.executable} -m symcheck {tmp_path}/m.sm -pf '{NEVER}' -ex"
     run = subprocess.run(
         ["bash", "-c", f"ulimit -v 1200000; {words}"], capture_output=True, text=True, timeout=300
     )

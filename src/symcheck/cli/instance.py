@@ -97,7 +97,7 @@ def _check_instance(
                 state.output.line(
                     f"Note: {model.growth.note}, and still grows: probabilities with a bound on "
                     "time or steps are computed on a part of the states; for all else, the search "
-                    "may not end"
+                    "goes on to the states that decide a property, and may not end"
                 )
             if a.needs_model or not (model.builds_per_property and (instances or model.is_timed)):
                 _build(state, model, watch)
