@@ -162,9 +162,10 @@ def test_a_line_that_crashes_does_not_end_the_batch(tmp_path: Path) -> None:
     script = """
 import os, sys
 from symcheck.cli import batch
+from symcheck.cli.entry_point import run_safely
 def run(words, started):
     os.kill(os.getpid(), 9) if words == ["x"] else os._exit(0)
-sys.exit(batch.run_batch(["-batch", "-"], run))
+sys.exit(batch.run_batch(["-batch", "-"], run, run_safely))
 """
     result = subprocess.run(
         [sys.executable, "-c", script], input="x\ny\n", capture_output=True, text=True, cwd=tmp_path
@@ -178,9 +179,9 @@ sys.exit(batch.run_batch(["-batch", "-"], run))
 def test_a_line_finds_loaded_what_it_needs(engine: Sequence[str]) -> None:
     code = f"""
 import sys
-from symcheck.cli.batch import _load
+from symcheck.cli.batch import load
 from symcheck.cli.entry_point import run_safely
-_load()
+load(run_safely)
 before = set(sys.modules)
 status = run_safely([{DIE!r}, "-pf", "P=? [ F d=6 ]", *{engine!r}])
 print(sorted(n for n in set(sys.modules) - before if n.startswith("symcheck")))

@@ -28,13 +28,13 @@ from symcheck.cli.switches.arguments import parse_arguments
 from symcheck.errors import Interrupted, SymcheckError, UsageError
 from symcheck.operating_system import CAN_FORK
 
-__all__ = ["is_batch", "run_batch"]
+__all__ = ["is_batch", "load", "run_batch"]
 
 _RULE = "=" * 69
 _STANDARD_INPUT = "-"
 _STOPPING = (signal.SIGINT, signal.SIGTERM)
 _STOPPED = 128
-"""The least exit status of a run that a signal has stopped."""
+"""The exit status of a run that a signal has stopped, without the number of the signal."""
 
 _SAMPLE = """
 dtmc
@@ -51,6 +51,8 @@ _PROPERTIES = (
 
 Run = Callable[[Sequence[str], float], NoReturn]
 """Runs a command line that started at a time (`perf_counter`), and ends the process."""
+Rehearsal = Callable[[Sequence[str]], int]
+"""Runs a command line in this process; its exit status."""
 
 
 def is_batch(words: Sequence[str]) -> bool:
@@ -58,12 +60,13 @@ def is_batch(words: Sequence[str]) -> bool:
     return any(_is_switch(word) for word in words)
 
 
-def run_batch(words: Sequence[str], run: Run) -> int:
+def run_batch(words: Sequence[str], run: Run, rehearse: Rehearsal) -> int:
     """Run the lines of a file, or of the standard input.
 
     Args:
         words: the command line. Its other switches hold for every line.
         run: runs a line.
+        rehearse: runs a command line in this process.
 
     Returns:
         0 if each line ended with 0, otherwise 1; 130 after Ctrl-C and 143 after SIGTERM.
@@ -75,18 +78,22 @@ def run_batch(words: Sequence[str], run: Run) -> int:
     name, common = _split(words)
     child = _Child()
     try:
-        return _run_lines(name, common, run, child)
+        return _run_lines(name, common, run, rehearse, child)
     except KeyboardInterrupt:  # between two lines
         stopped = signal.Signals(child.stopped or signal.SIGINT)
         sender = "Ctrl-C" if stopped is signal.SIGINT else stopped.name
         return fail(Interrupted(f"interrupted by {sender}"), 128 + stopped)
 
 
-def _run_lines(name: str, common: Sequence[str], run: Run, child: _Child) -> int:
+def _run_lines(
+    name: str, common: Sequence[str], run: Run, rehearse: Rehearsal, child: _Child
+) -> int:
     statuses: Counter[int] = Counter()
     with _opened(name) as file, child.forwarding():
         if CAN_FORK:
-            _load()
+            child.stopped = load(rehearse)
+            if child.stopped:
+                raise KeyboardInterrupt
         for number, line in _lines(name, file):
             sys.stdout.write(f"{_RULE}\nLine {number}: {line}\n\n")
             sys.stdout.flush()
@@ -153,24 +160,24 @@ def _opened(name: str) -> TextIO:
         raise UsageError(f"-batch: cannot read '{name}': {error.strerror}") from None
 
 
-def _load() -> None:
+def load(rehearse: Rehearsal) -> int:
     """Load what most lines need, by runs of a small model on both representations.
 
     What they make once, such as the parser of switches, is that of the lines too. The collector
-    need not visit it, so that the copies of this process share its memory.
+    need not visit it, so that the copies of this process share its memory. Returns the signal that
+    has arrived meanwhile, or 0.
     """
-    from symcheck.cli.entry_point import run_safely
-
     with TemporaryDirectory() as folder, open(os.devnull, "w") as nowhere:
         sample = os.path.join(folder, "sample.pm")
         with open(sample, "w") as file:
             file.write(_SAMPLE)
         with redirect_stdout(nowhere), redirect_stderr(nowhere):
             for engine in ([], ["-hybrid"]):  # there may be no diagrams on this machine
-                if run_safely([sample, "-pf", _PROPERTIES, *engine]) >= _STOPPED:
-                    raise KeyboardInterrupt
+                if (status := rehearse([sample, "-pf", _PROPERTIES, *engine])) > _STOPPED:
+                    return status - _STOPPED
     gc.collect()
     gc.freeze()
+    return 0
 
 
 class _Child:

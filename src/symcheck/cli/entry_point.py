@@ -87,7 +87,7 @@ def _run_batch(words: Sequence[str] | None) -> int:
     if words is None and isinstance(sys.stdout, TextIOWrapper):
         sys.stdout = _CheckedStream(sys.stdout)
     try:
-        status = run_batch(sys.argv[1:] if words is None else words, _run_process)
+        status = run_batch(sys.argv[1:] if words is None else words, _run_process, run_safely)
     except KeyboardInterrupt:
         status = fail(Interrupted("interrupted by Ctrl-C"), 130)
     except SymcheckError as error:
