@@ -349,7 +349,7 @@ function showConstants() {
         store[c.name] = e.target.value.trim();
         sessionStorage.setItem(box, JSON.stringify(store));
         if (box === "constants") later();
-      } }))));
+      }, keydown: (e) => e.key === "Enter" && box === "constants" && checkAll() }))));
   }
 }
 
