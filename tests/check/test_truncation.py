@@ -269,6 +269,13 @@ def test_a_search_up_to_a_target_begins_by_itself(monkeypatch: pytest.MonkeyPatc
         symcheck.loads(QUEUE, everywhere=True, max_memory=10_000_000).check("P=? [ F jobs=7 ]")
 
 
+@pytest.mark.parametrize("formula", ["jobs=2", "P>0.9 [ F jobs=2 ]", "P<0.1 [ F<=1 jobs=2 ]"])
+def test_states_that_satisfy_a_formula_are_sought_everywhere(formula: str) -> None:
+    room = QUEUE.replace("jobs : int", "jobs : [0..9]").replace("true ->", "jobs<9 ->")
+    truncated = symcheck.loads(room, truncate=True).where(formula)
+    assert [*map(str, truncated)] == [*map(str, symcheck.loads(room).where(formula))]
+
+
 @pytest.mark.parametrize("formula", ["S=? [ jobs=0 ]", "P=? [ F jobs<0 ]"])
 def test_other_properties_need_every_state(formula: str) -> None:
     model = symcheck.loads(QUEUE, truncate=True, max_memory=10_000_000)

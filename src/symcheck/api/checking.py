@@ -28,6 +28,7 @@ from symcheck.lazy_dataclass import dataclass
 from symcheck.numerics.linear.problem import Observer as IterationObserver
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import BoundProperties, BoundProperty, bind_properties
+from symcheck.semantics.features import Feature, offers
 from symcheck.syntax.declarations import PropertiesFile
 from symcheck.tables import counted
 
@@ -108,8 +109,10 @@ class CheckedModel(Stages):
 
     def decided(self, instance: PropertyInstance) -> Self | None:
         """The model up to the states that decide a property; None if that may need every state."""
-        only_values = not (self.options.everywhere or self.options.strategy)
-        if not only_values or self.options.fairness or self.bound.builder is not None:
+        options = self.options
+        if options.everywhere or options.strategy or options.fairness or self.parameters:
+            return None
+        if self.bound.builder is not None or not offers(self.bound, Feature.TRUNCATION):
             return None
         smaller = self.smaller or Smaller(self.bound)
         part = self.bound if smaller.partial else stopped(self.bound, [instance])
@@ -332,25 +335,22 @@ class CheckedModel(Stages):
             SymcheckError: see `check`.
         """
         self._require_answerable(instance)
+        options = options or self.options
         timed = self.deciding(instance)
         if timed is not None:
             from symcheck.api.timed import check_timed
 
-            return check_timed(timed.engine, instance, options or self.options, observer)
+            return check_timed(timed.engine, instance, options, observer)
         bound, labels = instance.bind(self.bound)
-        if self.is_truncated:
+        if self.is_truncated and not options.everywhere:
             from symcheck.check.truncation import check_by_truncation, truncates
 
             if truncates(bound.formula, self.bound):
-                return check_by_truncation(
-                    self.bound, bound.formula, options or self.options, labels, observer
-                )
+                return check_by_truncation(self.bound, bound.formula, options, labels, observer)
             if (part := self.decided(instance)) is not None:
                 started, engine = perf_counter(), part.engine
                 bound, labels = instance.bind(part.bound)
-                result = check(
-                    engine, bound.formula, options or self.options, labels=labels, observer=observer
-                )
+                result = check(engine, bound.formula, options, labels=labels, observer=observer)
                 size = f"{counted(engine.states, 'state')}, which are all that matter"
                 explanation = "; ".join(filter(None, (result.explanation, size)))
                 seconds = perf_counter() - started
@@ -358,13 +358,11 @@ class CheckedModel(Stages):
         if self.parameters:
             from symcheck.check.parametric import check_parametric
 
-            return check_parametric(
-                self.engine, bound.formula, options or self.options, labels=labels
-            )
+            return check_parametric(self.engine, bound.formula, options, labels=labels)
         return check(
             self.engine,
             bound.formula,
-            options or self.options,
+            options,
             labels=labels,
             observer=observer,
             shared=shared,
