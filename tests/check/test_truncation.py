@@ -1,5 +1,6 @@
 """Probabilities with a bound on time or steps, of models with infinitely many states."""
 
+import re
 from collections.abc import Callable
 from fractions import Fraction
 from functools import cache
@@ -9,10 +10,13 @@ import pytest
 
 import symcheck
 from symcheck.check import truncation
+from symcheck.check import tuning as tuning_of_checks
 from symcheck.check.context import Context
 from symcheck.check.result import Certified, Exact
-from symcheck.errors import MemoryLimitError, ModelFault, NumericalError
+from symcheck.errors import Interrupted, MemoryLimitError, ModelFault, NumericalError
 from symcheck.explicit import tuning
+from symcheck.explicit.region import Region
+from symcheck.explicit.states import Rows
 from symcheck.numerics import tuning as tuning_of_numerics
 from symcheck.numerics.transient import methods
 from symcheck.numerics.transient.forward import ForwardValue
@@ -269,6 +273,76 @@ def test_a_search_up_to_a_target_begins_by_itself(monkeypatch: pytest.MonkeyPatc
         symcheck.loads(QUEUE, everywhere=True, max_memory=10_000_000).check("P=? [ F jobs=7 ]")
 
 
+BUSY = QUEUE.replace("init 0", "init 3")
+TWO = """
+    ctmc
+    module first
+        a : int init 2;
+        [] true -> 3 : (a'=a+1);
+        [] a>0 -> 4 : (a'=a-1);
+    endmodule
+    module second = first [a=b] endmodule
+"""
+
+
+@pytest.mark.parametrize(
+    ("model", "formula", "value"),
+    [
+        (BUSY, "P=? [ F jobs=0 ]", 1),
+        (BUSY, "P=? [ F>=2 jobs=0 ]", 1),
+        (BUSY, "P=? [ G jobs>0 ]", 0),
+        (BUSY, "P=? [ jobs>0 W jobs>9 ]", (1 - Fraction(4, 3) ** 3) / (1 - Fraction(4, 3) ** 10)),
+        (TWO, "P=? [ b>0 U a=0 ]", Fraction(1, 2)),
+        (TWO, "P=? [ F a=0 & b=0 ]", 1),
+    ],
+)
+def test_without_a_bound_on_time_bounds_meet_where_paths_come_back(
+    monkeypatch: pytest.MonkeyPatch, model: str, formula: str, value: Fraction
+) -> None:
+    monkeypatch.setattr(tuning, "GROWING_STATES", 2_000)
+    result = truncated(model, formula)
+    low, high = result.bounds
+    assert low <= value <= high
+    assert high - low <= 1e-6
+
+
+def test_bounds_stay_apart_where_paths_do_not_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tuning, "GROWING_STATES", 2_000)
+    monkeypatch.setattr(tuning_of_checks, "APPROACHING_ROUNDS", 2)
+    growing = BUSY.replace("-> 3", "-> 4.5").replace("-> 4 ", "-> 3.5 ")
+    result = truncated(growing, "P=? [ F jobs=0 ]")
+    low, high = result.bounds
+    assert low <= Fraction(7, 9) ** 3 <= high
+    assert low == pytest.approx((7 / 9) ** 3)
+    assert any("apart" in warning for warning in result.warnings)
+    assert truncated(growing, "P>=0.4 [ F jobs=0 ]").value is True
+    with pytest.raises(NumericalError, match=r"cannot decide .* lies between 0\.47"):
+        truncated(growing, "P>=0.6 [ F jobs=0 ]")
+
+
+def test_an_interrupt_tells_the_bounds_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fair game: each growth of the region helps, and never enough."""
+    monkeypatch.setattr(tuning, "GROWING_STATES", 2_000)
+    grow = Region.grow
+
+    def grows(region: Region, rows: Rows) -> None:
+        if len(region) > 4_000:
+            raise KeyboardInterrupt
+        grow(region, rows)
+
+    monkeypatch.setattr(Region, "grow", grows)
+    with pytest.raises(Interrupted) as raised:
+        truncated(BUSY.replace("-> 4 ", "-> 3 "), "P=? [ F jobs=0 ]")
+    assert re.fullmatch(r"the value is between 0\.999\d+ and 1\.0", str(raised.value.note))
+
+
+def test_nothing_is_known_where_no_path_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tuning, "GROWING_STATES", 2_000)
+    monkeypatch.setattr(tuning_of_checks, "UNKNOWN_STATES", 5_000)
+    with pytest.raises(NumericalError, match=r"nothing is known after [\d,]+ states"):
+        truncated(ARRIVALS, "P=? [ F n<0 ]")
+
+
 @pytest.mark.parametrize("formula", ["jobs=2", "P>0.9 [ F jobs=2 ]", "P<0.1 [ F<=1 jobs=2 ]"])
 def test_states_that_satisfy_a_formula_are_sought_everywhere(formula: str) -> None:
     room = QUEUE.replace("jobs : int", "jobs : [0..9]").replace("true ->", "jobs<9 ->")
@@ -276,7 +350,7 @@ def test_states_that_satisfy_a_formula_are_sought_everywhere(formula: str) -> No
     assert [*map(str, truncated)] == [*map(str, symcheck.loads(room).where(formula))]
 
 
-@pytest.mark.parametrize("formula", ["S=? [ jobs=0 ]", "P=? [ F jobs<0 ]"])
+@pytest.mark.parametrize("formula", ["S=? [ jobs=0 ]", "T=? [ F jobs<0 ]"])
 def test_other_properties_need_every_state(formula: str) -> None:
     model = symcheck.loads(QUEUE, truncate=True, max_memory=10_000_000)
     with pytest.raises(MemoryLimitError, match="memory limit") as raised:

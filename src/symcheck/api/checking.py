@@ -343,11 +343,19 @@ class CheckedModel(Stages):
             return check_timed(timed.engine, instance, options, observer)
         bound, labels = instance.bind(self.bound)
         if self.is_truncated and not options.everywhere:
-            from symcheck.check.truncation import check_by_truncation, truncates
+            from symcheck.check.truncation import (
+                check_by_truncation,
+                has_bounds_on_a_part,
+                truncates,
+            )
 
-            if truncates(bound.formula, self.bound):
+            needs_part = truncates(bound.formula, self.bound)
+            part = None if needs_part else self.decided(instance)
+            if has_bounds_on_a_part(bound.formula, self.bound) and (
+                needs_part or (part or self).is_endless
+            ):
                 return check_by_truncation(self.bound, bound.formula, options, labels, observer)
-            if (part := self.decided(instance)) is not None:
+            if part is not None:
                 started, engine = perf_counter(), part.engine
                 bound, labels = instance.bind(part.bound)
                 result = check(engine, bound.formula, options, labels=labels, observer=observer)

@@ -116,6 +116,19 @@ class Stages:
 
         return self.within_limits(lambda: early_growth(bound, options))
 
+    @cached_property
+    def is_endless(self) -> bool:
+        """Whether variables without bounds grow so long that a search for all states is given up
+        where bounds on a part of them help.
+        """
+        from symcheck.explicit import tuning
+        from symcheck.explicit.region import early_growth
+
+        def grows() -> bool:
+            return early_growth(self.bound, self.options, tuning.ENDLESS_ROUNDS) is not None
+
+        return self.growth is not None and self.within_limits(grows)
+
     @property
     def builds_per_property(self) -> bool:
         """Whether there is no model that is built for all properties."""

@@ -3,7 +3,8 @@
 Where a path leaves the region, nothing more is known of it. Until formulas grow with their
 operands: if the states on the boundary satisfy neither operand, the probability is a lower bound,
 and if they satisfy both, it is an upper one. The region grows where paths leave it most probably,
-until the bounds are as close as requested. What chooses it is an estimate, and what is printed is
+until the bounds are as close as requested; without a bound on time, they may stay apart, because
+paths that leave need not come back. What chooses the region is an estimate, and what is printed is
 proved.
 
 Sources: E. Hahn, H. Hermanns, B. Wachter, L. Zhang: INFAMY: an infinite-state Markov model checker
@@ -28,7 +29,13 @@ from symcheck.check.result import Answer, Certified, Exact, Result, SolverRun
 from symcheck.check.state_formulas import states_of
 from symcheck.engines.base import StateSet, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
-from symcheck.errors import MemoryLimitError, NumericalError, UnsupportedError
+from symcheck.errors import (
+    Interrupted,
+    MemoryLimitError,
+    NumericalError,
+    ResourceError,
+    UnsupportedError,
+)
 from symcheck.explicit.region import Region
 from symcheck.matrices.rows import Bools, Floats, SparseMatrix
 from symcheck.numerics.linear.problem import Observer, largest_width
@@ -43,29 +50,39 @@ from symcheck.syntax.ast import AnyMeasure, Expression, StateOperator
 from symcheck.syntax.traversal import nodes
 from symcheck.tables import counted
 
-__all__ = ["check_by_truncation", "truncates"]
+__all__ = ["check_by_truncation", "has_bounds_on_a_part", "truncates"]
 
 
 def truncates(formula: Expression, model: BoundModel) -> TypeGuard[AnyMeasure]:
-    """Whether a bound formula can be checked on a part of the states: P of X, or of F, G, U, W or R
-    with an upper bound on steps or time, over conditions without operators, from one initial state.
+    """Whether a bound formula needs a part of the states only: P of X, or of F, G, U, W or R with
+    an upper bound on steps or time, over conditions without operators, from one initial state.
     """
-    if not offers(model, Feature.TRUNCATION) or model.initial is not None:
-        return False
-    if not isinstance(formula, AnyMeasure) or any(
-        isinstance(node, StateOperator) for node in nodes(formula) if node is not formula
-    ):
-        return False
-    quantity = query_of(formula, model).quantity
-    if not isinstance(quantity, PathProbability):
-        return False
-    match quantity.path:
+    match _path(formula, model):
         case UntilPath(window=window):
             return window.upper is not None
         case NextPath():
             return True
         case _:
             return False
+
+
+def has_bounds_on_a_part(formula: Expression, model: BoundModel) -> TypeGuard[AnyMeasure]:
+    """Whether a part of the states bounds a formula: as above, with or without an upper bound. If
+    there is none, the bounds need not meet.
+    """
+    return isinstance(_path(formula, model), UntilPath | NextPath)
+
+
+def _path(formula: Expression, model: BoundModel) -> object:
+    """The path formula of P over conditions without operators, from one initial state, or None."""
+    if not offers(model, Feature.TRUNCATION) or model.initial is not None:
+        return None
+    if not isinstance(formula, AnyMeasure) or any(
+        isinstance(node, StateOperator) for node in nodes(formula) if node is not formula
+    ):
+        return None
+    quantity = query_of(formula, model).quantity
+    return quantity.path if isinstance(quantity, PathProbability) else None
 
 
 def check_by_truncation(
@@ -79,7 +96,7 @@ def check_by_truncation(
 
     Args:
         model: the model.
-        formula: one for which `truncates` holds.
+        formula: one for which `has_bounds_on_a_part` holds.
         options: the accuracy, and limits.
         labels: those of the properties file.
         observer: is told of each iteration of a numerical method, and may raise to end it.
@@ -158,16 +175,50 @@ class _Truncated:
 
     def bounds(self) -> tuple[float, float]:
         """Bounds on the value in the initial state, as close as requested or as can be."""
+        return self._within_time() if self._ends else self._approaching()
+
+    def _approaching(self) -> tuple[float, float]:
+        """Bounds without a bound on time, until they meet or approach each other no longer."""
+        known, gaps = (0.0, 1.0), [1.0]
+        try:
+            while True:
+                lower, upper = known = self._solved(known)
+                flows, states = self._flows(), len(self._region)
+                gaps.append(upper - lower)
+                is_small = gaps[-1] < tuning.APPROACHED
+                if is_small or self._is_enough(lower, upper) or not len(flows):
+                    return known
+                earlier = gaps[max(0, len(gaps) - 1 - tuning.APPROACHING_ROUNDS)]
+                is_hopeful = gaps[-1] < tuning.APPROACHING * earlier
+                begins = gaps[-1] == 1.0 or len(gaps) <= tuning.APPROACHING_ROUNDS
+                most = tuning.UNKNOWN_STATES if begins else tuning.TRUNCATION_STATES
+                if states > most and known == (0.0, 1.0):
+                    raise NumericalError(
+                        f"nothing is known after {counted(states, 'state')}: paths leave them, and "
+                        "need not come back",
+                        hint="ask within a bound on time, or bound the variables; -notruncate "
+                        "(truncate=False) explores every state",
+                    )
+                if states > most or not (begins or is_hopeful):
+                    return known
+                self._grow(flows, 0.0)
+        except (ResourceError, MemoryError, KeyboardInterrupt) as error:
+            if known == (0.0, 1.0):
+                raise
+            if isinstance(error, MemoryLimitError | MemoryError):
+                return known
+            note = f"the value is between {known[0]!r} and {known[1]!r}"
+            raise Interrupted("interrupted", note=note) from None
+
+    def _within_time(self) -> tuple[float, float]:
+        """Bounds with a bound on time: the region grows until hardly any path leaves it."""
         epsilon = self._options.epsilon
         goal, known = tuning.TRUNCATION_SHARE * epsilon, (0.0, 1.0)
         while True:
             flows, is_large = self._flows(), len(self._region) > tuning.TRUNCATION_STATES
             if flows.sum() <= goal or (is_large and flows.sum() < tuning.TRUNCATION_USELESS):
                 lower, upper = known = self._solved(known)
-                size = upper if self._options.relative else 1.0
-                if upper - lower <= epsilon * size or self._is_decided(lower, upper):
-                    return known
-                if self._unsure > epsilon * size:  # more states do not help
+                if self._is_enough(lower, upper):
                     return known
                 if is_large or not len(flows) or goal < tuning.TRUNCATION_LEAST:
                     return known
@@ -185,6 +236,13 @@ class _Truncated:
                 if known == (0.0, 1.0):
                     raise
                 return known
+
+    def _is_enough(self, lower: float, upper: float) -> bool:
+        """Whether bounds are as close as requested, or decide a threshold, or more states do not
+        help.
+        """
+        wide = self._options.epsilon * (upper if self._options.relative else 1.0)
+        return upper - lower <= wide or self._is_decided(lower, upper) or self._unsure > wide
 
     def _solved(self, known: tuple[float, float]) -> tuple[float, float]:
         """Bounds by the region, within those that are known."""
@@ -243,14 +301,22 @@ class _Truncated:
         ]
         return np.asarray(np.minimum.reduce(flows))
 
-    def _horizon(self, rate: float) -> float:
+    @property
+    def _ends(self) -> bool:
+        """Whether there is a bound on time or steps."""
         quantity = self._query.quantity
         assert isinstance(quantity, PathProbability)
         assert isinstance(quantity.path, UntilPath | NextPath)
-        if isinstance(quantity.path, NextPath):
-            return 1.0 / rate
-        assert quantity.path.window.upper is not None
-        return float(quantity.path.window.upper)
+        return isinstance(quantity.path, NextPath) or quantity.path.window.upper is not None
+
+    def _horizon(self, rate: float) -> float:
+        """The time that counts. Without a bound: in which a path may go through the region."""
+        quantity = self._query.quantity
+        assert isinstance(quantity, PathProbability)
+        if isinstance(quantity.path, UntilPath):
+            upper = quantity.path.window.upper
+            return len(self._region) / rate if upper is None else float(upper)
+        return 1.0 / rate
 
     def _grow(self, flows: Floats, goal: float) -> None:
         """Expand the states of the boundary into which most paths go."""

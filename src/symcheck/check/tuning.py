@@ -118,5 +118,12 @@ TRUNCATION_STATES = 8_000_000
 """States from which on the region does not grow any more: about a GB."""
 TRUNCATION_USELESS = 0.5
 """What leaves a large region makes bounds useless from here on."""
+APPROACHING_ROUNDS, APPROACHING = 4, 0.99
+"""Rounds, in which a region grows to six times its size, and the share of the distance between both
+bounds to which it has to shrink meanwhile, if there is no bound on time."""
+APPROACHED = 1e-100
+"""A distance that is not reduced further."""
+UNKNOWN_STATES = 1_000_000
+"""States from which on the region does not grow any more while nothing is known."""
 TRUNCATION_LEAST = 1e-250
 """What leaves a region is not reduced further than this."""

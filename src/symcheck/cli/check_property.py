@@ -102,7 +102,8 @@ def check_property(
     if state.options.truncate and plan is None:
         from symcheck.check.truncation import truncates
 
-        if not truncates(bound.formula, model.bound) and model.decided(instance) is None:
+        needs_all = model.decided(instance) is None and not model.is_endless
+        if needs_all and not truncates(bound.formula, model.bound):
             state.output.line("Note: -truncate has no effect: this property needs every state")
     if model.builds_per_property and isinstance(outcome, Result):
         engine = outcome.engine

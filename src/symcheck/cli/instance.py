@@ -95,9 +95,10 @@ def _check_instance(
         if plan is None:
             if state.options.truncate is None and model.growth is not None:
                 state.output.line(
-                    f"Note: {model.growth.note}, and still grows: probabilities with a bound on "
-                    "time or steps are computed on a part of the states; for all else, the search "
-                    "goes on to the states that decide a property, and may not end"
+                    f"Note: {model.growth.note}, and still grows: probabilities are computed on a "
+                    "part of the states (without a bound on time or steps, their bounds may stay "
+                    "apart); for all else, the search goes on to the states that decide a "
+                    "property, and may not end"
                 )
             if a.needs_model or not (model.builds_per_property and (instances or model.is_timed)):
                 _build(state, model, watch)

@@ -21,12 +21,13 @@ from symcheck.semantics.model import BoundModel
 __all__ = ["Region", "early_growth"]
 
 
-def early_growth(model: BoundModel, options: Options) -> Growth | None:
+def early_growth(model: BoundModel, options: Options, rounds: int = 1) -> Growth | None:
     """Which variables without bounds still take new values after very many states; None: none.
 
     Args:
         model: the model, with one initial state.
         options: checks of the model. A fault of the model ends the search.
+        rounds: how many times as far as usual to search.
     """
     layout = StateLayout.of(model.variables)
     reached = ReachedValues(layout)
@@ -34,7 +35,7 @@ def early_growth(model: BoundModel, options: Options) -> Growth | None:
     explorer.add(initial_rows(model, layout))
     earlier: dict[int, tuple[int, int]] = {}
     for share in (1 - tuning.GROWING_SHARE, 1.0):
-        if explorer.run(int(share * tuning.GROWING_STATES), math.inf) != Outcome.BUDGET:
+        if explorer.run(int(share * rounds * tuning.GROWING_STATES), math.inf) != Outcome.BUDGET:
             return None
         earlier = dict(reached.values)
         reached.note(explorer.states.view_rows())

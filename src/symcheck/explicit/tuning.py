@@ -59,3 +59,5 @@ time."""
 GROWING_STATES, GROWING_SHARE = 250_000, 0.1
 """States from which on a model is explored in regions, if a variable without bounds takes new
 values in the last share of them."""
+ENDLESS_ROUNDS = 8
+"""How many times as far a search goes before its end is given up."""
