@@ -457,9 +457,9 @@ class Options:
         "model",
         "Whether probabilities with a bound on time or steps are computed on a part of the states, "
         "which grows until what leaves it is small enough: of models with very many states, or "
-        "infinitely many. Other properties are checked on the states up to those that decide "
-        "them; bounds without a bound on time may stay apart. None: where a variable without "
-        "bounds still grows after 250,000 states.",
+        "infinitely many. Without such a bound, the search ends at targets, or gives bounds on "
+        "the value that may stay far apart. None: where a variable without bounds still grows "
+        "after 250,000 states.",
         _switch("truncate", "explore the states that matter within the bounds on time", True),
         _switch("notruncate", "explore every state", False),
     )

@@ -64,12 +64,12 @@ class CheckedModel(Stages):
             all_states: explore all states, because more than the properties is asked for.
         """
         options = self.options
-        only_values = not (all_states or options.everywhere or options.strategy)
+        only_values = not all_states and self._asks_values_only(options)
         stops = options.stop_at_targets and only_values
         exchanges = options.symmetry and only_values and bool(instances)
         if not (options.reduce or stops or exchanges):
             return self
-        if options.fairness or self.parameters or self.is_timed or self.bound.builder is not None:
+        if not self._has_smaller_ones:
             return self
         key = tuple((p.file, p.index, *p.constants.items(), all_states) for p in instances)
         if key not in self._reduced_models:
@@ -107,18 +107,39 @@ class CheckedModel(Stages):
         automaton = self.bound if clocks is None else clocks.automaton
         return replace(self, smaller=Smaller(deciding_model(automaton, instance, self.options)))
 
+    @staticmethod
+    def _asks_values_only(options: Options) -> bool:
+        """Whether nothing is asked for but values in initial states."""
+        return not (options.everywhere or options.strategy)
+
+    @property
+    def _has_smaller_ones(self) -> bool:
+        """Whether a model with fewer states may take its place."""
+        kept = self.options.fairness or self.parameters or self.is_timed
+        return not kept and self.bound.builder is None
+
     def decided(self, instance: PropertyInstance) -> Self | None:
         """The model up to the states that decide a property; None if that may need every state."""
-        options = self.options
-        if options.everywhere or options.strategy or options.fairness or self.parameters:
-            return None
-        if self.bound.builder is not None or not offers(self.bound, Feature.TRUNCATION):
+        if not (self._has_smaller_ones and self._asks_values_only(self.options)):
             return None
         smaller = self.smaller or Smaller(self.bound)
-        part = self.bound if smaller.partial else stopped(self.bound, [instance])
+        if smaller.partial or not offers(self.bound, Feature.TRUNCATION):
+            return None
+        part = stopped(self.bound, [instance])
         if part is self.bound:
             return None
         return replace(self, smaller=smaller._replace(bound=part, partial=True))
+
+    def has_region(self, instance: PropertyInstance) -> bool:
+        """Whether a property is checked on a region of the states: paths need no others within its
+        bound on time, or the search up to the states that decide it is given up.
+        """
+        from symcheck.check.truncation import has_bounds_on_a_part, truncates
+
+        formula = instance.bind(self.bound)[0].formula
+        if not has_bounds_on_a_part(formula, self.bound):
+            return False
+        return truncates(formula, self.bound) or (self.decided(instance) or self).is_endless
 
     @cached_property
     def _reduced_models(self) -> dict[tuple[object, ...], Self]:
@@ -343,19 +364,11 @@ class CheckedModel(Stages):
             return check_timed(timed.engine, instance, options, observer)
         bound, labels = instance.bind(self.bound)
         if self.is_truncated and not options.everywhere:
-            from symcheck.check.truncation import (
-                check_by_truncation,
-                has_bounds_on_a_part,
-                truncates,
-            )
+            if self.has_region(instance):
+                from symcheck.check.truncation import check_by_truncation
 
-            needs_part = truncates(bound.formula, self.bound)
-            part = None if needs_part else self.decided(instance)
-            if has_bounds_on_a_part(bound.formula, self.bound) and (
-                needs_part or (part or self).is_endless
-            ):
                 return check_by_truncation(self.bound, bound.formula, options, labels, observer)
-            if part is not None:
+            if (part := self.decided(instance)) is not None:
                 started, engine = perf_counter(), part.engine
                 bound, labels = instance.bind(part.bound)
                 result = check(engine, bound.formula, options, labels=labels, observer=observer)

@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from time import perf_counter
-from typing import TypeGuard
 
 import numpy as np
 
@@ -53,7 +52,7 @@ from symcheck.tables import counted
 __all__ = ["check_by_truncation", "has_bounds_on_a_part", "truncates"]
 
 
-def truncates(formula: Expression, model: BoundModel) -> TypeGuard[AnyMeasure]:
+def truncates(formula: Expression, model: BoundModel) -> bool:
     """Whether a bound formula needs a part of the states only: P of X, or of F, G, U, W or R with
     an upper bound on steps or time, over conditions without operators, from one initial state.
     """
@@ -66,7 +65,7 @@ def truncates(formula: Expression, model: BoundModel) -> TypeGuard[AnyMeasure]:
             return False
 
 
-def has_bounds_on_a_part(formula: Expression, model: BoundModel) -> TypeGuard[AnyMeasure]:
+def has_bounds_on_a_part(formula: Expression, model: BoundModel) -> bool:
     """Whether a part of the states bounds a formula: as above, with or without an upper bound. If
     there is none, the bounds need not meet.
     """
@@ -87,7 +86,7 @@ def _path(formula: Expression, model: BoundModel) -> object:
 
 def check_by_truncation(
     model: BoundModel,
-    formula: AnyMeasure,
+    formula: Expression,
     options: Options,
     labels: Mapping[str, Expression],
     observer: Observer | None = None,
@@ -112,6 +111,7 @@ def check_by_truncation(
             "a part of the states gives bounds, and no exact value",
             hint="leave out -exact (exact=True) or -truncate (truncate=True)",
         )
+    assert isinstance(formula, AnyMeasure)
     started = perf_counter()
     stop = deciding_states(model, [(formula, labels)])
     part = _Truncated(
@@ -183,16 +183,15 @@ class _Truncated:
         try:
             while True:
                 lower, upper = known = self._solved(known)
-                flows, states = self._flows(), len(self._region)
                 gaps.append(upper - lower)
-                is_small = gaps[-1] < tuning.APPROACHED
-                if is_small or self._is_enough(lower, upper) or not len(flows):
+                is_small, states = gaps[-1] < tuning.APPROACHED, len(self._region)
+                if is_small or self._is_enough(lower, upper) or not self._boundary.any():
                     return known
                 earlier = gaps[max(0, len(gaps) - 1 - tuning.APPROACHING_ROUNDS)]
                 is_hopeful = gaps[-1] < tuning.APPROACHING * earlier
                 begins = gaps[-1] == 1.0 or len(gaps) <= tuning.APPROACHING_ROUNDS
                 most = tuning.UNKNOWN_STATES if begins else tuning.TRUNCATION_STATES
-                if states > most and known == (0.0, 1.0):
+                if states > most and gaps[-1] == 1.0:
                     raise NumericalError(
                         f"nothing is known after {counted(states, 'state')}: paths leave them, and "
                         "need not come back",
@@ -201,7 +200,7 @@ class _Truncated:
                     )
                 if states > most or not (begins or is_hopeful):
                     return known
-                self._grow(flows, 0.0)
+                self._grow(self._flows(), 0.0)
         except (ResourceError, MemoryError, KeyboardInterrupt) as error:
             if known == (0.0, 1.0):
                 raise

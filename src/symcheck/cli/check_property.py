@@ -100,10 +100,7 @@ def check_property(
     else:
         row = replace(row, value=outcome.value, accuracy=outcome.accuracy, seconds=outcome.seconds)
     if state.options.truncate and plan is None:
-        from symcheck.check.truncation import truncates
-
-        needs_all = model.decided(instance) is None and not model.is_endless
-        if needs_all and not truncates(bound.formula, model.bound):
+        if model.decided(instance) is None and not model.has_region(instance):
             state.output.line("Note: -truncate has no effect: this property needs every state")
     if model.builds_per_property and isinstance(outcome, Result):
         engine = outcome.engine
