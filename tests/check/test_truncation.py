@@ -320,6 +320,16 @@ def test_bounds_stay_apart_where_paths_do_not_come_back(monkeypatch: pytest.Monk
         truncated(growing, "P>=0.6 [ F jobs=0 ]")
 
 
+def test_a_tiny_lower_bound_is_something(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first 19 steps go down, each with probability 1e-16."""
+    monkeypatch.setattr(tuning, "GROWING_STATES", 2_000)
+    walk = "dtmc module m x : int init 19; [] x>0 -> 1e-16 : (x'=x-1) + 0.9999999999999999 : (x'=x+1); endmodule"
+    low, high = truncated(walk, "P=? [ F x=0 ]").bounds
+    assert 0.9e-304 < low <= Fraction(1, 10**304) * (1 + Fraction(1, 10**9))
+    assert high == 1
+    assert truncated(walk, "P>1e-305 [ F x=0 ]").value is True
+
+
 def test_an_interrupt_tells_the_bounds_so_far(monkeypatch: pytest.MonkeyPatch) -> None:
     """A fair game: each growth of the region helps, and never enough."""
     monkeypatch.setattr(tuning, "GROWING_STATES", 2_000)

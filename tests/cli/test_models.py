@@ -139,5 +139,7 @@ def test_truncation_says_where_it_has_no_effect(capsys):
     out = capsys.readouterr().out
     assert out.count("Note: -truncate has no effect: this property needs every state") == 1
     assert "States:      13" in out
+    assert main([str(die), "-pf", "P=? [ F m=6 ]; P=? [ F d=6 ]", "-truncate"]) == 1
+    assert "Result: 0.1666" in capsys.readouterr().out
     main([str(die), "-truncate"])
     assert "Note: -truncate" in capsys.readouterr().out

@@ -189,9 +189,10 @@ class _Truncated:
                     return known
                 earlier = gaps[max(0, len(gaps) - 1 - tuning.APPROACHING_ROUNDS)]
                 is_hopeful = gaps[-1] < tuning.APPROACHING * earlier
-                begins = gaps[-1] == 1.0 or len(gaps) <= tuning.APPROACHING_ROUNDS
+                is_unknown = known == (0.0, 1.0)
+                begins = is_unknown or len(gaps) <= tuning.APPROACHING_ROUNDS
                 most = tuning.UNKNOWN_STATES if begins else tuning.TRUNCATION_STATES
-                if states > most and gaps[-1] == 1.0:
+                if states > most and is_unknown:
                     raise NumericalError(
                         f"nothing is known after {counted(states, 'state')}: paths leave them, and "
                         "need not come back",

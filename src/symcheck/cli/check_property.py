@@ -99,7 +99,7 @@ def check_property(
         row = replace(row, error=error_text(outcome))
     else:
         row = replace(row, value=outcome.value, accuracy=outcome.accuracy, seconds=outcome.seconds)
-    if state.options.truncate and plan is None:
+    if state.options.truncate and isinstance(outcome, Result) and plan is None:
         if model.decided(instance) is None and not model.has_region(instance):
             state.output.line("Note: -truncate has no effect: this property needs every state")
     if model.builds_per_property and isinstance(outcome, Result):
