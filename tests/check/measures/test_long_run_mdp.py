@@ -79,6 +79,27 @@ def test_values_everywhere():
     assert ask('R{"plain"}max=? [ S ] > 8') is True
 
 
+@pytest.mark.parametrize("engine", ["explicit", "exact"])
+def test_one_average_for_all_needs_no_equations(engine, monkeypatch):
+    """Every run ends in an end component; here they pay the same, however slowly they are reached."""
+    slow = """mdp
+    module m
+      s : [0..3];
+      [] s=0 -> 1e-9:(s'=1) + 1-1e-9:(s'=0);
+      [wait] s=0 -> true;
+      [] s=1 -> 0.5:(s'=2) + 0.5:(s'=3);
+      [] s=2 -> (s'=3);
+      [] s=3 -> (s'=2);
+    endmodule
+    rewards "r" s=0 | s=3 : 1; [wait] true : -1/2; endrewards
+    """
+    monkeypatch.setattr("symcheck.numerics.linear.methods.solve_linear", None)
+    for strategy in (False, True):
+        result = check_text(engine_of(slow, engine), 'R{"r"}max=? [ S ]', strategy=strategy)
+        assert result.value == pytest.approx(0.5, rel=1e-6)
+    assert len(result.strategies) == 1
+
+
 def test_components_that_mix_slowly():
     # A walk of 300 states with a drift away from the end that pays; periodic, too.
     walk = """mdp

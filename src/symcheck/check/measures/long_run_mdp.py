@@ -15,7 +15,7 @@ from symcheck.check.result import SolverRun
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, System, Values
 from symcheck.errors import UnsupportedError
-from symcheck.matrices.numbers import Numbers, is_infinite
+from symcheck.matrices.numbers import Numbers, is_infinite, is_rational
 from symcheck.matrices.rows import Bools, Int32s, Int64s, per_row
 from symcheck.numerics.linear.problem import Solution, largest_width
 from symcheck.semantics.rewards import Reward
@@ -23,6 +23,7 @@ from symcheck.tables import counted
 
 if TYPE_CHECKING:
     from symcheck.numerics.long_run.mean_payoff import Gains
+    from symcheck.numerics.settings import Settings
 
 __all__ = ["Averages", "solved_averages", "steady_probability", "steady_reward"]
 
@@ -116,13 +117,26 @@ def _solved_averages(
     negative = not context.engine.is_rational and gains.lower.min() < 0
     shift = 2 * np.abs(gains.lower).max() if negative else 0
     shifted = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
-    problem, state, origin = mec_quotient(system.matrix, shifted, direction, system.error)
     gain_error = float(
         ((shifted.upper - shifted.lower) / np.maximum(shifted.upper, 1e-300)).max(initial=0.0)
     )
     accuracy = replace(finer, epsilon=min(max(finer.epsilon, 4.0 * gain_error), 0.5))
+    if (same := _same_everywhere(shifted, accuracy)) is not None:
+        return Averages(gains, shift, np.zeros(system.n, np.int32), same, np.empty(0, np.int64))
+    problem, state, origin = mec_quotient(system.matrix, shifted, direction, system.error)
     solution = solve_linear(problem, accuracy, observer)
     return Averages(gains, shift, state, solution, origin)
+
+
+def _same_everywhere(gains: Gains, settings: Settings) -> Solution | None:
+    """One value for all states, if the gains are close: each run stays in some end component."""
+    lower, upper = gains.lower.min(keepdims=True), gains.upper.max(keepdims=True)
+    same = bool(lower[0] == upper[0])
+    if not same and (
+        is_rational(lower) or largest_width(lower, upper, settings.relative) > settings.epsilon
+    ):
+        return None
+    return Solution(lower, upper, "gains", same, explanation="the same average everywhere")
 
 
 def _average(

@@ -189,7 +189,11 @@ class StrategyBuilder:
             self.rows = gain_policy(matrix, rewards, self.direction, gains, options)
         except NumericalError as error:
             raise UnsupportedError(str(error)) from error
-        assert optimal is not None
+        if optimal is None:  # all end components are as good: any is reached
+            inside = gains.parts.of >= 0
+            _, rows = graph.prob1e_strategy(self.edges, np.ones_like(inside), inside)
+            self._take(~inside, rows)
+            return
         chosen = np.where(optimal >= 0, averages.origin[optimal], -1)
         leaving = np.zeros(self.engine.states, np.bool_)
         leaving[self.edges.owner[chosen[chosen >= 0]]] = True
