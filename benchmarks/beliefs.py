@@ -47,6 +47,7 @@ def contradictions(model: Hidden, steps: int, counts: Counter[str]) -> Iterator[
         if _above(lower, high) or _above(low, upper):
             yield f"{query}: [{lower}, {upper}], and the truth is in [{float(low)}, {float(high)}]"
         yield from _thresholds(loaded, query, low, high, counts)
+    yield from _strategies(model, counts)
     for steps_bound in (0, 1, 3):
         for name, best in (("max", max), ("min", min)):
             query = f'P{name}=? [ F<={steps_bound} "goal" ]'
@@ -54,6 +55,23 @@ def contradictions(model: Hidden, steps: int, counts: Counter[str]) -> Iterator[
             value = loaded.check(query).value
             if abs(float(value) - float(truth)) > SLACK:
                 yield f"{query}: {value}, and the truth is {float(truth)}"
+
+
+def _strategies(model: Hidden, counts: Counter[str]) -> Iterator[str]:
+    """A strategy whose induced chain is worse than the bound that it was said to attain."""
+    beliefs = 1 + len(model.text) % 6  # few, so that all parts of a strategy are used
+    loaded = symcheck.loads(model.text, strategy=True, beliefs=beliefs)
+    for query in (*QUERIES, 'Pmax=? [ F<=3 "goal" ]', 'Pmin=? [ G<=3 !"goal" ]'):
+        result = loaded.check(query)
+        yield from (f"{query}: {w}" for w in result.warnings if "was claimed" in w)
+        if not result.strategies:
+            continue
+        counts["strategies"] += 1
+        chain = symcheck.induced_chain(loaded, result.strategy)
+        low, high = chain.check(query.replace("max", "").replace("min", "")).bounds
+        lower, upper = result.bounds
+        if _above(lower, high) if "max" in query else _above(low, upper):
+            yield f"{query}: the strategy attains [{low}, {high}], not [{lower}, {upper}]"
 
 
 def _thresholds(

@@ -177,23 +177,24 @@ def combinations(values: Mapping[str, Sequence[V]]) -> Iterator[dict[str, V]]:
 
 
 def parameter_ranges(
-    parameters: Mapping[str, tuple[object, object]] | str, source: str = "parametric"
+    parameters: Mapping[str, tuple[object, object]] | Iterable[str], source: str = "parametric"
 ) -> dict[str, tuple[Fraction, Fraction]]:
-    """The ranges of parameters, from a mapping or a text such as "p=0.1:0.9,q" (q=0:1).
+    """The ranges of parameters, from a mapping, names, or a text such as "p=0.1:0.9,q" (q=0:1).
 
     Raises UsageError.
     """
     try:
-        given: dict[str, Sequence[object]]
-        if isinstance(parameters, str):
-            items = (item.partition("=") for item in parameters.split(",") if item.strip())
-            given = {
-                name.strip(): text.split(":") if sign else (0, 1) for name, sign, text in items
-            }
+        given: list[tuple[str, Sequence[object]]]
+        if isinstance(parameters, Mapping):
+            given = [(name, list(ends)) for name, ends in parameters.items()]
         else:
-            given = {name: list(ends) for name, ends in parameters.items()}
-        ranges = {n: (Fraction(str(low)), Fraction(str(high))) for n, (low, high) in given.items()}
-    except (ValueError, TypeError, ZeroDivisionError):
+            texts = listed_items(parameters) if isinstance(parameters, str) else parameters
+            items = (text.partition("=") for text in texts)
+            given = [(n.strip(), ends.split(":") if sign else (0, 1)) for n, sign, ends in items]
+        ranges = {n: (Fraction(str(low)), Fraction(str(high))) for n, (low, high) in given}
+        if "" in ranges or len(ranges) < len(given):
+            raise ValueError("a name is missing or repeated")
+    except (ValueError, TypeError, AttributeError, ZeroDivisionError):
         raise UsageError(
             f"{source}: {parameters!r} is not NAME=LOW:HIGH,…", hint="such as p=0.1:0.9,q"
         ) from None

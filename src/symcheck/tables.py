@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from fractions import Fraction
 from importlib import import_module
 from itertools import islice, zip_longest
 from types import ModuleType
@@ -23,6 +24,7 @@ __all__ = [
     "Tabular",
     "counted",
     "optional_package",
+    "plain_text",
     "state_table",
 ]
 
@@ -154,7 +156,24 @@ def _wrapped(row: tuple[str, ...], widest: int) -> list[tuple[str, ...]]:
 def _text(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{value:.6g}" if isinstance(value, float) else plain_text(value)
+
+
+def plain_text(value: object) -> str:
+    """str(value), also of a rational number with more digits than Python writes."""
+    if isinstance(value, Fraction):
+        below = f"/{_digits(value.denominator)}" if value.denominator != 1 else ""
+        return _digits(value.numerator) + below
+    return _digits(value) if isinstance(value, int) else str(value)
+
+
+def _digits(number: int) -> str:
+    try:
+        return str(number)
+    except ValueError:
+        half = number.bit_length() * 3 // 20  # of the digits, of which a bit makes 0.3
+        high, low = divmod(abs(number), 10**half)
+        return "-" * (number < 0) + _digits(high) + _digits(low).zfill(half)
 
 
 def optional_package(name: str, extra: str) -> ModuleType:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from fractions import Fraction
+from pathlib import Path
 from random import Random
+from typing import Any
 
 import parameters
 import pytest
@@ -112,6 +116,11 @@ def test_a_bounded_time_is_no_rational_function_of_rates() -> None:
         symcheck.loads(QUEUE).parametric("x=1:2").check("P=? [ F<=2 n=2 ]")
 
 
+def test_a_step_of_a_chain_in_continuous_time_has_a_function() -> None:
+    model = symcheck.loads(QUEUE).parametric("x=1:2")
+    assert str(model.check("filter(state, P=? [ X n=2 ], n=1)").function) == "x/(x+2)"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -126,8 +135,37 @@ def test_a_bounded_time_is_no_rational_function_of_rates() -> None:
 )
 def test_places_of_parameters_that_are_refused(old: str, new: str, message: str) -> None:
     assert old in ZEROCONF
-    with pytest.raises(UnsupportedError, match=f"parameter [pq] stands {message}"):
+    with pytest.raises(InputError, match=f"parameter [pq] stands {message}") as caught:
         symcheck.loads(ZEROCONF.replace(old, new)).parametric("p,q")
+    (fault,) = caught.value.diagnostics
+    assert fault.code == "parameter"
+    assert fault.span.text in ("p", "q")
+
+
+@pytest.mark.parametrize(
+    ("formula", "message"),
+    [
+        ("filter(max, pow(p,0.5)*s)", "the power 1/2 is no rational function"),
+        ("max(p,2) + P=? [ X s=1 ]", "parameter p stands under max"),  # and is no p^2
+        ("filter(max, s^p)", "parameter p stands in an exponent"),
+    ],
+)
+def test_formulas_in_which_values_are_no_functions(formula: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        symcheck.loads(ZEROCONF).parametric("p,q").check(formula)
+
+
+def test_a_power_that_is_not_whole_is_underlined() -> None:
+    text = ZEROCONF.replace("q : (s'=1) + 1-q", "pow(q,0.5) : (s'=1) + 1-pow(q,0.5)")
+    with pytest.raises(InputError, match="the power 1/2 is no rational function") as caught:
+        symcheck.loads(text).parametric("p,q").check("P=? [ F s=1 ]")
+    assert caught.value.diagnostics[0].span.text == "pow(q,0.5)"
+
+
+@pytest.mark.parametrize("kind", ["ma", "pomdp"])
+def test_classes_of_models_without_parameters(kind: str) -> None:
+    with pytest.raises(UnsupportedError, match="parameters are not available for"):
+        symcheck.loads(CHOICE.replace("mdp", kind, 1)).parametric("p,q")
 
 
 def test_ranges_of_variables_are_numbers() -> None:
@@ -135,10 +173,20 @@ def test_ranges_of_variables_are_numbers() -> None:
         symcheck.loads(ZEROCONF.replace("[0..N+2]", "[0..ceil(p)+4]")).parametric("p,q")
 
 
-@pytest.mark.parametrize("ranges", ["r", "N=1:2", "p=0.5", "p=1:0", "", "p=x:1"])
-def test_faulty_ranges(ranges: str) -> None:
+@pytest.mark.parametrize(
+    "ranges",
+    ["r", "N=1:2", "p=0.5", "p=1:0", "", "p=x:1", "p,,q", "p,p=0.1:0.2", 3, [("p", 0, 1)]],
+)
+def test_faulty_ranges(ranges: Any) -> None:
     with pytest.raises((InputError, UsageError)):
         _ = symcheck.loads(ZEROCONF).parametric(ranges).bound
+
+
+def test_ranges_are_a_text_a_mapping_or_a_list_of_names() -> None:
+    model = symcheck.loads(ZEROCONF)
+    expected = model.parametric("p=1/4:0.5,q").parameters
+    assert model.parametric(["p=0.25:0.5", "q"]).parameters == expected
+    assert model.parametric({"p": (0.25, "1/2"), "q": (0, 1)}).parameters == expected
 
 
 def test_a_parameter_has_no_value() -> None:
@@ -224,7 +272,7 @@ def test_regions_have_the_verdicts_of_the_exact_engine(
 def test_lifting_refuses_what_is_not_multilinear() -> None:
     text = ZEROCONF.replace("q : (s'=1) + 1-q", "q^2 : (s'=1) + 1-q^2")
     model = symcheck.loads(text).parametric("p,q").with_options(lifting=True)
-    with pytest.raises(UnsupportedError, match="linear in each parameter"):
+    with pytest.raises(UnsupportedError, match=r"linear in each parameter, and .* is q\^2"):
         model.check("P<=0.1 [ F s=N+1 ]")
     with pytest.raises(UnsupportedError, match="lifting bounds"):
         model.check("P<=0.1 [ G F s=N+1 ]")
@@ -252,6 +300,63 @@ def test_extremal_values_and_feasible_points() -> None:
     assert model.feasible("P>=0.9 [ F s=N+1 ]") is None
     by_ties = symcheck.loads(CHOICE).parametric("p,q").extremum("Pmax=? [ F s=1 ]", "max")
     assert by_ties.bound == 1
+
+
+PRODUCT = """dtmc const double p; const double q; module m x:[0..3];
+  [] x=0 -> p:(x'=1)+1-p:(x'=2); [] x=1 -> q:(x'=3)+1-q:(x'=2); endmodule"""  # reaches 3: p*q
+UNEQUAL = """mdp const double p; const double q; module m x:[0..3];
+  [a] x=0 -> p:(x'=1) + 1-p:(x'=2); [b] x=0 -> q:(x'=1) + 1-q:(x'=3);
+  [c] x=2 -> 0.5:(x'=1)+0.5:(x'=3); endmodule"""  # reaches 1: (p+1)/2 by a, q by b
+
+
+@pytest.mark.parametrize("lifting", [False, True])
+@pytest.mark.parametrize(
+    ("text", "ranges", "formula"),
+    [
+        (PRODUCT, "p,q", "P>=0.99 [ F x=3 ]"),
+        (PRODUCT, "p,q", "P>=0.9999 [ F x=3 ]"),
+        (PRODUCT, "p,q", "P>=0.25 [ F x=3 ] & P<=0.2500001 [ F x=3 ]"),
+        (PRODUCT, "p=0.1:0.3,q", "P>=0.2500001 [ F x=3 ] & P<=0.2500002 [ F x=3 ]"),
+        (PRODUCT, "p=0.1:0.4,q=0.2:0.6", "P>=0.23 [ F x=3 ]"),
+        (PRODUCT, "p=0.1:0.4,q=0.2:0.6", "P>=0.2399999 [ F x=3 ]"),
+        (UNEQUAL, "p,q", "Pmin>=0.99 [ F x=1 ]"),
+        (UNEQUAL, "p,q", "Pmax<0.51 [ F x=1 ]"),
+    ],
+)
+def test_small_parts_of_the_ranges_have_feasible_points(
+    text: str, ranges: str, formula: str, lifting: bool
+) -> None:
+    point = symcheck.loads(text, lifting=lifting).parametric(ranges).feasible(formula)
+    assert point is not None
+    constants = {name: str(value) for name, value in point.items()}
+    assert symcheck.loads(text, constants, exact=True).check(formula).value is True
+
+
+@pytest.mark.parametrize(
+    ("text", "ranges", "formula"),
+    [
+        (PRODUCT, "p=0.1:0.4,q=0.2:0.6", "P>=0.24 [ F x=3 ]"),  # that of a corner outside
+        (PRODUCT, "p,q", "P>=1 [ F x=3 ]"),
+        (PRODUCT, "p,q", "P>=q [ F x=3 ]"),
+        (PRODUCT, "p,q", "P<=0.3 [ F x=3 ] & P>=0.4 [ F x=3 ]"),
+        (UNEQUAL, "p,q", "Pmax<=0.5 [ F x=1 ]"),
+        (UNEQUAL, "p,q", "Pmin>=1 [ F x=1 ]"),
+        (UNEQUAL, "p,q", "P<=0.4 [ F x=1 ]"),
+    ],
+)
+def test_without_a_feasible_point_that_is_proved(text: str, ranges: str, formula: str) -> None:
+    assert symcheck.loads(text).parametric(ranges).feasible(formula) is None
+
+
+def test_a_number_is_not_feasible_and_arguments_of_extrema_are_checked() -> None:
+    model = symcheck.loads(PRODUCT).parametric("p,q")
+    with pytest.raises(UnsupportedError, match="true or false has feasible points, and this is p"):
+        model.feasible("P=? [ F x=3 ]")
+    with pytest.raises(UsageError, match="direction 'mx' is neither"):
+        model.extremum("P=? [ F x=3 ]", "mx")  # type: ignore[arg-type]
+    for gap in (0, -0.5, float("nan"), float("inf")):
+        with pytest.raises(UsageError, match="expected a number above 0"):
+            model.extremum("P=? [ F x=3 ]", "max", gap)
 
 
 def test_derivatives_and_monotonicity() -> None:
@@ -372,6 +477,8 @@ def test_a_formula_that_divides_by_0_at_a_point_has_no_case_there() -> None:
     assert regions.at(p=0.6).value is True
     with pytest.raises(NumericalError, match="bounds are not within"):
         symcheck.loads(PARABOLA).parametric("p").extremum("P=? [ F x=1 ] / (p-1/2)", "max")
+    step = "min(1, max(0, P=? [ F x=1 ] / (p-1/2)))"  # from 0 to 1, without a value at 1/2
+    assert symcheck.loads(PARABOLA).parametric("p").extremum(step, "max").bound == 1
 
 
 def test_how_values_compare_within_a_solution_is_no_case_of_its_own() -> None:
@@ -382,3 +489,130 @@ def test_how_values_compare_within_a_solution_is_no_case_of_its_own() -> None:
     result = symcheck.loads(text).parametric("x=1:10").check("R=? [ F s=2 ]")
     assert str(result.value) == "(5*x+14)/(7*x)"
     assert not result.regions.undecided
+
+
+def test_decimals_beside_functions_are_what_they_look_like() -> None:
+    model = symcheck.loads(PRODUCT).parametric("p,q")
+    f = model.check("P=? [ X x=1 ]").function
+    f.field.sample({"p": Fraction(1, 10), "q": Fraction(1, 2)})
+    assert not f < 0.1
+    assert f <= 0.1  # which is 1/10, and no binary fraction
+    assert (f < 0.001) == (f < Fraction(1, 1000)) is False
+    assert f * 0 + 0.1 == Fraction(1, 10)
+    assert f * 0.5 == f / 2
+    assert 0.5 - f == Fraction(1, 2) - f
+    assert f - f + 0.5 == 0.5
+    assert f < float("inf")
+    assert f > float("-inf")
+    with pytest.raises(UsageError, match="NaN"):
+        _ = f < float("nan")
+    with pytest.raises(UnsupportedError, match="whole powers"):
+        _ = f**0.5
+
+
+def test_a_function_has_one_hash_that_equal_functions_have() -> None:
+    model = symcheck.loads(PRODUCT).parametric("p,q")
+    f = model.check("P=? [ F x=3 ]").function
+    known = {f: 1}
+    f.field.sample({"p": Fraction(1, 3), "q": Fraction(1, 7)})
+    assert f in known
+    other = symcheck.loads(PRODUCT).parametric("p,q").check("P=? [ F x=3 ]").function
+    assert other.field is not f.field
+    assert other in known
+    assert hash(f - f + 2) == hash(2)
+
+
+def test_functions_of_several_models_are_compared_and_added() -> None:
+    zeroconf = symcheck.loads(ZEROCONF).parametric("p,q").check("P=? [ F s=N+1 ]").function
+    text = PRODUCT.replace("1-q:(x'=2)", "1-q:(x'=0)")  # divides by another factor
+    other = symcheck.loads(text).parametric("p,q").check("P=? [ F x=3 ]").function
+    assert zeroconf != other
+    point = {"p": Fraction(1, 3), "q": Fraction(1, 4)}
+    assert (zeroconf + other)(**point) == zeroconf(**point) + other(**point)
+    one = symcheck.loads(QUEUE).parametric("x=1:2").check("S=? [ n=2 ]").function
+    assert one != zeroconf
+    with pytest.raises(UsageError, match="functions of x and p, q differ"):
+        _ = one + zeroconf
+
+
+def test_points_name_every_parameter_and_no_other() -> None:
+    model = symcheck.loads(PRODUCT).parametric("p=0.1:0.4,q=0.2:0.6")
+    result = model.check("P=? [ F x=3 ]")
+    f = result.function
+    assert f(p="1/3", q=0.3) == Fraction(1, 10)
+    with pytest.raises(UsageError, match="z is no parameter; there are p, q"):
+        f(p=0.5, q=0.5, z=1)
+    with pytest.raises(UsageError, match="parameter q has no value"):
+        f(p=0.5)
+    with pytest.raises(UsageError, match=r"p='abc'.* is no finite number"):
+        f(p="abc", q=1)
+    with pytest.raises(UsageError, match="zz is no parameter"):
+        f.derivative("zz")
+    with pytest.raises(UsageError, match=r"p is not within the open ranges p=1/10:2/5, q=1/5:3/5"):
+        result.regions.at(p=0.4, q=0.3)
+    with pytest.raises(UsageError, match="q has no value"):
+        result.regions.at(p=0.3)
+
+
+@pytest.mark.parametrize(
+    ("formula", "value"),
+    [
+        ("P=? [ F x=0 ]", 1),
+        ("P=? [ F x=5 ]", 0),
+        ("P=? [ G F x=0 ]", 0),
+        ("filter(count, x=1)", 1),
+        ("filter(state, P=? [ F x=3 ], x=3)", 1),
+    ],
+)
+def test_numbers_that_the_graph_decides_are_functions(formula: str, value: int) -> None:
+    result = symcheck.loads(PRODUCT).parametric("p,q").check(formula)
+    assert result.function == value == result.function(p=0.5, q=0.5)
+
+
+def test_truth_values_and_infinities_are_no_functions() -> None:
+    for formula in ("P>0 [ F x=1 ]", "R=? [ F x=1 ]"):
+        result = symcheck.loads(PARABOLA).parametric("p").check(formula)
+        assert not hasattr(result, "function")
+
+
+def test_sympy_is_named_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "sympy", None)
+    with pytest.raises(UnsupportedError, match="needs sympy") as caught:
+        function(PRODUCT, "p,q", "P=? [ F x=3 ]").to_sympy()
+    assert caught.value.hint == "pip install sympy"
+
+
+def test_a_search_that_ends_early_says_which_share_it_has_reached() -> None:
+    model = symcheck.loads(UNEQUAL).parametric("p,q").with_options(regions=0.9999)
+    result = model.check("Pmax=? [ F x=1 ]")
+    (warning,) = [w for w in result.warnings if "boxes" in w]
+    assert f"{result.regions.share:.2%} of the volume are decided, and 99.99% were" in warning
+    assert not any(
+        "boxes" in w for w in model.with_options(regions=0.9).check("P<1 [ X x=1 ]").warnings
+    )
+
+
+def test_cases_are_counted_as_they_are_listed() -> None:
+    text = "mdp const double p; const double q; module m x:[0..2];"
+    text += "[a] x=0 -> p:(x'=1)+1-p:(x'=2); [b] x=0 -> q:(x'=1)+1-q:(x'=2); endmodule"
+    result = symcheck.loads(text).parametric("p,q").check("Pmax>=0.5 [ F x=1 ]")
+    assert len(result.regions.cases) > 2
+    assert result.explanation.startswith("2 cases")
+    assert len(str(result.regions).splitlines()) == 3
+
+
+def test_one_strategy_for_each_case_is_said(tmp_path: Path) -> None:
+    model = symcheck.loads(UNEQUAL).parametric("p,q").with_options(strategy=True, regions=0.9)
+    result = model.check("Pmax=? [ F x=1 ]")
+    assert "no strategy: each of 2 cases has one (Python: result.regions.cases)" in result.warnings
+    with pytest.raises(AttributeError, match="each of 2 cases has one"):
+        _ = result.strategy
+
+
+def test_a_value_by_regions_is_exported_as_what_it_is(tmp_path: Path) -> None:
+    file, results = tmp_path / "unequal.nm", tmp_path / "results.csv"
+    file.write_text(UNEQUAL)
+    words = [str(file), "-param", "p,q", "-pf", "Pmax=? [ F x=1 ]", "-exportresults", str(results)]
+    subprocess.run([sys.executable, "-m", "symcheck", *words], check=True, capture_output=True)
+    row = results.read_text().splitlines()[1]
+    assert row.endswith("the value differs by regions: 24.51% q; 74.50% (p+1)/2; 0.99% undecided")

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+from decimal import Decimal
+from fractions import Fraction
 from pathlib import Path
 
 import pytest
 
 import symcheck
 from symcheck.errors import NameFault
+from symcheck.tables import plain_text
 
 DIE = Path(__file__).resolve().parents[2] / "models" / "die" / "die.pm"
 PROPERTIES = '"six": P=? [ F d=6 ]; "tosses": R=? [ F "done" ]; P=? [ F d=1 ]'
@@ -49,3 +54,33 @@ def test_a_faulty_property_does_not_keep_others_from_their_results() -> None:
     assert results["six"].value == pytest.approx(1 / 6)
     with pytest.raises(NameFault):
         results[0]
+
+
+@pytest.fixture
+def short_numbers() -> Iterator[None]:
+    """Python writes whole numbers of up to 4300 digits."""
+    limit = sys.get_int_max_str_digits()
+    sys.set_int_max_str_digits(4300)
+    yield
+    sys.set_int_max_str_digits(limit)
+
+
+@pytest.mark.usefixtures("short_numbers")
+def test_a_long_fraction_is_shown_as_on_the_command_line(tmp_path: Path) -> None:
+    text = "dtmc module m x:[0..1]; [] x=0 -> 1e-10:(x'=1) + 1-1e-10:(x'=0); endmodule"
+    model = symcheck.loads(text, exact=True)
+    result = model.check("P=? [ F<=1000 x=1 ]")
+    above, below = str(result).removesuffix(" (exact)").split("/")
+    assert Fraction(Decimal(above)) / Fraction(Decimal(below)) == result.value
+    assert len(below) > 4300
+    shown = f"{above}/{below}"
+    assert f"value={shown}, accuracy=Exact(" in repr(result)
+    assert shown in result._repr_html_()
+    assert shown in str(result.values)
+    assert shown in str(model.transient(1000))
+    for extension in ("csv", "json"):
+        symcheck.experiment(model, "P=? [ F<=1000 x=1 ]").save(tmp_path / f"r.{extension}")
+        assert shown in (tmp_path / f"r.{extension}").read_text()
+    assert str(model.check("P=? [ F<=1000 x=1 ] - 1")).startswith("-")
+    assert plain_text(-(10**9999)) == "-1" + "0" * 9999
+    assert plain_text(10**9999 - 1) == "9" * 9999

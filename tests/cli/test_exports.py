@@ -370,3 +370,26 @@ def test_a_strategy_that_needs_no_decision_in_some_states_is_read_without_a_warn
     file.write_text("(0)=a\n")
     assert main([str(model), "-pf", "P=? [ F x=1 ]", "-importstrat", str(file)]) == 0
     assert "leaves out 1 state with several choices" in capsys.readouterr().out
+
+
+def test_the_process_of_a_timed_automaton_is_exported_with_a_note(tmp_path, capsys):
+    (tmp_path / "t.nm").write_text(
+        "pta module m s:[0..1]; x:clock; invariant s=0 => x<=20 endinvariant"
+        " [] s=0 & x>=10 -> (s'=1); endmodule"
+    )
+    status, out, _ = run(capsys, tmp_path / "t.nm", "-exportmodel", tmp_path / "t.drn")
+    assert status == 0
+    assert "process with digital clocks, in which steps are no units of time" in out
+    status, out, _ = run(capsys, tmp_path / "t.nm", "-exportjani", tmp_path / "t.jani")
+    assert status == 0
+    assert "Note:" not in out
+    assert '"type": "pta"' in (tmp_path / "t.jani").read_text()
+    properties = [
+        "-pf",
+        'label "late" = x>=200; Pmax=? [ F "late" ]',
+        "-exportproplabels",
+        "stdout",
+    ]
+    status, out, err = run(capsys, tmp_path / "t.nm", *properties)
+    assert status == 1
+    assert 'error: the label "late" compares a clock' in err

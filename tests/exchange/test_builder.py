@@ -113,6 +113,7 @@ def test_constants_are_given_when_the_model_is_built() -> None:
         (lambda b, x: b.label("init", x > 0), NameFault, "predefined"),
         (lambda b, x: b.module("m").command(True, (0.5, {x: 1}, 1)), UsageError, "a pair"),
         (lambda b, x: symcheck.ModelBuilder("pomdp"), UsageError, "such a model needs a text"),
+        (lambda b, x: symcheck.ModelBuilder("ma"), UsageError, "nothing tells rates from"),
         (lambda b, x: b.action_reward("r", 1, "a b"), NameFault, "'a b' cannot be the name"),
         (lambda b, x: b.label("l", "x>0"), UsageError, "expected an expression or a finite number"),
         (lambda b, x: b.label("l", float("inf")), UsageError, "not inf"),

@@ -12,7 +12,7 @@ import pytest
 import symcheck
 from exchange.models import some_model
 from symcheck.cli import main
-from symcheck.errors import SyntaxFault, UsageError
+from symcheck.errors import SyntaxFault, UnsupportedError, UsageError
 
 MODELS = Path(__file__).parents[2] / "models"
 SMALL = """// a comment
@@ -110,6 +110,12 @@ def test_the_command_line_reads_it(tmp_path, capsys):
         ),
         ("1/4", "-1", "must be finite and not negative"),
         ("1/4", "q", "'q' is not a number"),
+        ("1/4", "nan", "'nan' is not a finite number"),
+        ("1/4", "9" * 400 + "/1", "is not a number"),
+        ("[0, 5]", "[0, inf]", "'inf' is not a finite number"),
+        ("[0, 5]", "[0, 5", "a state is written as"),
+        ("[2, 0]", "[2, 0", "an action is written as"),
+        ("state 1 ", "state 1 !2 ", "states of an MDP have no exit rates"),
         ("\t\t0 : 1/4", "\t\t7 : 1/4", "state 7 does not exist: there are 2, numbered from 0"),
         ("\t\t0 : 1/4", "\t\t1 : 1/4", "this transition is in the action already"),
         ("state 1 ", "state 2 ", "state 1 is expected here"),
@@ -130,6 +136,73 @@ def test_rates_that_do_not_sum_to_that_of_the_state_are_an_error_in_its_line(tmp
     for actions in "", "\taction 0\n\t\t0 : 2\n":
         with pytest.raises(SyntaxFault, match=r"m\.drn:8:1: .* the rates of state 1 sum to"):
             symcheck.load_explicit(written(tmp_path, text + actions))
+
+
+@pytest.mark.parametrize("kind", ["CTMC", "Markov Automaton"])
+@pytest.mark.parametrize(
+    ("rate", "message"),
+    [("-2", "an exit rate must not be negative")]
+    + [(text, f"'{text}' is not a finite number") for text in ("nan", "inf", "1e999")],
+)
+def test_an_exit_rate_is_a_number(kind, rate, message, tmp_path):
+    text = f"@type: {kind}\n@nr_states\n1\n@model\nstate 0 !{rate} init\n\taction 0\n\t\t0 : 1\n"
+    with pytest.raises(SyntaxFault) as error:
+        symcheck.load_explicit(written(tmp_path, text))
+    assert f"m.drn:5:1: error[drn]: {message}" in str(error.value)
+
+
+UNCERTAIN = """@value_type: double-interval
+@type: MDP
+@nr_states
+2
+@model
+state 0 init
+	action a
+		0 : [0.2,0.6]
+		1 : [1/2,2/3]
+state 1
+	action b
+		1 : 1
+"""
+
+
+@pytest.mark.parametrize(
+    ("new", "place", "message"),
+    [
+        ("[0,0.6]", "8:3", "lower end 0 is not supported.*hint: nature could remove"),
+        ("[0.7,0.6]", "8:3", "its lower end is above its upper end"),
+        ("[-0.2,0.6]", "8:3", "must be finite and not negative"),
+        ("[0.2,1.6]", "8:3", "the upper end of this interval is more than 1"),
+        ("[nan,0.6]", "8:3", "'nan' is not a finite number"),
+        ("[0.2,0.6", "8:3", "a transition is written as"),
+        ("[0.2,0.3]", "7:2", "the upper ends of these intervals sum to 0.966666666667.*1 lies"),
+        ("[0.6,0.6]", "7:2", "the lower ends of these intervals sum to 1.1"),
+    ],
+)
+def test_faulty_intervals_have_their_place(new, place, message, tmp_path):
+    file = written(tmp_path, UNCERTAIN)
+    assert symcheck.load_explicit(file).check("Pmaxmin=? [ X x=1 ]").value == 0.5
+    file = written(tmp_path, UNCERTAIN.replace("[0.2,0.6]", new))
+    with pytest.raises(SyntaxFault, match=rf"(?s)m\.drn:{place}: .*{message}"):
+        symcheck.load_explicit(file)
+
+
+def test_rates_have_no_intervals(tmp_path):
+    text = UNCERTAIN.replace("MDP", "Markov Automaton").replace("state 0", "state 0 !2")
+    with pytest.raises(SyntaxFault, match=r"m\.drn:8:3: .* intervals of rates are not supported"):
+        symcheck.load_explicit(written(tmp_path, text))
+
+
+def test_ends_of_intervals_are_rounded(tmp_path):
+    """0.1 * 0.7 and 0.93 sum to 1, but for rounding."""
+    text = UNCERTAIN.replace("[0.2,0.6]", f"[{0.1 * 0.7},{0.1 * 0.7}]")
+    text = (
+        text.replace("[1/2,2/3]", "[0.93,0.93]") + "\taction c\n\t\t0 : [0.1,1]\n\t\t1 : [0.1,1]\n"
+    )
+    file = written(tmp_path, text)
+    assert symcheck.load_explicit(file).check("Pmaxmin=? [ X x=1 ]").value == 0.93
+    with pytest.raises(UnsupportedError, match="intervals are rounded"):
+        symcheck.load_explicit(file, exact=True).check("Pmaxmin=? [ X x=1 ]")
 
 
 def test_a_type_that_differs_from_the_switch_is_an_error(tmp_path):

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import symcheck
-from symcheck.errors import SyntaxFault
+from symcheck.errors import SyntaxFault, UnsupportedError
 
 MODELS = Path(__file__).parents[2] / "models"
 TEXT = """@type: POMDP
@@ -54,6 +54,13 @@ def test_observations_are_read(tmp_path):
     # Action 1 first: 1 + (0.75 * 2 + 0.25 * (5 + 1)); action 0 first: 1 + 0.25 + 0.75 * (1 + 2).
     assert low <= 3.5 <= high
     assert model.check("Pmax=? [ F<=2 observation=2 ]").value == 0.75
+
+
+@pytest.mark.parametrize("kind", ["pexp", "umb", "umbt"])
+def test_files_without_observations_are_refused(tmp_path, kind):
+    model = read(tmp_path, TEXT)
+    with pytest.raises(UnsupportedError, match=f"the kind {kind} cannot hold observations"):
+        symcheck.export(model, str(tmp_path / f"m.{kind}"))
 
 
 @pytest.mark.parametrize("name", ["tiger", "rover", "channels"])

@@ -121,6 +121,7 @@ def test_attributes_are_variables_where_they_tell_nodes_apart() -> None:
             "mapping from nodes, not 3",
         ),
         (networkx.DiGraph([(0, 0)]), {"type": "pta"}, UsageError, "type='pta': such a model needs"),
+        (networkx.DiGraph([(0, 0)]), {"type": "ma"}, UsageError, "nothing tells rates from"),
         (networkx.DiGraph([(0, 0)]), {"labels": {"a": [7]}}, UsageError, "labels['a']: the graph"),
     ],
 )

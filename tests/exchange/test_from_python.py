@@ -333,6 +333,8 @@ WRONG_MATRICES = [
     (([[1, np.nan], [0, 1]],), {}, UsageError, "expected finite real numbers"),
     (([[1, 1j], [0, 1]],), {}, UsageError, "expected finite real numbers"),
     ((SQUARE,), {"type": "chain"}, UsageError, "expected one of dtmc, ctmc, mdp"),
+    ((SQUARE,), {"type": "ma"}, UsageError, "nothing tells rates.*from_function"),
+    ((SQUARE,), {"type": "pta"}, UsageError, "needs a text"),
     ((SQUARE,), {"type": "dtmc", "groups": [0, 1, 2]}, UsageError, "expected a square one"),
     ((SQUARE,), {"groups": [0, 2]}, UsageError, "groups with 3 ascending numbers"),
     ((SQUARE,), {"groups": [0, 3, 2]}, UsageError, "groups with 3 ascending numbers"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from io import StringIO
 from math import isclose, isinf
 from pathlib import Path
@@ -272,3 +273,116 @@ def test_constants_stay_known():
     chain = symcheck.induced_chain(model, model.check(GOAL.format("min")))
     assert chain.given_constants == {"p": 0.25}
     assert chain.check("p").value == 0.25
+
+
+def test_chains_that_are_not_available(tmp_path):
+    (tmp_path / "s.txt").write_text("(0)=a\n")
+    text = "[a] s=0 -> p:(s'=1) + 1-p:(s'=0); [b] s=0 -> (s'=1); [] s=1 -> true; endmodule"
+    text = "{} const double p; module m s:[0..1]; " + text
+    automaton = symcheck.loads(text.format("ma"), {"p": 0.5})
+    functions = symcheck.loads(text.format("mdp")).parametric("p")
+    for model, kind in ((automaton, "Markov automata"), (functions, "with parameters")):
+        strategy = symcheck.load_strategy(model, tmp_path / "s.txt")
+        with pytest.raises(UnsupportedError, match=f"not available for .*{kind}"):
+            symcheck.induced_chain(model, strategy)
+
+
+UNCERTAIN = """mdp
+module m
+  s : [0..4];
+  [a] s=0 -> [0.1,0.3]:(s'=1) + [0.7,0.9]:(s'=2);
+  [b] s=0 -> [0.2,0.8]:(s'=0) + [0.2,0.8]:(s'=4) + [1/10,1/4]:(s'=3);
+  [] s=1 -> [0.5,0.5]:(s'=0) + [0.2,0.6]:(s'=3) + [0.1,0.3]:(s'=4);
+  [] s=2 -> 0.5:(s'=3) + 0.5:(s'=4);
+  [] s>2 -> true;
+endmodule
+label "a" = s=3;
+rewards "paid" s=0: 2; [a] true: 3; endrewards
+"""
+
+
+@pytest.mark.parametrize("options", NUMBERS)
+@pytest.mark.parametrize("asked", ['P{}{}=? [ F "a" ]', "R{}{}=? [ F s>2 ]"])
+def test_a_strategy_that_is_read_leaves_intervals_to_nature(asked, options, tmp_path):
+    model = symcheck.loads(UNCERTAIN, strategy=True, **options)
+    for direction in ("min", "max"):
+        best = model.check(asked.format(direction, "min"))
+        target = strategy_target(str(tmp_path / "s.txt"))
+        write_strategy_files(best.strategy, target, StringIO())
+        read = symcheck.load_strategy(model, tmp_path / "s.txt")
+        for reach in (True, False):
+            chain = symcheck.induced_chain(model, read, reach=reach)
+            worst = chain.check(asked.format("", "min")).value
+            assert same(worst, best.value, exact=bool(options))
+            assert chain.check(asked.format("", "max")).value >= worst
+    with pytest.raises(SymcheckError, match="no unique value in a model with intervals"):
+        chain.check(asked.format("", ""))
+
+
+def test_intervals_and_memory(tmp_path):
+    text = "mdp module m x:[0..1]; [go] true -> [1/4,1/2]:(x'=1) + [1/2,3/4]:(x'=0); "
+    model = symcheck.loads(text + "[stay] true -> true; endmodule", exact=True)
+    lines = "(0),0=go\n(1),0=stay\n(0),1=stay\n# memory: 0\n# (0),0 -> 1\n"
+    (tmp_path / "once.txt").write_text(lines)
+    chain = symcheck.induced_chain(model, symcheck.load_strategy(model, tmp_path / "once.txt"))
+    assert [chain.check(f"P{d}=? [ F x=1 ]").value for d in ("min", "max")] == [
+        Fraction(1, 4),
+        Fraction(1, 2),
+    ]
+    (tmp_path / "mixed.txt").write_text("(0)=1/2:go+1/2:stay\n(1)=stay\n")
+    mixed = symcheck.load_strategy(model, tmp_path / "mixed.txt")
+    with pytest.raises(UnsupportedError, match=r"at random is not available.*intervals"):
+        symcheck.induced_chain(model, mixed)
+
+
+def test_in_a_chain_with_intervals_nature_alone_chooses(tmp_path):
+    (tmp_path / "s.txt").write_text("0=0\n")
+    text = "dtmc module m x:[0..1]; [] true -> [0.1,0.9]:(x'=1) + [0.1,0.9]:true; endmodule"
+    chain = symcheck.loads(text)
+    with pytest.raises(UnsupportedError, match=r"(?s)nature alone chooses.*FILE\.tra writes"):
+        symcheck.load_strategy(chain, tmp_path / "s.txt")
+
+
+TIMED = """pta
+module m
+  s : [0..3];
+  x : clock;
+  invariant (s=0 => x<=20) & (s=1 => x<=30) endinvariant
+  [a] s=0 & x>=10 -> 0.9:(s'=1)&(x'=0) + 0.1:(s'=2)&(x'=0);
+  [b] s=1 & x>=20 -> 0.5:(s'=0)&(x'=0) + 0.5:(s'=3);
+endmodule
+label "d" = s=3;
+label "late" = x>=200;
+"""
+
+
+@pytest.mark.parametrize("asked", ['Pmax=? [ F "d" ]', 'Pmax=? [ F<=30 "d" ]', "Tmin=? [ F s>1 ]"])
+def test_steps_of_the_chain_of_a_timed_automaton_are_no_time(asked):
+    model = symcheck.loads(TIMED, exact=True, strategy=True)
+    best = model.check(asked)
+    chain = symcheck.induced_chain(model, best)
+    assert chain.check('P=? [ F^{rew{"time"}<=30} "d" ]').value == Fraction(9, 20)
+    assert chain.check('R{"time"}=? [ F s>1 ]').value == Fraction(560, 11)
+    assert chain.check('P=? [ F "d" ]').value == Fraction(9, 11)
+    assert "late" not in chain.labels  # clocks were counted up to the bounds of the property
+    smaller = symcheck.quotient(chain.with_options(exact=False), labels=["d"])
+    for refused in (
+        *('P=? [ F<=30 "d" ]', 'P=? [ F^{steps<=3} "d" ]', "P=? [ X s=1 ]", 'S=? [ "d" ]'),
+        *('T=? [ F "d" ]', "R=? [ C<=3 ]", "R=? [ I=3 ]", "R=? [ S ]", 'E [ F<=3 "d" ]'),
+        *("P=? [ F x>=20 ]", 'label "in" = x>=20; P=? [ F "in" ]', "R=? [ C discount=0.5 ]"),
+    ):
+        for asked_of in (chain, smaller)[: 1 + ('"d"' in refused)]:
+            with pytest.raises(UnsupportedError, match="strategy of a timed automaton"):
+                asked_of.check(refused)
+    for distribution in (lambda: chain.transient(3), chain.steady_state):
+        with pytest.raises(UnsupportedError, match=r"distributions .* of timed automata"):
+            distribution()
+
+
+def test_labels_that_compare_clocks_in_the_chain_of_a_timed_automaton(tmp_path):
+    model = symcheck.loads(TIMED.replace("x>=200", "x>=20"), exact=True)
+    lines = "(0,0)=time\n(0,1)=a\n(1,0)=time\n(1,1)=time\n(1,2)=b\n"
+    (tmp_path / "s.txt").write_text(lines)
+    chain = symcheck.induced_chain(model, symcheck.load_strategy(model, tmp_path / "s.txt"))
+    within = 'P=? [ F^{{rew{{"time"}}<={}}} "late" ]'
+    assert [chain.check(within.format(time)).value for time in (29, 30)] == [0, 1]

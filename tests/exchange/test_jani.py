@@ -28,6 +28,7 @@ CASES = [
     ("herman/herman7.pm", "herman/herman7.pctl", {}),
     ("kanban/kanban.sm", "kanban/kanban.csl", {"t": 1}),
     ("multiplex/multiplex.pm", "multiplex/multiplex.pctl", {"N": 4, "K": 1}),
+    ("timed/contention.nm", "timed/contention.pctl", {}),
 ]
 
 COMPOSED = """mdp
@@ -135,6 +136,45 @@ def test_random_models_keep_their_values(kind, seed, tmp_path):
     except UnsupportedError as error:
         pytest.skip(str(error))
     assert_same(found, [expected])
+
+
+TIMED = """pta
+module one
+  s : [0..3];
+  x : clock;
+  invariant (s=0 => x<=2) & (s=1 => x<=3) endinvariant
+  [a] s=0 & x>=1 -> 0.9:(s'=1)&(x'=0) + 0.1:(s'=2)&(x'=0);
+  [b] s=1 & x>=2 -> 0.5:(s'=0)&(x'=1) + 0.5:(s'=3);
+endmodule
+module two
+  y : clock;
+  [b] y>3 -> (y'=0);
+  [b] y<=3 -> true;
+endmodule
+label "d" = s=3;
+rewards "e" s=0:2; s=1:1; [a] true:3; endrewards
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "asked"),
+    [
+        (TIMED, 'Pmax=? [ F<=3 "d" ]; Pmin=? [ F<5 "d" & x>=2 ]; Pmax=? [ G<=4 s<2 ]'),
+        (
+            TIMED.replace("y>3", "y>=3"),
+            'Tmin=? [ F s>1 ]; R{"e"}max=? [ F s>1 ]; P>0.4 [ F<=6 s>1 ]',
+        ),
+    ],
+    ids=["zones", "digital"],
+)
+def test_timed_automata_keep_their_values(text, asked, tmp_path):
+    model = symcheck.loads(text, exact=True)
+    file = symcheck.parse_properties(asked)
+    expected = [result.value for _, result in model.check_all(file)]
+    symcheck.export(model, str(tmp_path / "m.jani"), file)
+    again = symcheck.load(tmp_path / "m.jani", exact=True)
+    assert again.type is model.type
+    assert [result.value for _, result in again.check_all(tmp_path / "m.jani")] == expected
 
 
 @pytest.mark.parametrize(("operator", "count"), APPLICATIONS)

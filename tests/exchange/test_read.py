@@ -5,7 +5,13 @@ from __future__ import annotations
 import pytest
 
 import symcheck
-from symcheck.errors import InputError, MemoryLimitError, ModelFault, UsageError
+from symcheck.errors import (
+    InputError,
+    MemoryLimitError,
+    ModelFault,
+    UnsupportedError,
+    UsageError,
+)
 from symcheck.syntax.ast import ModelType
 
 DTMC = "3 4\n0 1 0.5\n0 2 0.5\n1 1 1\n2 2 1\n"
@@ -112,6 +118,21 @@ def test_more_states_than_there_is_memory_for(tmp_path, monkeypatch):
         load(tmp_path, tra="100000 0\n")
 
 
+UNCERTAIN = "2 3\n0 1 [0.2,0.6]\n0 0 [1/3,2/3]\n1 1 1\n"
+
+
+def test_intervals(tmp_path):
+    chain = load(tmp_path, tra=UNCERTAIN)
+    assert chain.bound.type is ModelType.DTMC
+    assert [chain.check(f"P{d}=? [ X x=1 ]").value for d in ("min", "max")] == pytest.approx(
+        [1 / 3, 0.6]
+    )
+    text = "2 3 4\n0 0 1 [0.2,0.6]\n0 0 0 [1/3,2/3]\n0 1 0 1\n1 0 1 1\n"  # no action
+    decisions = load(tmp_path, tra=text)
+    assert decisions.bound.type is ModelType.MDP
+    assert decisions.check("Pmaxmax=? [ X x=1 ]").value == 0.6
+
+
 FAULTS = [
     ({"tra": ""}, "m.tra:1:1", "empty"),
     ({"tra": "3\n"}, "m.tra:1:1", "first line"),
@@ -145,6 +166,18 @@ FAULTS = [
     ({"tra": MDP.replace("0 0 1 0.5 a", "0 0 1 0.5 c")}, "m.tra:3:1", "different actions"),
     ({"tra": MDP.replace("0 1 1 1 b", "0 2 1 1 b")}, "m.tra:4:3", "choice 1 of state 0 is missing"),
     ({"tra": MDP.replace("2 3 4", "2 4 4")}, "m.tra:1:3", "announces 4 choices, but 3 follow"),
+    ({"tra": UNCERTAIN.replace("[0.2", "[0")}, "m.tra:2:5", "lower end 0 is not supported"),
+    ({"tra": UNCERTAIN.replace("[0.2", "[0.7")}, "m.tra:2:5", "lower end is above its upper end"),
+    ({"tra": UNCERTAIN.replace("[0.2", "[nan")}, "m.tra:2:5", "must be finite"),
+    ({"tra": UNCERTAIN.replace("[0.2", "[low")}, "m.tra:2:5", "'low' is not a number"),
+    ({"tra": UNCERTAIN.replace("0.6]", "0.6")}, "m.tra:2:5", "'[0.2,0.6' is not a number"),
+    ({"tra": UNCERTAIN.replace("0.6]", "1.6]")}, "m.tra:2:5", "the upper end of this interval is"),
+    ({"tra": UNCERTAIN.replace("0.6]", "0.3]")}, "m.tra:3:1", "upper ends of these intervals sum"),
+    (
+        {"tra": "# Transitions (CTMC)\n" + UNCERTAIN},
+        "m.tra:2:1",
+        "intervals of rates are not supported",
+    ),
     ({"tra": DTMC, "sta": "x\n0:(1)\n1:(2)\n2:(3)\n"}, "m.sta:1:1", "names of the variables"),
     ({"tra": DTMC, "sta": "(x)\n0:(1)\n1:(2)\n"}, "m.sta:3:1", "has 3 states, but this file has 2"),
     ({"tra": DTMC, "sta": "(x)\n0:(1)\n1:(2,3)\n2:(3)\n"}, "m.sta:3:1", "number:(x)"),
@@ -159,6 +192,8 @@ FAULTS = [
     ({"tra": DTMC, "srew": "4 1\n0 1\n"}, "m.srew:1:1", "has 3 states, but this file announces 4"),
     ({"tra": DTMC, "srew": "3 2\n0 1\n"}, "m.srew:1:3", "announces 2 rewards, but 1 follow"),
     ({"tra": DTMC, "trew": "3 1\n1 0 1\n"}, "m.trew:2:1", "no such transition"),
+    ({"tra": DTMC, "srew": "3 1\n0 nan\n"}, "m.srew:2:3", "a reward must be finite"),
+    ({"tra": DTMC, "trew": "3 1\n0 1 inf\n"}, "m.trew:2:5", "a reward must be finite"),
     ({"tra": MDP, "trew": "2 3 1\n1 3 1 1\n"}, "m.trew:2:3", "state 1 has no choice 3"),
 ]
 
@@ -177,6 +212,9 @@ def test_the_type_asked_for_must_fit(tmp_path):
         load(tmp_path, tra=DTMC, kind=ModelType.MDP)
     with pytest.raises(InputError, match="a CTMC has states and transitions"):
         load(tmp_path, tra=MDP, kind=ModelType.CTMC)
+    for kind in (ModelType.MA, ModelType.POMDP, ModelType.PTA, ModelType.SMG):
+        with pytest.raises(UnsupportedError, match=f"cannot hold {kind.called}"):
+            load(tmp_path, tra=MDP, kind=kind)
 
 
 def test_files_that_are_not_there(tmp_path):

@@ -181,6 +181,27 @@ def test_what_is_no_probability_is_refused(wrong, tmp_path):
         symcheck.load_explicit(str(tmp_path / "n.umb"))
 
 
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -2.0])
+def test_rates_and_rewards_are_numbers(wrong, tmp_path):
+    text = "ctmc module m s:[0..1]; [] s=0 -> 2:(s'=1); [] s=1 -> 3:(s'=0); endmodule"
+    rewards = ' rewards "r" s=0: 5; endrewards'
+    symcheck.export(symcheck.loads(text + rewards), str(tmp_path / "m.umb"))
+    raw = umbi.umb.read(tmp_path / "m.umb")
+    raw.state_to_exit_rate = [wrong, 3.0]
+    umbi.umb.write(raw, tmp_path / "n.umb")
+    with pytest.raises(UsageError, match=r"is not an exit rate \(state 0\)"):
+        symcheck.load_explicit(str(tmp_path / "n.umb"))
+    raw = umbi.umb.read(tmp_path / "m.umb")
+    (structure,) = raw.annotations["rewards"].values()
+    structure["states"] = [0.0, wrong]
+    umbi.umb.write(raw, tmp_path / "n.umb")
+    if wrong == -2:
+        assert symcheck.load_explicit(str(tmp_path / "n.umb")).rewards["r"].states[1] == -2
+        return
+    with pytest.raises(UsageError, match=r"is not finite \(states 1\)"):
+        symcheck.load_explicit(str(tmp_path / "n.umb"))
+
+
 @pytest.mark.parametrize(
     ("part", "place", "number"),
     [

@@ -190,9 +190,9 @@ def test_a_bound_without_a_direction_is_about_all_strategies(kind, asked, direct
 def test_a_model_with_choices_needs_a_direction() -> None:
     model = bound_model()
     formula = ProbabilityOperator(None, None, bound_formula("P>0 [ F x=1 ]", model).path)
-    with pytest.raises(InputError, match="P=\\? has no single value in an mdp"):
+    with pytest.raises(InputError, match="P=\\? has no single value in an MDP"):
         direction_of(formula, model.type)
-    with pytest.raises(UnsupportedError, match="Pminmax is not supported on an mdp"):
+    with pytest.raises(UnsupportedError, match="Pminmax is not supported on an MDP"):
         direction_of(replace(formula, direction="minmax"), model.type)
 
 

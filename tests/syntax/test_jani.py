@@ -367,7 +367,14 @@ def test_parts_of_timed_automata_in_other_models_are_faults(found, message):
                 ({"op": "nondet", "var": "i", "exp": True}, "selections of values ('nondet') are"),
                 ({"op": "der", "var": "x"}, "derivatives of continuous variables ('der') are not"),
                 ({"op": "sin", "exp": "x"}, "the operator 'sin' is not supported"),
-                ({"distribution": "Uniform", "args": [0, 1]}, "continuous distributions are not"),
+                (
+                    {"distribution": "Uniform", "args": [0, 1]},
+                    "random numbers of the distribution 'Uniform' are not supported here",
+                ),
+                (
+                    {"distribution": "DiscreteUniform", "args": [0, 1]},
+                    "hint: DiscreteUniform and Bernoulli are, in assignments",
+                ),
             )
         ),
         (simple(type="ha"), "hybrid automata are not supported"),

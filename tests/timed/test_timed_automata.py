@@ -165,7 +165,7 @@ STUCK = "s : [0..1]; x : clock; invariant x<=3 endinvariant [] s=0 & x=2 -> (s'=
 
 @pytest.mark.parametrize("method", ["digital", "backwards"])
 def test_a_timelock_is_told_with_a_state(method):
-    with pytest.raises(ModelFault, match=r"time stops.*s=0, ?x=(3|2.5)\)"):
+    with pytest.raises(ModelFault, match=r"time stops.*s=0,x=3\)"):
         timed(STUCK, timed_method=method).check("Pmax=? [ F s=1 ]")
 
 
@@ -235,7 +235,7 @@ def test_other_properties_are_refused_by_name(formula, message):
 
 def test_conditions_beside_an_operator_are_refused_by_zones():
     text = f"pta module m {REPEATED} endmodule"
-    with pytest.raises(UnsupportedError, match="no condition beside it"):
+    with pytest.raises(UnsupportedError, match="without a condition beside it"):
         symcheck.loads(text, timed_method="backwards").check("s=0 & Pmax>0.2 [ F s=1 ]")
 
 
@@ -253,7 +253,7 @@ def test_expected_times_need_digital_clocks():
     model = timed(
         "s : [0..1]; x : clock; invariant s=0 => x<2 endinvariant [] s=0 & x>1 -> (s'=1);"
     )
-    with pytest.raises(UnsupportedError, match="need digital"):
+    with pytest.raises(UnsupportedError, match="do not give expected rewards"):
         model.check("Tmax=? [ F s=1 ]")
     with pytest.raises(UnsupportedError, match="does not admit its limit"):
         _ = model.engine

@@ -334,6 +334,11 @@ class CheckedModel(Stages):
 
     def _require_answerable(self, instance: PropertyInstance) -> None:
         """Raise UnsupportedError if the model does not tell what a property asks for."""
+        if self.bound.delays is not None:
+            from symcheck.semantics.timed.delays import refuse_steps
+
+            bound, labels = instance.bind(self.bound)
+            refuse_steps(bound.formula, labels, self.bound.delays)
 
     @limited
     def check_instance(

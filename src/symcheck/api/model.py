@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple, Self
 
@@ -19,7 +20,7 @@ from symcheck.check.result import Result
 from symcheck.constant_values import GivenConstants, constant_values, parameter_ranges
 from symcheck.direction import Direction
 from symcheck.engines.states import Named, StateKey, States
-from symcheck.errors import NumericalError, UnsupportedError, UsageError
+from symcheck.errors import UnsupportedError, UsageError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers
 from symcheck.semantics.model import Value, Variable
@@ -81,12 +82,12 @@ class Model(CheckedModel):
         parameters: the ranges of the constants that are left open (see `parametric`).
     """
 
-    def parametric(self, parameters: Mapping[str, tuple[object, object]] | str) -> Self:
+    def parametric(self, parameters: Mapping[str, tuple[object, object]] | Iterable[str]) -> Self:
         """The model with constants that are left open: its values are functions of them.
 
         Args:
-            parameters: their open ranges: a mapping, or a text such as "p=0.1:0.9,q", in which a
-                range that is not given is 0:1.
+            parameters: their open ranges: a mapping, a text such as "p=0.1:0.9,q", or a list of
+                such parts; a range that is not given is 0:1.
 
         Returns:
             A model whose `check` gives rational functions, and truth values by regions
@@ -113,15 +114,11 @@ class Model(CheckedModel):
     ) -> Mapping[str, Fraction] | None:
         """A point of the parameters at which a formula holds exactly; None if there is none.
 
-        Raises NumericalError: none was found in the decided part of the ranges (see `regions`).
+        Raises:
+            NumericalError: no point is found, and it is not proved that there is none.
+            UnsupportedError: the formula is neither true nor false.
         """
-        regions = self._search(formula, constants).regions(self.options.regions, feasible=True)
-        for case in regions.cases:
-            if case.value is True:
-                return case.sample
-        if regions.undecided:
-            raise NumericalError(f"at no point that was tried, {regions.share:.2%} are decided")
-        return None
+        return self._search(formula, constants).feasible()
 
     @limited
     def extremum(
@@ -139,9 +136,14 @@ class Model(CheckedModel):
 
         Raises:
             NumericalError: the bounds do not come so close.
+            UsageError: the direction is neither, or the gap is not above 0.
         """
+        if direction not in ("min", "max"):
+            raise UsageError(f"direction {direction!r} is neither 'min' nor 'max'")
+        if not 0 < gap < inf:
+            raise UsageError(f"gap={gap}: expected a number above 0")
         search = self._search(formula, constants)
-        return search.extremum(Direction(direction), Fraction(repr(gap)))
+        return search.extremum(Direction(direction), Fraction(str(gap)))
 
     def _search(self, formula: str, constants: GivenConstants | str | None) -> Search:
         from symcheck.check.parametric import Search
@@ -251,9 +253,13 @@ class Model(CheckedModel):
             >>> [component.numbers.tolist() for component in die.sccs]
             [[1, 3], [2, 6], [7], [8], [9], [10], [11], [12]]
         """
+        from symcheck.engines.explicit.intervals import IntervalEngine
         from symcheck.numerics.graph import nontrivial_sccs
 
-        engine, found = self.engine, nontrivial_sccs(self.transitions.matrix)
+        engine = self.engine
+        intervals = engine.capability(IntervalEngine)  # whose ends are all positive
+        matrix = self.transitions.matrix if intervals is None else intervals.weights
+        found = nontrivial_sccs(matrix)
         return self._components(
             engine.from_bools(np.bincount(states, minlength=engine.states) > 0) for states in found
         )

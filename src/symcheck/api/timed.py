@@ -9,17 +9,17 @@ from symcheck.check.checker import check
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.result import Result
 from symcheck.direction import Direction
-from symcheck.engines.base import Engine
+from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.registry import build
-from symcheck.engines.states import States
 from symcheck.engines.zones.automaton import is_non_zeno
-from symcheck.engines.zones.engine import TIMELOCK, ZENO, zone_model
+from symcheck.engines.zones.engine import zone_model
 from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
 from symcheck.numerics.linear.problem import Observer as IterationObserver
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind_property
-from symcheck.semantics.model import BoundModel
-from symcheck.semantics.timed.constraints import check_clocks
+from symcheck.semantics.expressions.evaluate import evaluate
+from symcheck.semantics.model import BoundCommand, BoundModel, Value
+from symcheck.semantics.timed.constraints import check_clocks, clocks_of
 from symcheck.semantics.timed.digital import (
     Asked,
     DigitalClocks,
@@ -29,6 +29,7 @@ from symcheck.semantics.timed.digital import (
     limits_of,
 )
 from symcheck.semantics.timed.properties import Reach, asked_of, measures, on_digital_clocks
+from symcheck.semantics.timed.stopped_time import Stop, time_stops
 from symcheck.syntax.ast import (
     Bound,
     Eventually,
@@ -73,21 +74,23 @@ def deciding_model(
     """
     bound, labels = bind_property(instance.file, instance.index, automaton, instance.constants)
     reached = list(measures(bound.formula, automaton, labels))
-    if options.timed_method in ("auto", "digital"):
-        try:
-            return digital_clocks(automaton, _without_zeno(automaton, asked_of(reached)))
-        except NotDigital as found:
-            if automaton.type.partially_observed:
-                hint = f"zones, which would take it, are not available for {automaton.type.called}"
-                raise UnsupportedError(replace(found.args[0], hint=hint)) from None
-            if options.timed_method == "digital":
-                raise
-    if automaton.type.partially_observed:
-        raise UnsupportedError(
-            f"zones are not available for {automaton.type.called}",
-            hint="-ptamethod digital, the default",
-        )
-    return _on_zones(automaton, bound.formula, reached)
+    refusal = _not_on_zones(automaton, bound.formula, reached)
+    by_zones = options.timed_method in ("backwards", "games")
+    if by_zones and refusal is None:
+        return zone_model(automaton, reached[0])
+    try:
+        asked = asked_of(reached, clocks_of(automaton))
+        digital = digital_clocks(automaton, _without_zeno(automaton, asked))
+    except NotDigital as found:
+        if options.timed_method == "auto" and refusal is None:
+            return zone_model(automaton, reached[0])
+        hint = "-ptamethod backwards (zones) takes it"
+        if refusal is not None:
+            hint = f"zones, which would take it, {refusal.message}"
+        raise NotDigital(replace(found.args[0], hint=hint)) from None
+    if by_zones and refusal is not None:
+        raise UnsupportedError(replace(refusal, message=f"zones {refusal.message}"))
+    return digital
 
 
 def _without_zeno(automaton: BoundModel, asked: Asked) -> Asked:
@@ -99,15 +102,27 @@ def _without_zeno(automaton: BoundModel, asked: Asked) -> Asked:
     return replace(asked, ticks=not is_non_zeno(automaton, unit, _MOST_LOCATIONS))
 
 
-def _on_zones(automaton: BoundModel, formula: Expression, reached: list[Reach]) -> BoundModel:
+def _not_on_zones(
+    automaton: BoundModel, formula: Expression, reached: list[Reach]
+) -> Diagnostic | None:
+    """Why zones do not decide a property that digital clocks may decide: they …; None if they do.
+
+    Its place is what zones do not take.
+    """
+    hint = "-ptamethod digital, the default, takes it"
+    opposed = any(reach.query.coalition is not None for reach in reached)
+    if automaton.type.partially_observed or opposed:
+        message = f"are not available for {automaton.type.called}"
+        return Diagnostic(message, formula.span, "zones", hint)
+    for reach in reached:
+        if reach.path is None:
+            message = "do not give expected rewards and times"
+            return Diagnostic(message, reach.measure.span, "zones", hint)
     outside = transform(formula, lambda node: _ONE if isinstance(node, Measure) else node)
-    if len(reached) != 1 or reached[0].path is None or names(outside):
-        raise UnsupportedError(
-            "by zones, a property has one operator P, and no condition beside it; expected rewards "
-            "and times need digital clocks, that is closed constraints that do not compare two "
-            "clocks"
-        )
-    return zone_model(automaton, reached[0])
+    if len(reached) != 1 or names(outside):
+        message = "decide one operator P, without a condition beside it"
+        return Diagnostic(message, formula.span, "zones", hint)
+    return None
 
 
 def check_timed(
@@ -120,26 +135,42 @@ def check_timed(
     model = engine.model
     clocks = model.clocks
     assert clocks is not None
-    stuck = States(engine, engine.deadlocks)
-    if len(stuck):
-        message = f"{TIMELOCK}, for example in state {stuck[0]}"
-        raise ModelFault(Diagnostic(message, code="timelock"))
+    if isinstance(clocks, DigitalClocks) and engine.deadlocks:
+        raise _stopped(engine, clocks, engine.deadlocks, Stop.TIMELOCK)
     if isinstance(clocks, DigitalClocks) and clocks.tick is not None:
         goes_on = Globally(Eventually(Name(clocks.tick)))
         everywhere = replace(options, everywhere=True, strategy=False)
         stops = ProbabilityOperator("max", Bound(Operator.LT, _ONE), goes_on)
-        zeno = check(engine, stops, everywhere).satisfying
-        if len(zeno):
-            message = f"{ZENO}, for example from state {zeno[0]}"
-            raise ModelFault(Diagnostic(message, code="zeno"))
+        zeno = check(engine, stops, everywhere).satisfying.members
+        if zeno:
+            raise _stopped(engine, clocks, zeno, Stop.ZENO)
     bound, labels = instance.bind(model)
     result = check(engine, bound.formula, options, labels=labels, observer=observer)
+    if not clocks.lists_states:  # values of zones are not those of states
+        result = replace(result, values_or_none=None, satisfying_or_none=None)
     if result.value in (inf, True, False):
         _check_infinite_rewards(engine, instance, options)
     if options.timed_method == "games":
         note = "stochastic games are not built: zones are searched backwards instead"
         result = replace(result, warnings=(*result.warnings, note))
     return result
+
+
+def _stopped(engine: Engine, clocks: DigitalClocks, states: StateSet, stop: Stop) -> ModelFault:
+    """That time stops in some states, with one of them, and the invariant that time meets there."""
+    model, state = engine.model, next(iter(engine.valuations(states, 1)))
+    (waits,) = (e for e in model.events if e.action == clocks.time)
+    limits: list[BoundCommand] = []
+    names_of = [v.name for v in model.variables]
+    before: dict[str, Value] = {}
+    later: dict[str, Value] = dict(zip(names_of, state, strict=True))
+    while later != before and not limits:
+        commands = [commands[0] for commands in waits.participants]
+        limits = [c for c in commands if not evaluate(c.guard, later)]
+        before, later = later, dict(later)
+        for i, value in (a for c in commands for a in c.updates[0].assignments):
+            later[names_of[i]] = evaluate(value, before)
+    return time_stops(stop, clocks.describe(state), limits[0].span if limits else None)
 
 
 def _check_infinite_rewards(engine: Engine, instance: PropertyInstance, options: Options) -> None:

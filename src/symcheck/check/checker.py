@@ -103,6 +103,8 @@ def check(
         formula = formula.formula
     log = CheckLog(warnings=list(engine.model.warnings))
     options = options or Options()
+    if options.fairness and not engine.model.type.has_choices:  # only nature chooses, if any
+        options = replace(options, fairness=False)
     context = Context(
         engine,
         options,

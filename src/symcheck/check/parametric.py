@@ -8,7 +8,9 @@ are proved for a box, or the box is split. One outcome usually serves many boxes
 from __future__ import annotations
 
 import heapq
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from itertools import count
@@ -30,10 +32,10 @@ from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.numerics.bernstein import Box, function_bounds, sign_on
 from symcheck.options import Options
 from symcheck.semantics.path_formulas import UntilPath
-from symcheck.semantics.query import PathProbability, ReachReward, query_of
+from symcheck.semantics.query import PathProbability, ReachReward, Threshold, query_of
 from symcheck.syntax.ast import Expression, Measure
 from symcheck.syntax.declarations import Property
-from symcheck.syntax.traversal import nodes
+from symcheck.syntax.traversal import conjuncts, nodes
 
 __all__ = ["Search", "check_parametric"]
 
@@ -79,32 +81,36 @@ class Search:
         self.field = self.model.field
         self.box: Box = dict(self.model.model.parameters)
         self.random = Random(0)
-        self.field.sample(random_point(self.model.model, self.random))
+        self.field.sample(random_point(self.box, self.random))
+        self.positive: tuple[Condition, ...] = ()
         for weight in self.model.weights:
-            odd = (self.field.factors[i] for i, n in weight.bottom if n % 2)
-            self.field.note([weight.top, *odd], 1)
+            self.field.note(weight.sign_parts, 1)
         rewards = (*self.model.state_rewards, *self.model.choice_rewards)
         for bottom in {f.bottom for array in rewards for f in array.tolist() if f.bottom}:
             poles = [self.field.factors[i] for i, _ in bottom]
             self.field.note([*poles, *poles], 1)  # a square: the denominator is not 0
-        self.positive = self._conditions(set())
+        self.positive = self._conditions()
         self.cases: list[Case] = []
         self.boxes: list[list[Box]] = []
         self.result: Result | None = None
         self.lifting = options.lifting
+        self.any_strategy_violates = False
 
-    def _conditions(self, known: set[str]) -> tuple[Condition, ...]:
+    def _conditions(self) -> tuple[Condition, ...]:
         """The conditions that were noted, without those that are known."""
-        noted = self.field.conditions.items()
-        return tuple(Condition(p, s, self.field) for k, (p, s) in noted if k not in known)
+        noted = self.field.conditions.values()
+        known = [c.parts for c in self.positive]
+        return tuple(Condition(p, s, self.field) for p, s in noted if p not in known)
+
+    @property
+    def is_nested(self) -> bool:
+        """Whether the formula has several operators."""
+        return sum(isinstance(node, Measure) for node in nodes(self.formula)) > 1
 
     def sample(self, box: Box) -> Point | None:
         """A point inside a box where all probabilities are positive; None if none was found."""
         for _ in range(_SAMPLES):
-            point = {
-                n: low + (high - low) * Fraction(self.random.randrange(1, 1024), 1024)
-                for n, (low, high) in box.items()
-            }
+            point = random_point(box, self.random)
             if all(c.holds(point) for c in self.positive):
                 return point
         return None
@@ -134,23 +140,10 @@ class Search:
             return None
         if self.result is None:
             self.result = result
-        known = {" * ".join(map(str, c.parts)) for c in self.positive}
         (strategy,) = result.strategies or (None,)
-        self.cases.append(Case(result.value, self._conditions(known), point, (), strategy))
+        self.cases.append(Case(result.value, self._conditions(), point, (), strategy))
         self.boxes.append([])
         return len(self.cases) - 1
-
-    def value_at(self, point: Point) -> tuple[Case, Fraction] | None:
-        """The case of a point, and the number there; None if the formula divides by 0."""
-        chosen = self.case(point)
-        if chosen is None:
-            return None
-        case = self.cases[chosen]
-        _check_number(case)
-        try:
-            return case, case(**point)
-        except ZeroDivisionError:
-            return None
 
     def lifted(self, box: Box) -> tuple[Fraction, Fraction]:
         """Bounds of the value of the measure over a box, by parameter lifting.
@@ -162,7 +155,7 @@ class Search:
         measure = self.formula
         if not isinstance(measure, Measure):
             raise UnsupportedError("parameter lifting bounds P and R alone")
-        if sum(isinstance(node, Measure) for node in nodes(measure)) > 1:
+        if self.is_nested:
             raise UnsupportedError(
                 "parameter lifting has no nested operators: bounds of one do not bound the other",
                 hint="without -lifting, regions are decided by functions",
@@ -192,24 +185,29 @@ class Search:
             raise UnsupportedError("parameter lifting has no bounds on steps")
         return min(found), max(found)  # a complement exchanges them
 
-    def by_lifting(self, box: Box, point: Point) -> bool:
-        """Whether a box with a point is decided by lifting; then it belongs to a case."""
-        threshold = None
-        if isinstance(self.formula, Measure):
-            threshold = query_of(self.formula, self.model.model).threshold
-        if threshold is None:
-            raise UnsupportedError("parameter lifting decides P and R with a threshold")
+    @property
+    def threshold(self) -> Threshold | None:
+        """That of a formula P, R or S with a bound; None of another formula."""
+        if not isinstance(self.formula, Measure):
+            return None
+        return query_of(self.formula, self.model.model).threshold
+
+    def decided(self, box: Box, point: Point, threshold: Threshold) -> bool | None:
+        """The verdict that lifting proves for all of a box with a point; None if it proves none."""
         self.field.sample(point)
         try:
-            values = {
-                all(threshold.operator.compare(v, threshold.value) for v in _of_starts(bound))
-                for bound in self.lifted(box)
-            }
+            bounds = self.lifted(box)
         except NumericalError:
+            return None
+        verdicts = {_all_admitted(threshold, bound) for bound in bounds}
+        return verdicts.pop() if len(verdicts) == 1 else None
+
+    def by_lifting(self, box: Box, point: Point) -> bool:
+        """Whether a box with a point is decided by lifting; then it belongs to a case."""
+        if (threshold := self.threshold) is None:
+            raise UnsupportedError("parameter lifting decides P and R with a threshold")
+        if (value := self.decided(box, point, threshold)) is None:
             return False
-        if len(values) == 2:
-            return False
-        (value,) = values
         if value not in (known := [c.value for c in self.cases]):
             self.cases.append(Case(value, None, point))
             self.boxes.append([])
@@ -218,7 +216,7 @@ class Search:
 
     def bounds(self, case: Case, box: Box) -> tuple[Fraction, Fraction] | None:
         """Bounds of the values over a box, where a case holds somewhere; None if not known."""
-        if all(c.proved(box) for c in case.conditions or ()):
+        if case.proved(box):
             function = case.value
             if not isinstance(function, RationalFunction):
                 function = self.field.constant(function)
@@ -227,6 +225,13 @@ class Search:
             return self.lifted(box)
         except (NumericalError, UnsupportedError):
             return None
+
+    def parts(self, box: Box) -> Iterator[tuple[Box, Point | None]]:
+        """The parts of a box that are not proved to be empty, each with a point if one is found."""
+        for part in parts_of(box, self.box):
+            point = self.sample(part)
+            if point is not None or not self.is_empty(part):
+                yield part, point
 
     def extremum(self, direction: Direction, gap: Fraction) -> Extremum:
         """A least or greatest value over the box, by branch and bound.
@@ -245,33 +250,115 @@ class Search:
             least, _, box = heapq.heappop(queue)
             if best is not None and best[0] - least <= gap:
                 return Extremum(sign * best[0], sign * Fraction(least), best[1])
-            for part in parts_of(box, self.box):
-                point = self.sample(part)
+            for part, point in self.parts(box):
                 bound: Fraction | float = -inf
-                found = None if point is None else self.value_at(point)
-                if point is not None and found is not None:
-                    case, value = found[0], sign * found[1]
-                    if best is None or value < best[0]:
-                        best = value, point
-                    if (bounds := self.bounds(case, part)) is not None:
-                        bound = min(sign * b for b in bounds)
-                elif self.is_empty(part):
-                    continue
+                chosen = None if point is None else self.case(point)
+                if chosen is None and is_point(part):
+                    continue  # where the formula divides by 0
+                if point is not None and chosen is not None:
+                    case = self.cases[chosen]
+                    _check_number(case)
+                    with suppress(ZeroDivisionError):
+                        value = sign * case(**point)
+                        if best is None or value < best[0]:
+                            best = value, point
+                        if (bounds := self.bounds(case, part)) is not None:
+                            bound = min(sign * b for b in bounds)
                 heapq.heappush(queue, (bound, next(number), part))
         raise NumericalError(f"the bounds are not within {float(gap):g} after {_MOST_BOXES} boxes")
 
-    def regions(self, share: float, *, feasible: bool = False) -> Regions:
-        """Divide the box until a share of its volume is decided, or one value is true."""
+    def feasible(self) -> Point | None:
+        """A point at which the formula holds; None if it is proved that it holds at none.
+
+        A box is left out where one conjunct is refuted. By turns, the newest box is divided, which
+        leads to where the formula almost holds, and the oldest.
+
+        Raises:
+            NumericalError: no point is found, and some boxes are not decided.
+            UnsupportedError: the formula is neither true nor false.
+        """
+        searches = [
+            Search(self.engine, part, self.options, self.labels) for part in conjuncts(self.formula)
+        ]
+        thresholds = [search.to_number() for search in searches]
+        rest = deque([self.box])
+        for step in range(_MOST_BOXES):
+            if not rest:
+                return None
+            for part, point in self.parts(rest.pop() if step % 2 else rest.popleft()):
+                verdicts: set[bool | None] = {None}
+                if point is not None:
+                    pairs = zip(searches, thresholds, strict=True)
+                    verdicts = {s.verdict(part, point, threshold) for s, threshold in pairs}
+                if verdicts == {True}:
+                    return point
+                if False not in verdicts:
+                    rest.append(part)
+        raise NumericalError(
+            f"no point was found after {_MOST_BOXES} boxes, and there may be one",
+            hint="smaller ranges may decide it",
+        )
+
+    def to_number(self) -> Threshold | None:
+        """Search for the number before the threshold of the formula, which is given, if any."""
+        if (threshold := self.threshold) is not None:
+            assert isinstance(self.formula, Measure)
+            query = query_of(self.formula, self.model.model)
+            direction = query.direction and query.direction.value
+            self.formula = replace(self.formula, bound=None, direction=direction)
+            adverse = Direction.MIN if threshold.operator.is_lower_bound else Direction.MAX
+            self.any_strategy_violates = (
+                query.direction is adverse
+                and isinstance(query.quantity, PathProbability)
+                and not self.is_nested
+            )
+        return threshold
+
+    def verdict(self, box: Box, point: Point, threshold: Threshold | None) -> bool | None:
+        """True: the formula holds at the point; False: it holds nowhere in the box; None: unknown.
+
+        threshold: what the number that is searched for has to satisfy; None for a truth value.
+        """
+        if self.lifting and threshold is not None:
+            verdict = self.decided(box, point, threshold)
+            if verdict is None:
+                box = {name: (value, value) for name, value in point.items()}
+                verdict = self.decided(box, point, threshold) or None
+            return verdict
+        chosen = self.case(point)
+        if chosen is None:
+            return False if is_point(box) else None
+        case = self.cases[chosen]
+        if threshold is None:
+            if not isinstance(case.value, bool):
+                raise UnsupportedError(
+                    f"a formula that is true or false has feasible points, and this is {case}",
+                    hint="P>=0.5 [ … ] has a threshold; extremum(…) has the greatest value",
+                )
+            return case.value or (False if case.proved(box) else None)
+        with suppress(ZeroDivisionError):
+            if _all_admitted(threshold, case(**point)):
+                return True
+        proved = case.proved(box)
+        enough = proved or self.any_strategy_violates
+        if enough and any(_violated(threshold, v, box) for v in _ends(case.value)):
+            return False
+        if not proved:
+            with suppress(UnsupportedError):
+                return False if self.decided(box, point, threshold) is False else None
+        return None
+
+    def regions(self, share: float) -> Regions:
+        """Divide the box until a share of its volume is decided."""
         whole, number = volume(self.box), count()
         rest = (1 - Fraction(repr(share))) * whole
         queue: list[tuple[Fraction, int, Box, frozenset[Condition]]] = []
         heapq.heappush(queue, (-whole, next(number), self.box, frozenset()))
         left, empty = whole, []
         for _ in range(_MOST_BOXES):
-            found = feasible and any(c.value is True for c in self.cases)
             # A value that all boxes have is not that of their borders, unless it is proved there.
             done = left <= rest and (left > 0 or not self.has_one_value)
-            if found or not queue or done:
+            if not queue or done:
                 break
             negative, _, box, proved = heapq.heappop(queue)
             point = self.sample(box)
@@ -282,7 +369,7 @@ class Search:
                 if done:
                     empty.append(box)
             elif (chosen := self.case(point)) is None:
-                done = all(low == high for low, high in box.values())
+                done = is_point(box)
                 if done:
                     empty.append(box)
             else:
@@ -313,9 +400,28 @@ class Search:
         )
 
 
-def _of_starts(value: Any) -> tuple[Any, ...]:
+def is_point(box: Box) -> bool:
+    """Whether a box is a single point."""
+    return all(low == high for low, high in box.values())
+
+
+def _ends(value: Any) -> tuple[Any, ...]:
     """The ends of a range of values over initial states; else the value."""
     return value if isinstance(value, tuple) else (value,)
+
+
+def _all_admitted(threshold: Threshold, value: Any) -> bool:
+    """Whether a threshold admits a value, or both ends of a range of values."""
+    return all(map(threshold.admits, _ends(value)))
+
+
+def _violated(threshold: Threshold, value: Any, box: Box) -> bool:
+    """Whether it is proved that a threshold admits a number or function nowhere inside a box."""
+    if not isinstance(value, RationalFunction):
+        return not threshold.admits(value)
+    difference = value - threshold.value
+    sign = sign_on(difference.sign_parts, value.field, box)
+    return sign is not None and not replace(threshold, value=Fraction(0)).admits(sign)
 
 
 def _check_number(case: Case) -> None:
@@ -353,22 +459,35 @@ def check_parametric(
     assert search.result is not None
     first, *others = regions.cases
     same = search.has_one_value
+    strategies = (first.strategy,) if same and first.strategy is not None else ()
     where = [str(c) for c in regions.well_defined]
     explanation = search.result.explanation
     if not same:
-        explanation = f"{len(regions.cases)} cases"
+        explanation = f"{len(regions.firsts)} cases"
     if regions.undecided:
         explanation += f"; {regions.share:.2%} of the volume are decided"
     if where:
         explanation += f"; where {', '.join(where)}"
+    warnings = search.result.warnings
+    if regions.share < options.regions:
+        warnings += (
+            f"the search ended after {_MOST_BOXES} boxes: {regions.share:.2%} of the volume are "
+            f"decided, and {options.regions:.2%} were asked for",
+        )
+    no_strategy = search.result.no_strategy
+    if not same and first.strategy is not None:
+        no_strategy = f"each of {len(regions.cases)} cases has one (Python: result.regions.cases)"
+        warnings += (f"no strategy: {no_strategy}",)
     return replace(
         search.result,
+        warnings=warnings,
         value=first.value if same and not regions.undecided else None,
         accuracy=Exact(),
         explanation=explanation,
         values_or_none=None,
         satisfying_or_none=None if first.conditions or others else search.result.satisfying_or_none,
-        strategies=(first.strategy,) if same and first.strategy is not None else (),
+        strategies=strategies,
+        no_strategy=no_strategy,
         regions_or_none=regions,
         seconds=perf_counter() - started,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field
 from fractions import Fraction
 from math import prod
@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from symcheck.errors import UsageError
 from symcheck.lazy_dataclass import dataclass
-from symcheck.matrices.rational_functions import FunctionField, Polynomial, RationalFunction
+from symcheck.matrices.rational_functions import (
+    FunctionField,
+    Polynomial,
+    RationalFunction,
+    point_of,
+)
 from symcheck.numerics.bernstein import Box, sign_on
 
 if TYPE_CHECKING:
@@ -70,6 +75,10 @@ class Case:
             return all(c.holds(point) for c in self.conditions)
         return any(all(low <= point[n] <= high for n, (low, high) in b.items()) for b in self.boxes)
 
+    def proved(self, box: Box) -> bool:
+        """Whether its conditions hold everywhere inside a box; False if that is not known."""
+        return all(c.proved(box) for c in self.conditions or ())
+
     def __str__(self) -> str:
         """The value."""
         if isinstance(self.value, tuple):
@@ -78,7 +87,9 @@ class Case:
 
     def __call__(self, **point: Fraction | float | str) -> Any:
         """The value at a point, whether or not it is valid there."""
-        return self.value(**point) if isinstance(self.value, RationalFunction) else self.value
+        ends = self.value if isinstance(self.value, tuple) else (self.value,)
+        found = tuple(v(**point) if isinstance(v, RationalFunction) else v for v in ends)
+        return found if isinstance(self.value, tuple) else found[0]
 
 
 @dataclass(frozen=True)
@@ -103,7 +114,15 @@ class Regions:
     @property
     def share(self) -> float:
         """The share of the volume that is decided."""
-        return float(1 - sum(map(volume, self.undecided), Fraction(0)) / volume(self.box))
+        return float(1 - self._share_of(self.undecided))
+
+    @property
+    def firsts(self) -> tuple[Case, ...]:
+        """The first case of each value."""
+        first: dict[Any, Case] = {}
+        for case in self.cases:
+            first.setdefault(case.value, case)
+        return tuple(first.values())
 
     def where(self, value: object) -> tuple[Box, ...]:
         """The boxes in which the formula has a value."""
@@ -111,27 +130,39 @@ class Regions:
 
     def at(self, **point: Fraction | float | str) -> Case:
         """The case whose conditions hold at a point. Raises UsageError if there is none."""
-        exact = {n: Fraction(str(v)) for n, v in point.items()}
+        exact = point_of(self.box, point)
+        if outside := [n for n, (low, high) in self.box.items() if not low < exact[n] < high]:
+            ranges = ", ".join(f"{n}={low}:{high}" for n, (low, high) in self.box.items())
+            raise UsageError(f"{', '.join(outside)} is not within the open ranges {ranges}")
         if all(c.holds(exact) for c in self.well_defined):
             for case in self.cases:
                 if case.holds(exact):
                     return case
         raise UsageError(f"no case is known at {_shown(exact)}")
 
-    def __str__(self) -> str:
-        lines = []
-        first: dict[str, Case] = {}
-        for case in self.cases:
-            first.setdefault(str(case), case)
-        for text, case in first.items():
-            share = sum(map(volume, self.where(case.value)), Fraction(0)) / volume(self.box)
-            lines.append(f"  {float(share):7.2%}  {text}, first found at {_shown(case.sample)}")
+    def _share_of(self, boxes: Iterable[Box]) -> Fraction:
+        return sum(map(volume, boxes), Fraction(0)) / volume(self.box)
+
+    def _lines(self) -> Iterator[tuple[Fraction, str, str]]:
+        """The share, the outcome and a remark of each value, and of what has none."""
+        for case in self.firsts:
+            where = f", first found at {_shown(case.sample)}"
+            yield self._share_of(self.where(case.value)), str(case), where
         if self.empty:
-            share = sum(map(volume, self.empty), Fraction(0)) / volume(self.box)
-            lines.append(f"  {float(share):7.2%}  no model: a probability is negative or 0")
+            yield self._share_of(self.empty), "no model", ": a probability is negative or 0"
         if self.undecided:
-            lines.append(f"  {1 - self.share:7.2%}  undecided")
-        return "\n".join(lines)
+            yield self._share_of(self.undecided), "undecided", ""
+
+    @property
+    def summary(self) -> str:
+        """The outcomes with their shares of the volume, on one line."""
+        return "; ".join(f"{float(share):.2%} {outcome}" for share, outcome, _ in self._lines())
+
+    def __str__(self) -> str:
+        lines = self._lines()
+        return "\n".join(
+            f"  {float(share):7.2%}  {outcome}{more}" for share, outcome, more in lines
+        )
 
 
 class Extremum(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, fields
 from fractions import Fraction
 from math import inf, isinf, nextafter
 from sys import float_info
@@ -13,8 +13,9 @@ from symcheck.engines.base import ROUNDING, Engine, bracket
 from symcheck.engines.states import States, StateValues
 from symcheck.errors import NoStrategyError, NotInResultError, UnsupportedError, UsageError
 from symcheck.lazy_dataclass import dataclass
-from symcheck.matrices.rational_functions import RationalFunction
+from symcheck.matrices.rational_functions import FunctionField, RationalFunction
 from symcheck.semantics.expressions.literals import format_state, format_value, to_float
+from symcheck.semantics.features import BY_DIGITAL_CLOCKS
 from symcheck.tables import Table
 
 if TYPE_CHECKING:
@@ -333,8 +334,11 @@ class Result:
     @property
     def function(self) -> RationalFunction:
         """The value as a function of parameters. Raises NotInResultError if it is none."""
-        found = self.value if isinstance(self.value, RationalFunction) else None
-        return self._part(found, "function")
+        value = self.value
+        if self.regions_or_none is not None and isinstance(value, int | Fraction):
+            if not isinstance(value, bool):  # that the graph decides
+                value = FunctionField(tuple(self.regions.box)).constant(value)
+        return self._part(value if isinstance(value, RationalFunction) else None, "function")
 
     def _part(self, part: T | None, name: str) -> T:
         if part is None:
@@ -343,6 +347,9 @@ class Result:
 
     def _has_no(self, name: str) -> NotInResultError:
         noun, which = _PARTS[name]
+        clocks = None if self.engine is None else self.engine.model.clocks
+        if clocks is not None and not clocks.lists_states and name in ("values", "satisfying"):
+            return NotInResultError(f"the result has no {noun} by zones", hint=BY_DIGITAL_CLOCKS)
         return NotInResultError(f"the result has no {noun}", hint=which)
 
     @property
@@ -483,6 +490,18 @@ class Result:
         """Whether the only computation was a product with the matrix per step of the property."""
         kinds = [r.kind for r in self.runs if r.kind != "graph"]
         return bool(kinds) and all(k == "steps" for k in kinds)
+
+    def __repr__(self) -> str:
+        """The fields; a fraction that is too long for Python's is the text of the value."""
+
+        def shown(value: object) -> str:
+            try:
+                return repr(value)
+            except ValueError:
+                return show_value(self.value)
+
+        parts = (f"{f.name}={shown(getattr(self, f.name))}" for f in fields(self) if f.repr)
+        return f"Result({', '.join(parts)})"
 
     def __str__(self) -> str:
         if self.regions_or_none is not None and self.value is None:

@@ -151,7 +151,7 @@ def values_of(context: Context, formula: Expression, relevant: StateSet) -> Valu
             if context.engine.model.type.partially_observed:
                 from symcheck.check.beliefs.values import belief_values
 
-                return belief_values(context, query)
+                return belief_values(context, formula, query)
             found = values(context, query, partial(_rationals, context, formula))
             return _clipped(context, found) if formula.is_probability else found
         case Filter() | StateFilter():
@@ -321,7 +321,7 @@ def _bounded(context: Context, formula: AnyMeasure, relevant: StateSet) -> State
     if context.engine.model.type.partially_observed:
         from symcheck.check.beliefs.values import decided_by_beliefs
 
-        return decided_by_beliefs(context, query, relevant)
+        return decided_by_beliefs(context, formula, query, relevant)
     quantity = query.quantity
     if isinstance(quantity, PathProbability) and context.concurrent_game(query) is None:
         inner, towards = against_nature(context, query)

@@ -96,9 +96,15 @@ def _undecided(
     states: StateSet,
     reason: SymcheckError,
 ) -> NumericalError:
-    has_rationals = offers(context.engine.model, Feature.RATIONALS)
+    engine = context.engine
+    untried = engine.states > rational_limits.STATES and not engine.is_rational
+    if untried and offers(engine.model, Feature.RATIONALS):
+        hint = "-exact computes with rational numbers"
+    else:
+        hint = "=? in place of the bound gives the value with its accuracy"
     return NumericalError(
         f"cannot decide whether the value is {operator} {float(threshold)!r}, for example in state "
-        f"{context.example(states)}: the two are too close for the accuracy reached ({reason})",
-        hint="-exact computes with rational numbers" if has_rationals else None,
+        f"{context.example(states)}: the two are too close for the accuracy reached "
+        f"({reason.message})",
+        hint=hint,
     )

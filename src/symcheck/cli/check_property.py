@@ -29,9 +29,10 @@ from symcheck.errors import (
     SymcheckError,
     UnsupportedError,
 )
-from symcheck.experiments.rows import Row, error_text, row_of
+from symcheck.experiments.rows import Row, answered, error_text, row_of
 from symcheck.machine import memory_ended
 from symcheck.syntax.properties_in_part import UnparsedProperty
+from symcheck.tables import counted
 from symcheck.whole_file import is_output_fault
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from symcheck.exchange.iterations import IterationLog
     from symcheck.numerics.linear.problem import Observer
     from symcheck.numerics.linear.problem import Progress as Iteration
+    from symcheck.semantics.model import BoundModel
     from symcheck.simulate.statistics import Plan
 
 __all__ = ["check_property", "internal_error", "report_unbuilt_model", "report_unparsed"]
@@ -98,7 +100,7 @@ def check_property(
             outcome = in_switches(outcome)
         row = replace(row, error=error_text(outcome))
     else:
-        row = replace(row, value=outcome.value, accuracy=outcome.accuracy, seconds=outcome.seconds)
+        row = answered(row, outcome)
     if state.options.truncate and isinstance(outcome, Result) and plan is None:
         if model.decided(instance) is None and not model.has_region(instance):
             state.output.line("Note: -truncate has no effect: this property needs every state")
@@ -123,9 +125,9 @@ def check_property(
         state.output.error(outcome)
         state.failures += not state.testing
     if iterations is not None:
-        _write_iterations(state, iterations, varying)
+        _write_iterations(state, iterations, outcome, varying)
     if isinstance(outcome, Result):
-        _write_files(state.arguments, state.output, outcome, varying)
+        _write_files(state.arguments, state.output, outcome, varying, model.bound)
         _write_product(state, model, instance, varying)
     if state.testing:
         exact = state.options.exact
@@ -205,7 +207,9 @@ def internal_error(error: Exception) -> InternalError:
 # ----------------------------------------------------------------------------------- files
 
 
-def _write_files(a: Arguments, output: Output, result: Result, varying: ConstantTexts) -> None:
+def _write_files(
+    a: Arguments, output: Output, result: Result, varying: ConstantTexts, shown: BoundModel
+) -> None:
     if a.exportstrat is not None:
         for i, strategy in enumerate(result.strategies, 1):
             point = {"point": str(i)} if len(result.strategies) > 1 else {}
@@ -214,7 +218,7 @@ def _write_files(a: Arguments, output: Output, result: Result, varying: Constant
         _explain(a, output, result, varying)
     for file in a.exportvector:
         path = instance_path(file, varying)
-        _write_vector(path, output, result, a.exportprecision)
+        _write_vector(path, output, result, a.exportprecision, shown)
     if a.exportpareto is not None:
         _write_front(instance_path(a.exportpareto, varying), output, result)
     if a.exportcertificate is not None:
@@ -267,13 +271,23 @@ def _observers(log: IterationLog | None, progress: Progress | None) -> Observer 
     return both
 
 
-def _write_iterations(state: RunState, log: IterationLog, varying: ConstantTexts) -> None:
+def _write_iterations(
+    state: RunState,
+    log: IterationLog,
+    outcome: Result | SymcheckError,
+    varying: ConstantTexts,
+) -> None:
     """Write the iterations of a property, also of one that ended with an error."""
     from symcheck.exchange.iterations import iterations_extension, iterations_text
     from symcheck.exchange.text import write_text
 
     if not log.rows:
-        state.output.warn("-exportiterations: this property was checked without iterations")
+        runs = outcome.runs if isinstance(outcome, Result) else ()
+        unseen = [r.method for r in runs if r.kind != "graph" and r.iterations]
+        reason = "this property was checked without iterations"
+        if unseen:
+            reason = f"the method {unseen[0]} tells of its iterations only if there are many"
+        state.output.warn(f"-exportiterations: {reason}")
         return
     path = instance_path(state.arguments.exportiterations or "", varying)
     write_text(path, [iterations_text(log.rows, iterations_extension(path))], state.output.out)
@@ -330,12 +344,24 @@ def _write_strategy(
             output.line(f'Strategy written to "{path}" ({target.kind})')
 
 
-def _write_vector(path: str, output: Output, result: Result, precision: int) -> None:
-    """Write the value (a number or bool) in each state, in the order of exported states."""
+def _write_vector(
+    path: str, output: Output, result: Result, precision: int, shown: BoundModel
+) -> None:
+    """Write the value (a number or bool) in each state, in the order of exported states.
+
+    shown: the model whose states are exported.
+    """
     from symcheck.engines.transition_actions import state_order
     from symcheck.exchange.text import lines, write_text
+    from symcheck.semantics.timed.properties import has_states_of
 
     engine = result.engine
+    if engine is not None and not has_states_of(engine.model, shown):
+        output.warn(
+            "-exportvector: the values are not those of the states of -exportstates: this property "
+            f"is checked on {counted(engine.states, 'state')} of its own ({engine.model.clocks})"
+        )
+        return
     if engine is None or (result.values_or_none is None and result.satisfying_or_none is None):
         output.warn("-exportvector: this property has no value in each state")
         return

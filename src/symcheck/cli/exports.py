@@ -20,6 +20,7 @@ from symcheck.errors import Diagnostic, UnsupportedError, UsageError
 from symcheck.matrices.rows import Floats
 from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.expressions.literals import format_state
+from symcheck.semantics.features import class_name
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.printer import pretty
 
@@ -131,19 +132,22 @@ def export_model(
     indices: Sequence[int],
     constants: Mapping[str, Sequence[str]],
     varying: ConstantTexts = NO_CONSTANTS,
+    *,
+    listed: bool = True,
 ) -> None:
     """Write the parts of the model that switches name, and print the name of each file.
 
     file, constants: the properties, whose labels may be written too, with the first of the values
-    of each constant. indices: those that are written to a JANI file.
+    of each constant. indices: those that are written to a JANI file. listed: whether the model has
+    states; if not, only a JANI file is written.
     """
-    if a.exportdot is not None:
+    if a.exportdot is not None and listed:
         _export_dot(a.exportdot, output, model.engine, varying)
-    if a.exportpage is not None:
+    if a.exportpage is not None and listed:
         path = instance_path(a.exportpage, varying)
         model.page(file, {n: v[0] for n, v in constants.items()}).save(path)
         output.exported(path)
-    targets = _targets(a, varying)
+    targets = [t for t in _targets(a, varying) if listed or t.kind == "jani"]
     if not targets:
         return
     from symcheck.exchange.api_io import export_targets
@@ -160,6 +164,12 @@ def export_model(
         name = f'"{property.name}"' if property.name else pretty(property.formula)
         output.warn(f"the property {name} is left out: {fault.message}")
 
+    timed = model.bound.delays or model.bound.clocks
+    if timed is not None and any(t.kind != "jani" for t in targets):
+        output.line(
+            "Note: what is exported is the process with digital clocks, in which steps are no "
+            f'units of time: the rewards "{timed.time}" count them'
+        )
     for path in export_targets(model, targets, output.out, labels, properties, left_out):
         output.exported(path)
 
@@ -175,6 +185,11 @@ def _export_dot(path: str, output: Output, engine: Engine, varying: ConstantText
 
     symbolic = engine.capability(HasDiagrams)
     if symbolic is None:
+        drawn = engine.name.startswith(("mtbdd", "hybrid", "sparse"))
+        if drawn:  # it has built diagrams, and listed their rows
+            why = f"{class_name(engine.model)} are solved on rows"
+            why = engine.name if "(" in engine.name else why
+            raise UnsupportedError(f"-exportdot draws a diagram, and none is kept: {why}")
         raise UnsupportedError(
             f"-exportdot draws a diagram, and the engine {engine.name} has none",
             hint="-m, -h or -s build diagrams",

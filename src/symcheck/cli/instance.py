@@ -66,7 +66,7 @@ def _check_instance(
     varying: the constants of the model that have several values, for the names of files.
     """
     a = state.arguments
-    instances = model.instances(file, of_properties, indices)
+    instances, listed = model.instances(file, of_properties, indices), True
     constants = {n: str(v) for n, v in model.given_constants.items()}
     try:
         state.progress = watch = Progress(state.output)
@@ -100,7 +100,12 @@ def _check_instance(
                     "apart); for all else, the search goes on to the states that decide a "
                     "property, and may not end"
                 )
-            if a.needs_model or not (model.builds_per_property and (instances or model.is_timed)):
+            per_property = model.builds_per_property and (instances or model.is_timed)
+            needed = a.needs_model
+            if model.is_timed:  # the results of properties have states of their own
+                listed = _lists_states(state, model)
+                needed = listed and bool(a.about_states)
+            if needed or not per_property:
                 _build(state, model, watch)
     except (ResourceError, OutputError):
         raise
@@ -109,8 +114,11 @@ def _check_instance(
         return
     if plan is None:
         exports.export_constants(a, state.output, model, varying)
-        exports.export_model(a, state.output, model, file, indices, of_properties, varying)
-        exports.report_distributions(a, state.output, model, varying)
+        exports.export_model(
+            a, state.output, model, file, indices, of_properties, varying, listed=listed
+        )
+        if listed:
+            exports.report_distributions(a, state.output, model, varying)
         if prepared.shared is not None:
             state.output.line(f"Bisimulation: {prepared.shared}")
         elif state.options.bisim and len(instances) > 1:
@@ -192,6 +200,22 @@ def _reduced(
             "Note: -nostates has no effect: what is asked for may need every state of the model"
         )
     return prepared
+
+
+def _lists_states(state: RunState, model: Model) -> bool:
+    """Whether what switches ask of the states of a timed automaton can be told; reports why not."""
+    from symcheck.semantics.timed.digital import NotDigital, require_states
+
+    try:
+        require_states(model.bound)
+    except NotDigital as error:
+        for switch in state.arguments.about_states:
+            (fault,) = error.args
+            message = f"{switch} needs states: {fault.message}"
+            state.output.error(replace(fault, message=message))
+            state.failures += 1
+        return False
+    return True
 
 
 def _build(state: RunState, model: Model, watch: Progress) -> None:

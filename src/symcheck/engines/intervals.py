@@ -24,7 +24,7 @@ from symcheck.options import Options
 from symcheck.semantics.binding.bind import exactly_bound
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundUpdate
-from symcheck.semantics.state_faults import describe_state
+from symcheck.semantics.state_faults import POSITIVE_ENDS, describe_state
 from symcheck.syntax.ast import Binary, Expression, Literal, Type, Weights
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import names
@@ -186,8 +186,7 @@ def _check_update(engine: ExplicitEngine, command: BoundCommand, update: BoundUp
     state = _example(engine, command, Binary(Operator.EQ, lower, _ZERO))
     if state is not None:
         message = "an interval with the lower end 0 is not supported"
-        hint = "nature could remove this transition; use a small positive lower end"
-        raise UnsupportedError(f"{update.span}: {message}{state}", hint=hint)
+        raise UnsupportedError(f"{update.span}: {message}{state}", hint=POSITIVE_ENDS)
 
 
 def _example(engine: ExplicitEngine, command: BoundCommand, condition: Expression) -> str | None:

@@ -14,9 +14,12 @@ from symcheck.engines.base import Engine
 from symcheck.engines.capabilities import HasActions
 from symcheck.engines.states import State, States, refuse_many
 from symcheck.engines.transition_actions import transition_parts
+from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Int64s, SparseMatrix
 from symcheck.matrices.transition_kernel import TransitionKernel
+from symcheck.semantics.features import class_name
+from symcheck.syntax.ast import Weights
 from symcheck.tables import SHOWN_ROWS, Columns, Table, Tabular, optional_package
 
 if TYPE_CHECKING:
@@ -76,6 +79,11 @@ class TransitionTable(Tabular):
 
     @cached_property
     def _kernel(self) -> TransitionKernel[SparseMatrix]:
+        if self.engine.model.weights is Weights.INTERVALS:
+            raise UnsupportedError(
+                f"tables of transitions are not available for {class_name(self.engine.model)}",
+                hint="symcheck.export(model, 'out.tra') writes the intervals",
+            )
         refuse_many(self.engine.transitions, "transitions")
         return self.engine.system(self.engine.all).row_kernel
 

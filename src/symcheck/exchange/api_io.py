@@ -11,15 +11,21 @@ from typing import TYPE_CHECKING, Self, TextIO, Unpack
 
 from symcheck.api.arguments import ModelTypeName, model_type, properties_file, takes_options
 from symcheck.api.model import Model
+from symcheck.api.stages import Smaller
 from symcheck.check.context import Context
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.check.state_formulas import satisfying
 from symcheck.constant_values import GivenConstants
 from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.registry import build
-from symcheck.errors import UsageError, converts_memory_error
+from symcheck.errors import UnsupportedError, UsageError, converts_memory_error
 from symcheck.exchange import export as targets
-from symcheck.exchange.explicit_data import ExplicitData, build_imported, imported_program
+from symcheck.exchange.explicit_data import (
+    ExplicitData,
+    build_imported,
+    imported_program,
+    without_choices,
+)
 from symcheck.exchange.explicit_export import explicit_export
 from symcheck.exchange.formats.jani_writer import LeftOut, jani_text
 from symcheck.exchange.formats.prism_reader import ModelFiles, read_files, read_model
@@ -29,6 +35,7 @@ from symcheck.semantics.binding.bind import BoundProperty
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import Expression, LabelReference, ModelType
 from symcheck.syntax.declarations import PropertiesFile
+from symcheck.syntax.traversal import names as names_in
 
 if TYPE_CHECKING:
     from symcheck.check.property_instance import PropertyInstance
@@ -89,6 +96,8 @@ def export(
 ) -> list[str]:
     """Write a model to files. It is built, unless the format is JANI.
 
+    Of a timed automaton, all other formats hold the process with digital clocks.
+
     Args:
         model: the model.
         target: FILES[:OPTIONS] as for -exportmodel: `die.all`, `die.tra,sta`, `die.drn`, `die.dot`,
@@ -141,9 +150,12 @@ def export_targets(
         properties: those that a JANI file holds, bound to the model with exact numbers.
         left_out: as in `jani_text`.
     """
+    clocks = model.bound.clocks
     for part in parts:
         if part.kind == "jani":
             exact = replace(model, options=replace(model.options, exact=True))
+            if clocks is not None:  # the automaton itself, not the process that counts time units
+                exact = replace(exact, smaller=Smaller(clocks.automaton))
             write_text(part.path, jani_text(exact.bound, properties(exact), left_out), out)
             yield part.path
     parts = [part for part in parts if part.kind != "jani"]
@@ -162,6 +174,13 @@ def export_targets(
     with_properties = any(t.options.proplabels or t.kind == "proplab" for t in parts)
     names = [n for n in engine.model.labels if n not in predefined]
     others = [n for n in labels if n not in (*names, *predefined)] if with_properties else []
+    counted = clocks.automaton.variables if clocks is not None else ()
+    for name in others:
+        if any(v.clock and v.name in names_in(labels[name]) for v in counted):
+            raise UnsupportedError(
+                f'the label "{name}" compares a clock, which counts units up to a limit here',
+                hint="it can be written as a label of the model",
+            )
     data = explicit_export(engine, names, states, property_labels=others)
     yield from targets.export(data, parts, out)
 
@@ -240,4 +259,5 @@ def explicit_model(
         options: see `symcheck.Options`.
         objects: the states of a model from Python, in the order of their numbers.
     """
+    data = without_choices(data)
     return ImportedModel(imported_program(data), {}, options, data.type, data=data, objects=objects)

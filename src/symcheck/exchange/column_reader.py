@@ -163,8 +163,13 @@ class Columns:
             return np.array(list(map(float, column)), np.float64)
         except ValueError:
             pass
-        self._first(column, _is_real, word, "'{}' is not a number")
-        return np.array([float(_real(x)) for x in column], np.float64)
+        return np.array([self.real(i, x, word) for i, x in enumerate(column, 1)], np.float64)
+
+    def real(self, line: int, text: str, word: int) -> float:
+        """A number in a word of a line (its index in `rows`)."""
+        if not _is_real(text):
+            self.fault(line, f"'{text}' is not a number", "number", word)
+        return _real(text)
 
     def _first(
         self, column: Sequence[str], good: Callable[[str], bool], word: int, message: str
@@ -201,13 +206,13 @@ def _has_64_bits(text: str) -> bool:
 def _is_real(text: str) -> bool:
     try:
         _real(text)
-    except (ValueError, ZeroDivisionError):
+    except (ValueError, ArithmeticError):
         return False
     return True
 
 
-def _real(text: str) -> Fraction | float:
-    return Fraction(text) if "/" in text else float(text)
+def _real(text: str) -> float:
+    return float(Fraction(text) if "/" in text else text)
 
 
 def read_file(path: Path) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from fractions import Fraction
 from functools import partial
@@ -26,6 +26,7 @@ from symcheck.matrices.numbers import (
     Numbers,
     Rationals,
     doubles,
+    full,
     is_rational,
     rationals,
     sum_segments,
@@ -33,8 +34,8 @@ from symcheck.matrices.numbers import (
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
 from symcheck.options import Options
 from symcheck.semantics.binding.bind import bind
-from symcheck.semantics.model import BoundModel
-from symcheck.semantics.state_faults import SUM_TOLERANCE, rounded_sum
+from symcheck.semantics.model import BoundModel, Delays
+from symcheck.semantics.state_faults import POSITIVE_ENDS, SUM_TOLERANCE, rounded_sum
 from symcheck.syntax.ast import Expression, Literal, ModelType, Name, Type, Weights
 from symcheck.syntax.declarations import (
     Label,
@@ -52,8 +53,11 @@ __all__ = [
     "ImportedEngine",
     "build_imported",
     "imported_program",
+    "interval_fault",
+    "interval_sums_fault",
     "reward_structure",
     "row_rewards",
+    "without_choices",
 ]
 
 _LARGEST_DENOMINATOR = 10**6
@@ -127,6 +131,7 @@ class ExplicitData:
         names: constants and formulas that properties may use.
         lower: the lower end of each entry, where probabilities are intervals with the upper ends in
             `matrix`; the transitions of a row have one reward.
+        delays: what the steps are, if they come from a timed automaton.
     """
 
     type: ModelType
@@ -139,6 +144,32 @@ class ExplicitData:
     contributions: Contributions | None = None
     names: Program | None = None
     lower: Numbers | None = None
+    delays: Delays | None = None
+
+
+def without_choices(given: ExplicitData) -> ExplicitData:
+    """The model: a Markov automaton in which nothing is left to choose is a CTMC."""
+    matrix, groups = given.matrix, given.matrix.groups
+    if not given.type.immediate_choices or groups is None or not matrix.rows:
+        return given
+    if (given.row_actions != RACE).any() or (np.diff(groups) > 1).any():
+        return given
+    state, lengths = matrix.state_of_row, np.zeros(matrix.states, np.int64)
+    lengths[state] = matrix.lengths
+
+    def of_states(rows: Numbers) -> Numbers:
+        values = full(matrix.states, 0, rational=is_rational(rows))
+        values[state] = rows
+        return values
+
+    return replace(
+        given,
+        type=ModelType.with_properties(continuous_time=True),
+        matrix=SparseMatrix(starts_of(lengths), matrix.indices, matrix.data, matrix.states),
+        actions=(),
+        row_actions=np.full(matrix.states, -1, np.int32),
+        rewards=[r._replace(rows=of_states(r.rows)) for r in given.rewards],
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -302,6 +333,10 @@ def _interval_engine(given: ExplicitData, lower: Numbers, options: Options) -> E
         )
 
     def twin() -> Engine:
+        if len(_odd_intervals(low, high, rounded=False)):
+            raise UnsupportedError(
+                "the given intervals are rounded, and some hold no distribution exactly"
+            )
         return made(low.rational(check_sums=False), high.rational(check_sums=False))
 
     return twin() if options.exact else made(erased(low), erased(high))
@@ -321,21 +356,60 @@ def _one_per_row(matrix: SparseMatrix, given: ExplicitRewards) -> ExplicitReward
 def _check_intervals(low: ImportedEngine, high: ImportedEngine) -> None:
     """Raise ModelFault for the first row without a distribution, and for a lower end of 0."""
     assert low.given is not None
-    assert high.given is not None
-    lower, upper = low.given[0], high.given[0]
-    sums = [sum_segments(_rationals(m.data), m.indptr) for m in (lower, upper)]
-    wrong = (sums[0] > 1) | (sums[1] < 1)
-    odd = (lower.data < 0) | (lower.data > upper.data) | (upper.data > 1)
-    wrong[lower.row_of_entry[odd.astype(np.bool_)]] = True
-    for row in np.flatnonzero(wrong)[:1].tolist():
+    lower = low.given[0]
+    for row in _odd_intervals(low, high, rounded=True)[:1].tolist():
         message = f"the intervals of row {row}, of state {lower.state_of_row[row]}, hold no "
         hint = "0 <= lower <= upper <= 1, and 1 lies between the sums of the ends"
         raise ModelFault(Diagnostic(message + "distribution", code="interval", hint=hint))
     for entry in np.flatnonzero(lower.data == 0)[:1].tolist():
         state = lower.state_of_row[lower.row_of_entry[entry]]
         raise UnsupportedError(
-            f"an interval with the lower end 0 is not supported, for example in state {state}"
+            f"an interval with the lower end 0 is not supported, for example in state {state}",
+            hint=POSITIVE_ENDS,
         )
+
+
+def interval_fault(lower: float, upper: float) -> tuple[str, str | None]:
+    """What is wrong with an interval of probabilities, and a hint; '' if nothing is."""
+    if not (0 <= lower < inf and 0 <= upper < inf):
+        return "a probability must be finite and not negative", None
+    if lower > upper:
+        return "this interval is empty: its lower end is above its upper end", None
+    if upper > 1:
+        return "the upper end of this interval is more than 1", None
+    if lower == 0 < upper:
+        return "an interval with the lower end 0 is not supported", POSITIVE_ENDS
+    return "", None
+
+
+def interval_sums_fault(
+    row: Int64s, lower: Floats, upper: Floats, rows: int
+) -> Iterator[tuple[int, str, str]]:
+    """The first row without a distribution, what is wrong with it, and a hint.
+
+    row: of each interval, int64[intervals].
+    """
+    counts, filled = np.bincount(row, minlength=rows), np.bincount(row, minlength=rows) > 0
+    for side, ends, sign in (("lower", lower, 1), ("upper", upper, -1)):
+        sums = np.bincount(row, ends, rows)
+        wrong = filled & (sign * (sums - 1) > 0) & ~rounded_sum(sums, counts)
+        for i in np.flatnonzero(wrong)[:1].tolist():
+            message = f"the {side} ends of these intervals sum to {sums[i]:.12g}"
+            yield i, message, "1 lies between the sums of the lower and of the upper ends"
+
+
+def _odd_intervals(low: ImportedEngine, high: ImportedEngine, *, rounded: bool) -> Int64s:
+    """The rows without a distribution. rounded: sums of ends may miss 1 by rounding."""
+    assert low.given is not None
+    assert high.given is not None
+    lower, upper = low.given[0], high.given[0]
+    below, above = (sum_segments(_rationals(m.data), m.indptr) for m in (lower, upper))
+    lengths = lower.lengths
+    wrong = (below > 1) & ~(rounded & rounded_sum(below, lengths))
+    wrong |= (above < 1) & ~(rounded & rounded_sum(above, lengths))
+    odd = (lower.data < 0) | (lower.data > upper.data) | (upper.data > 1)
+    wrong[lower.row_of_entry[odd.astype(np.bool_)]] = True
+    return np.flatnonzero(wrong)
 
 
 def _explicit(given: ExplicitData, fix_deadlocks: bool, check_sums: bool) -> ImportedEngine:
@@ -432,6 +506,7 @@ def _model(given: ExplicitData, marks: Mapping[str, Expression]) -> BoundModel:
     bound = bind(imported_program(given))
     values = {f.name: getattr(bound, f.name) for f in fields(bound)}
     values |= {"labels": dict(marks), "builder": partial(build_imported, given)}
+    values["delays"] = given.delays
     return _ImportedModel(**values, names=given.actions)
 
 

@@ -168,17 +168,18 @@ def export(model: ExplicitExport, targets: Sequence[Target], out: TextIO) -> Ite
     for target in targets:
         model = whole if target.options.actions else whole.without_actions()
         if np.iscomplexobj(model.values) and not _holds_intervals(target):
-            raise UnsupportedError(f".{target.kind} files with intervals are not supported")
+            kind = "Matlab" if target.options.matlab else f".{target.kind}"
+            hint = ".tra, .pexp, .drn and .dot files, without Matlab, hold them"
+            raise UnsupportedError(f"{kind} files cannot hold intervals", hint=hint)
+        _check_held(model, target.kind)
         if target.kind == "umb":
             if target.path == "stdout":
                 raise UsageError("a UMB file is binary and cannot go to the standard output")
             if uncompressed_name(target.path)[1]:
                 raise UsageError("a UMB file is compressed already: write it without .gz or .xz")
-            _require_rates(model, target.kind)
             umb_writer.write_umb(_part(model, target.options), target.path)
             yield target.path
             continue
-        _require_rates(model, target.kind)
         for path, chunks in _texts(model, target):
             write_text(path, chunks, out)
             yield path
@@ -186,17 +187,23 @@ def export(model: ExplicitExport, targets: Sequence[Target], out: TextIO) -> Ite
 
 def _holds_intervals(target: Target) -> bool:
     """Whether a format has intervals, or no probabilities at all."""
-    if target.options.matlab:
-        return False
-    return target.kind in ("tra", "sta", "lab", "proplab", "srew", "trew", "drn", "dot")
+    kinds = ("sta", "lab", "proplab", "srew", *components.KINDS)
+    written = () if target.options.matlab else ("tra", "trew", "pexp", "drn", "dot")
+    return target.kind in (*kinds, *written)
 
 
-def _require_rates(model: ExplicitExport, kind: str) -> None:
-    """Refuse a format that does not tell rates and probabilities of a Markov automaton apart."""
-    if model.timed is not None and kind not in ("drn", "sta", "lab", "proplab", "srew", "pexp"):
-        raise UnsupportedError(
-            f"files of the kind {kind} cannot hold Markov automata", hint="DRN files can"
-        )
+def _check_held(model: ExplicitExport, kind: str) -> None:
+    """Refuse a format that does not tell rates and probabilities of a Markov automaton apart, or
+    that would hold a model without its observations.
+    """
+    parts = ("sta", "lab", "proplab", "srew", *components.KINDS)
+    lost = ""
+    if model.timed is not None and kind not in ("drn", *parts):
+        lost = "Markov automata"
+    if model.observations is not None and kind in ("pexp", "umb", "umbt"):
+        lost = "observations"
+    if lost:
+        raise UnsupportedError(f"files of the kind {kind} cannot hold {lost}", hint="DRN files can")
 
 
 def _part(model: ExplicitExport, options: ExportOptions) -> ExplicitExport:

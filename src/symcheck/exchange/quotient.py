@@ -44,7 +44,7 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.declarations import Program, PropertiesFile
 from symcheck.syntax.printer import pretty
-from symcheck.syntax.traversal import Tree, names, nodes
+from symcheck.syntax.traversal import names, nodes, with_labels
 from symcheck.tables import counted
 
 if TYPE_CHECKING:
@@ -131,6 +131,7 @@ class QuotientModel(ImportedModel):
 
     def _require_answerable(self, instance: PropertyInstance) -> None:
         """Refuse a property in which the states of a block may differ. Raises UnsupportedError."""
+        super()._require_answerable(instance)
         bound, labels = instance.bind(self.bound)
         for operator in nodes(bound.formula):
             if not isinstance(operator, StateOperator) or isinstance(
@@ -139,7 +140,7 @@ class QuotientModel(ImportedModel):
                 continue  # a filter speaks of blocks
             if not operator.is_bisimulation_invariant:
                 raise UnsupportedError(f"bisimilar states may differ in '{pretty(operator)}'")
-            for node in _with_labels(operator, labels):
+            for node in with_labels(operator, labels):
                 if isinstance(node, LabelReference) and node.name in self.mixed:
                     raise UnsupportedError(
                         f'states of one block differ in "{node.name}"',
@@ -276,7 +277,7 @@ def _kept(
             seen = atomic_observations(context, formula)
             numbers |= seen.structures
             chosen |= {name: f'"{name}"' for name in seen.names}
-            for node in _with_labels(formula, of_file):
+            for node in with_labels(formula, of_file):
                 if isinstance(node, LabelReference) and node.name in bound.labels:
                     chosen.setdefault(node.name, f'"{node.name}"')
                 by_number = isinstance(node, RewardOperator | RewardBound) and isinstance(
@@ -308,25 +309,13 @@ def _variables(model: Model, file: PropertiesFile) -> frozenset[int]:
     """The variables that properties name, as they are written."""
     labels = {label.name: label.expression for label in file.labels}
     formulas = {f.name: f.expression for f in (*model.program.formulas, *file.formulas)}
-    whole = [node for p in file.properties for node in _with_labels(p.formula, labels)]
+    whole = [node for p in file.properties for node in with_labels(p.formula, labels)]
     found: set[str] = set()
     fresh = {node.name for node in whole if isinstance(node, Name)}
     while fresh:
         found |= fresh
         fresh = {n for f in fresh & formulas.keys() for n in names(formulas[f])} - found
     return frozenset(i for i, v in enumerate(model.bound.variables) if v.name in found)
-
-
-def _with_labels(formula: Tree, labels: Mapping[str, Expression]) -> Iterator[Tree]:
-    """The nodes of a formula, and those of the labels of its file to which it refers."""
-    seen: set[str] = set()
-    formulas = [formula]
-    while formulas:
-        for node in nodes(formulas.pop()):
-            yield node
-            if isinstance(node, LabelReference) and node.name in labels.keys() - seen:
-                seen.add(node.name)
-                formulas.append(labels[node.name])
 
 
 # --------------------------------------------------------------------------------- the blocks
@@ -370,6 +359,7 @@ def _model(
             for i, (states, of_choices) in zip(structures, earned, strict=True)
         ],
         names=_names(model, {name for name, _, _ in columns}),
+        delays=bound.delays,
     )
     return QuotientModel(
         imported_program(data),

@@ -12,6 +12,7 @@ import numpy as np
 from symcheck.kernels.arrays import Int32s, Int64s
 from symcheck.kernels.tables.text_lines import join_lines
 from symcheck.matrices.numbers import Numbers, shared
+from symcheck.semantics.expressions.literals import format_value
 from symcheck.whole_file import extension_of, open_for_text, write_whole
 
 __all__ = [
@@ -36,7 +37,7 @@ Column = Numbers | Sequence[object] | Callable[[int, int], Sequence[object]]
 def number_text(value: float | Fraction, precision: int = FULL_PRECISION) -> str:
     """A number with at most `precision` digits; an integer without a point, a rational as `a/b`."""
     if isinstance(value, Fraction):
-        return str(value)
+        return format_value(value)
     if np.isinf(value):
         return "Infinity" if value > 0 else "-Infinity"
     if precision < FULL_PRECISION:

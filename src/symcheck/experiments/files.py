@@ -12,7 +12,7 @@ from pathlib import Path
 from symcheck.experiments.rows import Row, records
 from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.semantics.expressions.literals import format_value
-from symcheck.tables import optional_package
+from symcheck.tables import optional_package, plain_text
 from symcheck.whole_file import extension_of, write_whole
 
 __all__ = ["EXTENSIONS", "check_extension", "json_text", "save"]
@@ -97,7 +97,7 @@ def _plain(value: object) -> object:
         case tuple() | list():
             return [_plain(v) for v in value]
         case Fraction() | RationalFunction():
-            return str(value)
+            return plain_text(value)
         case float() if not isfinite(value):
             return format_value(value)
         case _:

@@ -12,7 +12,7 @@ from symcheck.api.model import Model
 from symcheck.check.property_instance import PropertyInstance
 from symcheck.constant_values import GivenConstants
 from symcheck.errors import Interrupted
-from symcheck.experiments.rows import Row, error_text, row_of
+from symcheck.experiments.rows import Row, answered, error_text, row_of
 
 __all__ = ["Instance", "check_instance", "check_pickled"]
 
@@ -72,7 +72,5 @@ def check_instance(
         except Exception as error:  # one property must not stop the others
             rows.append(replace(row, error=error_text(error)))
         else:
-            rows.append(
-                replace(row, value=result.value, accuracy=result.accuracy, seconds=result.seconds)
-            )
+            rows.append(answered(row, result))
     return rows

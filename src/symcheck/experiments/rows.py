@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from fractions import Fraction
 
 from symcheck.check.property_instance import PropertyInstance
@@ -15,7 +15,7 @@ from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.semantics.expressions.literals import format_value, to_float
 
-__all__ = ["Row", "constant_names", "constant_text", "error_text", "records", "row_of"]
+__all__ = ["Row", "answered", "constant_names", "constant_text", "error_text", "records", "row_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +119,15 @@ def row_of(property: PropertyInstance, constants: GivenConstants) -> Row:
     given = {**constants, **property.relevant}
     typed = {n: typed_value(v) for n, v in given.items()}
     return Row(property.title, typed, formula=property.text)
+
+
+def answered(row: Row, result: Result) -> Row:
+    """The row with the value of a result; one that differs by regions is an error that says it."""
+    regions = result.regions_or_none
+    if result.value is None and regions is not None:
+        error = f"the value differs by regions: {regions.summary}"
+        return replace(row, error=error, seconds=result.seconds)
+    return replace(row, value=result.value, accuracy=result.accuracy, seconds=result.seconds)
 
 
 def error_text(error: Exception) -> str:

@@ -10,7 +10,14 @@ from symcheck.kernels.arrays import Int64s
 from symcheck.matrices.numbers import Rationals
 from symcheck.matrices.rational_functions import RationalFunction
 
-__all__ = ["FunctionTable"]
+__all__ = ["FunctionTable", "run_starts"]
+
+
+def run_starts(*keys: Int64s) -> Int64s:
+    """Where runs of equal keys begin, in arrays that are sorted by them."""
+    differs = np.ones(len(keys[0]), bool)
+    differs[1:] = np.any([key[1:] != key[:-1] for key in keys], axis=0)
+    return np.flatnonzero(differs)
 
 
 class FunctionTable:
@@ -50,6 +57,13 @@ class FunctionTable:
                 self._sums[key] = self.number(sum(others, first))
             out[i] = self._sums[key]
         return out
+
+    def merged(self, row: Int64s, column: Int64s, numbers: Int64s) -> tuple[Int64s, Int64s, Int64s]:
+        """The entries of a matrix in the order of their places; those of one place are added."""
+        order = np.lexsort((column, row))
+        row, column, numbers = row[order], column[order], numbers[order]
+        first = run_starts(row, column)
+        return row[first], column[first], self.sums(numbers, first)
 
     def pairs(
         self,

@@ -14,13 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from math import gcd, inf, lcm
+from math import gcd, inf, isfinite, isnan, lcm
 from typing import Any
 
 from symcheck.direction import Direction
-from symcheck.errors import UnsupportedError
+from symcheck.errors import UnsupportedError, UsageError
 
-__all__ = ["FunctionField", "Polynomial", "RationalFunction"]
+__all__ = ["FunctionField", "Polynomial", "RationalFunction", "point_of", "to_fraction"]
 
 Polynomial = Any
 """A flint.fmpq_mpoly (FLINT has no types)."""
@@ -58,6 +58,21 @@ class FunctionField:
     def __repr__(self) -> str:
         return f"<FunctionField of {', '.join(self.names)}>"
 
+    def of(self, function: RationalFunction) -> RationalFunction:
+        """A function of this field or, of the same parameters, of another one: its factors differ.
+
+        Raises UsageError: it has other parameters.
+        """
+        other = function.field
+        if other is self:
+            return function
+        if other.names != self.names:
+            raise UsageError(
+                f"functions of {_listed(self.names)} and {_listed(other.names)} differ"
+            )
+        below = RationalFunction(self, other.product(function.bottom), ())
+        return RationalFunction(self, function.top, ()) / below
+
     def sample(self, point: Mapping[str, Fraction]) -> None:
         """Choose another sample point, and forget the conditions."""
         import flint
@@ -83,7 +98,7 @@ class FunctionField:
 
     def at_sample(self, polynomial: Polynomial) -> Fraction:
         """The value of a polynomial at the sample point."""
-        return _fraction(polynomial(*self._point))
+        return to_fraction(polynomial(*self._point))
 
     def factored(self, polynomial: Polynomial) -> tuple[Any, Denominator]:
         """A polynomial other than 0 as a number times factors."""
@@ -128,17 +143,19 @@ class RationalFunction:
     """A rational function of parameters: an element of a `FunctionField`, and immutable.
 
     `f(p=Fraction(1, 3))` evaluates it; `derivative`, `numerator` and `denominator` are polynomials
-    or functions, and `to_sympy` gives an expression. `+ - * / **` and `==` are those of the field.
-    `<` and `>` compare at the field's sample point, and note the condition.
+    or functions, and `to_sympy` gives an expression. `+ - * / **` and `==` are those of the field;
+    a float beside a function is the decimal that it is shown as. `<` and `>` compare at the field's
+    sample point, and note the condition.
     """
 
-    __slots__ = ("_value", "bottom", "field", "top")
+    __slots__ = ("_hash", "_value", "bottom", "field", "top")
 
     def __init__(self, field: FunctionField, top: Polynomial, bottom: Denominator) -> None:
         self.field = field
         self.top = top
         self.bottom = bottom
         self._value: tuple[int, Fraction] | None = None
+        self._hash: int | None = None
 
     # ------------------------------------------------------------------------------------ the field
 
@@ -147,13 +164,13 @@ class RationalFunction:
 
     def _other(self, other: object) -> RationalFunction | None:
         if isinstance(other, RationalFunction):
-            return other
+            return self.field.of(other)
         if isinstance(other, int | Fraction):
             return self.field.constant(other)
-        if isinstance(other, float) and other.is_integer():
-            return self.field.constant(int(other))
+        if isinstance(other, float) and isfinite(other):
+            return self.field.constant(Fraction(str(other)))
         if type(other).__name__ == "fmpq":
-            return self.field.constant(_fraction(other))
+            return self.field.constant(to_fraction(other))
         return None
 
     def __add__(self, other: object) -> RationalFunction:
@@ -206,7 +223,10 @@ class RationalFunction:
     def __rtruediv__(self, other: object) -> RationalFunction:
         return self.inverse() * other
 
-    def __pow__(self, exponent: int) -> RationalFunction:
+    def __pow__(self, exponent: float | Fraction) -> RationalFunction:
+        if exponent % 1:
+            raise UnsupportedError("only whole powers of parameters are rational functions")
+        exponent = int(exponent)
         if exponent < 0:
             return self.inverse() ** -exponent
         bottom = tuple((i, n * exponent) for i, n in self.bottom) if exponent else ()
@@ -234,23 +254,39 @@ class RationalFunction:
         return self._value[1]
 
     def __eq__(self, other: object) -> bool:
+        if isinstance(other, RationalFunction) and other.field.names != self.field.names:
+            return False
         g = self._other(other)
         if g is None:
             return False
         return (self.bottom == g.bottom and self.top == g.top) or not (self - g).top
 
     def __hash__(self) -> int:
-        return hash(self.value)
+        """That of the value at one point, the same in all fields of as many parameters."""
+        if self._hash is None:
+            try:
+                self._hash = hash(
+                    self._at(Fraction(997, 1010 + i) for i in range(len(self.field.names)))
+                )
+            except ZeroDivisionError:
+                self._hash = 0
+        return self._hash
+
+    @property
+    def sign_parts(self) -> tuple[Polynomial, ...]:
+        """Polynomials whose product has the sign of the function."""
+        return self.top, *(self.field.factors[i] for i, n in self.bottom if n % 2)
 
     def _sign(self, other: object) -> int:
         """The sign of the difference at the sample point, which becomes a condition."""
-        if isinstance(other, float) and not other.is_integer():
-            return -1 if other > 0 else 1  # an infinity
+        if isinstance(other, float) and not isfinite(other):
+            if isnan(other):
+                raise UsageError("NaN is neither above nor below a function")
+            return -1 if other > 0 else 1
         difference = self - other
         sign = (difference.value > 0) - (difference.value < 0)
         if difference.top:
-            odd = (self.field.factors[i] for i, n in difference.bottom if n % 2)
-            self.field.note((difference.top, *odd), sign)
+            self.field.note(difference.sign_parts, sign)
         return sign
 
     def __lt__(self, other: object) -> bool:
@@ -286,7 +322,7 @@ class RationalFunction:
     def _whole(self) -> tuple[Polynomial, Polynomial]:
         """Both with integer coefficients; the leading one of the denominator is positive."""
         below = self.field.product(self.bottom)
-        parts = [[_fraction(c) for c in p.coeffs()] for p in (self.top, below)]
+        parts = [[to_fraction(c) for c in p.coeffs()] for p in (self.top, below)]
         scale = lcm(*(c.denominator for part in parts for c in part))
         divisor = gcd(*(int(c * scale) for part in parts for c in part)) or 1
         factor = Fraction(scale, divisor)
@@ -298,20 +334,28 @@ class RationalFunction:
     def __call__(self, **values: Fraction | float | str) -> Fraction:
         """The exact value at a point: `f(p=0.25, q="1/3")`; decimals are what they look like.
 
-        Raises ZeroDivisionError where the denominator is 0.
+        Raises:
+            ZeroDivisionError: the denominator is 0 there.
+            UsageError: a parameter has no value, or a value belongs to none or is no number.
         """
+        return self._at(point_of(self.field.names, values).values())
+
+    def _at(self, values: Iterable[Fraction]) -> Fraction:
+        """The value at a point, in the order of the parameters."""
         import flint
 
-        exact = [Fraction(str(values[name])) for name in self.field.names]
-        point = [flint.fmpq(v.numerator, v.denominator) for v in exact]
-        out = _fraction(self.top(*point))
+        point = [flint.fmpq(v.numerator, v.denominator) for v in values]
+        out = to_fraction(self.top(*point))
         for i, n in self.bottom:
-            out /= _fraction(self.field.factors[i](*point)) ** n
+            out /= to_fraction(self.field.factors[i](*point)) ** n
         return out
 
     def derivative(self, name: str) -> RationalFunction:
-        """The partial derivative by a parameter."""
-        field, by = self.field, self.field.names.index(name)
+        """The partial derivative by a parameter. Raises UsageError: there is none of this name."""
+        field = self.field
+        if name not in field.names:
+            raise UsageError(f"{name} is no parameter; there are {_listed(field.names)}")
+        by = field.names.index(name)
         out = RationalFunction(field, self.top.derivative(by), self.bottom)
         for i, n in self.bottom:
             inner = _reduced(field, field.factors[i].derivative(by) * -n, ((i, 1),))
@@ -320,8 +364,11 @@ class RationalFunction:
 
     def to_sympy(self) -> Any:
         """The function as an expression of sympy, which has to be installed."""
-        import sympy
-
+        try:
+            import sympy
+        except ImportError:
+            hint = "pip install sympy"
+            raise UnsupportedError("this needs sympy, which is not installed", hint=hint) from None
         return sympy.sympify(
             str(self).replace("^", "**"), {n: sympy.Symbol(n) for n in self.field.names}
         )
@@ -337,8 +384,30 @@ class RationalFunction:
         return f"<RationalFunction {self}>"
 
 
-def _fraction(value: Any) -> Fraction:
+def to_fraction(value: Any) -> Fraction:
+    """A rational number of FLINT as a Fraction."""
     return Fraction(int(value.numerator), int(value.denominator))
+
+
+def point_of(names: Iterable[str], values: Mapping[str, object]) -> dict[str, Fraction]:
+    """The values of parameters, in their order, as exact numbers.
+
+    Raises UsageError: a parameter has no value, or a value belongs to none or is no number.
+    """
+    names = tuple(names)
+    if unknown := [name for name in values if name not in names]:
+        raise UsageError(f"{_listed(unknown)} is no parameter; there are {_listed(names)}")
+    if missing := [name for name in names if name not in values]:
+        raise UsageError(f"parameter {_listed(missing)} has no value")
+    try:
+        return {n: v if isinstance(v := values[n], Fraction) else Fraction(str(v)) for n in names}
+    except (ValueError, ZeroDivisionError):
+        shown = ", ".join(f"{n}={v!r}" for n, v in values.items())
+        raise UsageError(f"a value of {shown} is no finite number") from None
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names)
 
 
 def _divided(polynomial: Polynomial, factor: Polynomial, most: float) -> tuple[Polynomial, int]:

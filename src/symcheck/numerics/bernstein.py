@@ -15,7 +15,12 @@ from functools import lru_cache
 from math import comb, prod
 from typing import Any
 
-from symcheck.matrices.rational_functions import FunctionField, Polynomial, RationalFunction
+from symcheck.matrices.rational_functions import (
+    FunctionField,
+    Polynomial,
+    RationalFunction,
+    to_fraction,
+)
 
 __all__ = ["Box", "function_bounds", "sign_on"]
 
@@ -97,14 +102,10 @@ def function_bounds(function: RationalFunction, box: Box) -> tuple[Fraction, Fra
     if above is None:
         return None
     if not function.bottom:
-        return _fraction(min(above)), _fraction(max(above))
+        return to_fraction(min(above)), to_fraction(max(above))
     below = _coefficients(bottom, degrees, ranges)
     assert below is not None
     if not (min(below) > 0 or max(below) < 0):
         return None
     quotients = [a / b for a, b in zip(above, below, strict=True)]
-    return _fraction(min(quotients)), _fraction(max(quotients))
-
-
-def _fraction(value: Any) -> Fraction:
-    return Fraction(int(value.numerator), int(value.denominator))
+    return to_fraction(min(quotients)), to_fraction(max(quotients))

@@ -12,9 +12,12 @@ __all__ = ["command_text"]
 def command_text(model: BoundModel, command: BoundCommand) -> str:
     """The text of a command; that of a renamed module has the new names.
 
-    An edge of a JANI model, which is an object { … }, is printed as a command.
+    An edge of a JANI model, which is an object { … }, is printed as a command. A step of time of a
+    timed automaton has no command in the text, but an invariant.
     """
     name, text = model.modules[command.module].name, " ".join(command.span.text.split())
+    if model.clocks is not None and command.action == model.clocks.time:
+        return f"[{command.action}] time passes in {name}"
     renamed = any(isinstance(m, RenamedModule) and m.name == name for m in model.program.modules)
     if not renamed and not text.startswith("{"):
         return text.rstrip("; ")

@@ -14,7 +14,7 @@ from symcheck.errors import UnsupportedError
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import ModelType, Weights
 
-__all__ = ["Feature", "class_name", "offers", "require", "require_type"]
+__all__ = ["BY_DIGITAL_CLOCKS", "Feature", "class_name", "offers", "require", "require_type"]
 
 
 class Feature(Enum):
@@ -100,6 +100,7 @@ _OF_TYPE: dict[ModelType, frozenset[Feature]] = {
             Feature.REACHABILITY,
             Feature.BOUNDED_REACHABILITY,
             Feature.REACH_REWARDS,
+            Feature.JANI_FILES,
         }
     ),
     ModelType.SMG: frozenset(
@@ -169,6 +170,17 @@ _EXCEPT: dict[tuple[ModelType, Weights], frozenset[Feature]] = {
 }
 """What both the type and the weights offer, but not together."""
 
+_NOT_TIMED = frozenset({Feature.FAIRNESS, Feature.SIMULATION, Feature.DISTRIBUTIONS})
+"""What the process that is made of a timed automaton has, but not as a value of the automaton."""
+BY_DIGITAL_CLOCKS = (
+    "-ptamethod digital has them, where constraints are closed and none compares two clocks"
+)
+_OF_STATES = frozenset({Feature.STRATEGIES, Feature.COUNTEREXAMPLES, Feature.CERTIFICATES})
+"""What is told by states: no process has it whose states are not those of the automaton."""
+
+_COUNT_STEPS = frozenset({Feature.DISTRIBUTIONS, Feature.PAGES})
+"""What counts steps, and is not offered where these are delays; see `semantics.timed.delays`."""
+
 _WITH_WEIGHTS = {
     Weights.NUMBERS: "",
     Weights.INTERVALS: " with intervals of probabilities",
@@ -178,7 +190,10 @@ _WITH_WEIGHTS = {
 
 def class_name(model: BoundModel) -> str:
     """The class of a model in messages, such as 'Markov automata'."""
-    return model.type.called + _WITH_WEIGHTS[model.weights]
+    if model.clocks is not None:
+        return model.clocks.automaton.type.called
+    of_automaton = "" if model.delays is None else " of timed automata"
+    return model.type.called + of_automaton + _WITH_WEIGHTS[model.weights]
 
 
 def require_type(kind: ModelType) -> None:
@@ -201,6 +216,12 @@ def offers(model: BoundModel, feature: Feature) -> bool:
     """
     if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
         return False  # the features of types and of weights are tested apart, and not together
+    if model.clocks is not None and (
+        feature in _NOT_TIMED or (feature in _OF_STATES and not model.clocks.lists_states)
+    ):
+        return False
+    if model.delays is not None and feature in _COUNT_STEPS:
+        return False
     of_type = _OF_TYPE.get(model.type, _NONE)
     if feature in _EXCEPT.get((model.type, model.weights), _NONE):
         return False
@@ -219,4 +240,10 @@ def require(model: BoundModel, *features: Feature) -> None:
     """
     for feature in features:
         if not offers(model, feature):
-            raise UnsupportedError(f"{feature.value} are not available for {class_name(model)}")
+            by_zones = model.clocks is not None and not model.clocks.lists_states
+            by_zones = by_zones and feature in _OF_STATES
+            raise UnsupportedError(
+                f"{feature.value} are not available for {class_name(model)}"
+                + (" by zones" if by_zones else ""),
+                hint=BY_DIGITAL_CLOCKS if by_zones else None,
+            )

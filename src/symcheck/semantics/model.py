@@ -23,6 +23,7 @@ __all__ = [
     "BoundReward",
     "BoundRewards",
     "BoundUpdate",
+    "Delays",
     "Event",
     "Observations",
     "TimeReading",
@@ -195,6 +196,24 @@ class TimeReading(Protocol):
         """Whether the model was made for one property."""
         ...
 
+    @property
+    def lists_states(self) -> bool:
+        """Whether a state of the model is one of the automaton, at a time."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Delays:
+    """What the steps of a model are that come from a timed automaton: delays, or actions at once.
+
+    Attributes:
+        time: the reward structure that counts the time.
+        clocks: the variables that count it in units, up to a limit.
+    """
+
+    time: str
+    clocks: frozenset[str]
+
 
 @dataclass(frozen=True, repr=False)
 class BoundModel:
@@ -220,6 +239,7 @@ class BoundModel:
             states tells which command they have (`AlmostOne`).
         weights: the kind of its probabilities.
         clocks: of a model that counts the time of a timed automaton, how that is read on it.
+        delays: of the chain of a strategy of a timed automaton, what its steps are.
         parameters: the constants that are left open, and their open ranges.
         observables: what strategies see of a state, if that is not all.
     """
@@ -248,6 +268,7 @@ class BoundModel:
     unchecked_sums: bool = False
     weights: Weights = Weights.NUMBERS
     clocks: TimeReading | None = field(default=None, compare=False)
+    delays: Delays | None = None
     parameters: Mapping[str, tuple[Fraction, Fraction]] = field(default_factory=dict)
     observables: tuple[Expression, ...] = ()
 

@@ -122,7 +122,7 @@ class PathProbability(_Quantity, Generic[L]):
         """That of its path formula."""
         match self.path:
             case StatePath() | NextPath():
-                return Feature.BOUNDED_REACHABILITY
+                return Feature.REACHABILITY
             case UntilPath(window=window) if window.is_unbounded:
                 return Feature.REACHABILITY
             case UntilPath():
@@ -347,7 +347,8 @@ def query_of(formula: ast.AnyMeasure, model: BoundModel) -> Query[Expression]:
     quantity = _quantity(formula, model)
     if model.clocks is not None and not model.clocks.for_property:
         raise UnsupportedError(
-            "this is not available for timed automata: their properties are checked one by one"
+            f"{quantity.feature.value} of timed automata are not values of the states that are "
+            "listed: each property has states of its own"
         )
     require(model, quantity.feature)
     together = None
@@ -407,10 +408,10 @@ def direction_of(formula: ast.Measure, kind: ModelType) -> Direction | None:
         return Direction(given)
     if given is not None:
         raise UnsupportedError(
-            f"{letter}{given} is not supported on an mdp; {letter}min and {letter}max are"
+            f"{letter}{given} is not supported on {kind.one}; {letter}min and {letter}max are"
         )
     if formula.bound is None:
-        message = f"{letter}=? has no single value in an mdp"
+        message = f"{letter}=? has no single value in {kind.one}"
         raise InputError(
             Diagnostic(message, formula.span, "direction", f"use {letter}min=? or {letter}max=?")
         )

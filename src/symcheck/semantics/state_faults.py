@@ -18,6 +18,7 @@ from symcheck.syntax.ast import Literal, ModelType
 from symcheck.tables import counted
 
 __all__ = [
+    "POSITIVE_ENDS",
     "SUM_TOLERANCE",
     "AlmostOne",
     "almost_one",
@@ -40,6 +41,9 @@ __all__ = [
 
 SUM_TOLERANCE = 1e-5 * (1 + 1e-9)
 """Largest difference from 1 of a sum of probabilities in floating point: 1e-5, which is rounded."""
+
+POSITIVE_ENDS = "nature could remove this transition; use a small positive lower end"
+"""The hint for an interval of probabilities whose lower end is 0."""
 
 _UNCHECKED_TOLERANCE = 2.0**-40
 """Likewise where it is not known that the sums of all valuations are 1 but for rounding."""

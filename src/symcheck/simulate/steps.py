@@ -21,6 +21,7 @@ from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.features import Feature, require
 from symcheck.semantics.interpreter import State, choices, state_rewards, valuation
 from symcheck.semantics.model import BoundCommand, BoundModel, Value
+from symcheck.semantics.timed.digital import require_states
 from symcheck.simulate.path import PathStep
 
 __all__ = ["Branch", "Choice", "CommandSuccessors", "TableSuccessors", "transition_rewards"]
@@ -59,6 +60,8 @@ class Choice:
         """The commands as they stand in the model; `[action]` if there are none."""
         model = self.model
         texts = [] if model is None else [command_text(model, c) for c in self.commands]
+        if model is not None and model.clocks is not None and self.action == model.clocks.time:
+            texts = []
         return " || ".join(texts) or f"[{self.action or ''}]"
 
 
@@ -69,6 +72,7 @@ class CommandSuccessors:
     """
 
     def __init__(self, model: BoundModel, check_sums: bool = True) -> None:
+        require_states(model)
         require(model, Feature.STEPPING)
         self.model, self._check_sums = replace(model, unchecked_sums=False), check_sums
         self._variables = tuple(v.name for v in model.variables)

@@ -160,6 +160,12 @@ class ModelType(Enum):
         self.has_clocks = row.has_clocks
 
     @property
+    def one(self) -> str:
+        """A model of this type in messages, such as 'an MDP'."""
+        letters = self.value.upper()
+        return f"{'an' if letters[0] in 'MS' else 'a'} {letters}"
+
+    @property
     def has_choices(self) -> bool:
         """Whether a player chooses among the commands that a state enables; otherwise, chance does:
         in proportion to their rates, or uniformly in discrete time.

@@ -12,6 +12,7 @@ from symcheck.syntax.ast import (
     Binary,
     Bound,
     Expression,
+    LabelReference,
     Literal,
     Name,
     Node,
@@ -35,6 +36,7 @@ __all__ = [
     "substitute",
     "transform",
     "with_children",
+    "with_labels",
 ]
 
 Tree = Expression | PathFormula | RewardQuery | Bound | PathBound | Composition
@@ -103,6 +105,18 @@ def nodes(tree: Tree) -> Iterator[Tree]:
         node = stack.pop()
         yield node
         stack += reversed(children(node))
+
+
+def with_labels(formula: Tree, labels: Mapping[str, Expression]) -> Iterator[Tree]:
+    """The nodes of a formula, and those of the labels to which it refers."""
+    seen: set[str] = set()
+    formulas = [formula]
+    while formulas:
+        for node in nodes(formulas.pop()):
+            yield node
+            if isinstance(node, LabelReference) and node.name in labels.keys() - seen:
+                seen.add(node.name)
+                formulas.append(labels[node.name])
 
 
 T = TypeVar("T", bound=Tree)

@@ -23,6 +23,8 @@ from symcheck.semantics.features import Feature, require
 from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.query import PathProbability, ReachReward
 from symcheck.semantics.rewards import Reward
+from symcheck.semantics.timed.digital import require_states
+from symcheck.semantics.timed.properties import has_states_of
 from symcheck.symbolic.matrix.transitions import transitions
 from symcheck.syntax.ast import ProbabilityOperator, RewardOperator
 from symcheck.syntax.declarations import Program, PropertiesFile
@@ -129,6 +131,7 @@ def model_page(
         >>> model_page(model, "P=? [ F d=6 ]").save("die.html")  # doctest: +SKIP
     """
     bound = model.bound
+    require_states(bound)
     require(bound, Feature.PAGES)
     explicit = model.with_options(
         engine="explicit",
@@ -232,7 +235,11 @@ class _Writer:
         detail = "; ".join(filter(None, (str(result.accuracy), result.explanation)))
         value = show_value(result.value)
         entry: JsonObject = {"text": text, "value": value, "detail": detail, "show": None}
-        frame = self._values(instance, result)
+        engine, frame = result.engine, None
+        if engine is not None and not has_states_of(engine.model, self.model.bound):
+            entry["detail"] = f"{detail}; checked on {engine.states} other states: no picture"
+        else:
+            frame = self._values(instance, result)
         if frame is not None:
             entry["show"] = len(self.shows)
             show = self._on_states("Values", "", {**frame, "title": str(result)})
@@ -311,6 +318,8 @@ class _Writer:
         self, instance: PropertyInstance, symbolic: SymbolicEngine | None
     ) -> Iterator[Show]:
         """The stages of a property `P [ left U right ]` or `R [ F target ]`."""
+        if self.model.bound.clocks is not None:
+            return  # a property of a timed automaton is no property of the states that are drawn
         bound, labels = instance.bind(self.model.bound)
         context = Context(self._explicit, self.model.options, labels)
         if not isinstance(bound.formula, ProbabilityOperator | RewardOperator):

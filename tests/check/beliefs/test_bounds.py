@@ -141,7 +141,12 @@ class TestBounds:
     def test_a_wide_gap_is_told(self):
         model = symcheck.loads(SIGNAL, constants={"p": "0.6"}, beliefs=2, grid_resolution=1)
         result = model.check('Pmax=? [ F "won" ]')
-        assert any("is not promised" in w for w in result.warnings)
+        (told,) = (w for w in result.warnings if "is not promised" in w)
+        assert "apart, relative to their value, further than asked for" in told
+        absolute = model.with_options(relative=False).check('Pmax=? [ F "won" ]')
+        low, high = absolute.bounds
+        (told,) = (w for w in absolute.warnings if "is not promised" in w)
+        assert f"the bounds are {high - low:.1E} apart, further" in told
         assert "certified" in str(result.accuracy)
 
     @pytest.mark.parametrize("seed", range(25))
@@ -175,6 +180,23 @@ class TestRefusals:
     def test_states_that_are_not_observable(self):
         with pytest.raises(InputError, match=r"must be observable: \(side=1,phase=.\) is among"):
             symcheck.loads(BET).check("Pmax=? [ F side=1 ]")
+
+    @pytest.mark.parametrize(
+        ("query", "marked"),
+        [
+            ("Pmax=? [ F side=1 ]", "side=1"),
+            ("Pmax=? [ G<=3 side!=1 ]", "side!=1"),
+            ('Pmin>0.1 [ side=1 U "won" ]', "side=1"),
+            ("Pmin=? [ X phase=1 & side=1 ]", "phase=1 & side=1"),
+            ('Rmin=? [ F "won" & side=0 ]', '"won" & side=0'),
+        ],
+    )
+    def test_the_hidden_condition_is_underlined(self, query, marked):
+        with pytest.raises(InputError) as caught:
+            symcheck.loads(BET).check(query)
+        (fault,) = caught.value.diagnostics
+        assert fault.span.text == marked
+        assert 'observable "name" = condition;' in fault.hint
 
     def test_different_actions(self):
         text = BET.replace("[one] phase=1", "[one] phase=1 & side=1")

@@ -49,6 +49,13 @@ def _following(strategy):
         ("rover", 'Pmax=? [ F "arrived" ]', {"exact": True}),
         ("channels", 'R{"arrived"}max=? [ F "end" ]', {}),
         ("channels", 'Pmin=? [ F "both" ]', {}),
+        # The belief at the beginning is not expanded.
+        ("tiger", 'R{"cost"}min=? [ F "open" ]', {"beliefs": 1}),
+        ("tiger", 'Pmax=? [ F "free" ]', {"beliefs": 2}),
+        # The memory counts steps, too.
+        ("tiger", 'Pmax=? [ F<=4 "free" ]', {}),
+        ("tiger", 'Pmin=? [ G[1,4] !"free" ]', {"exact": True}),
+        ("rover", 'Pmax=? [ X "arrived" ]', {}),
     ],
 )
 def test_models(name, query, options):
@@ -68,12 +75,19 @@ def test_models(name, query, options):
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_random_models(seed):
+@pytest.mark.parametrize("beliefs", ["few", "many"])
+def test_random_models(seed, beliefs):
     """Building a strategy checks it as a chain; here the induced chain is checked again."""
-    model = symcheck.loads(drawn(Random(seed)).text, strategy=True, beliefs=100)
-    for query in ('Pmax=? [ F "goal" ]', 'Pmin=? [ F "goal" ]', 'Rmin=? [ F "goal" ]'):
+    number = 100 if beliefs == "many" else 1 + seed % 6
+    model = symcheck.loads(drawn(Random(seed)).text, strategy=True, beliefs=number)
+    queries = ['Pmax=? [ F "goal" ]', 'Pmin=? [ F "goal" ]', 'Rmin=? [ F "goal" ]']
+    if beliefs == "few":
+        queries += ['Rmax=? [ F "goal" ]', 'Pmax=? [ G !"goal" ]']
+        queries += ['Pmax=? [ F<=3 "goal" ]', 'Pmin=? [ F[2,3] "goal" ]', 'Pmax=? [ G<=2 !"goal" ]']
+    for query in queries:
         result = model.check(query)
         if not result.strategies:
+            assert any("no strategy is built for" in w for w in result.warnings)
             continue
         chain = symcheck.induced_chain(model, result.strategy)
         value = chain.check(query.replace("max", "").replace("min", "")).bounds
@@ -99,6 +113,6 @@ def test_a_file_of_decisions(tmp_path):
 
 def test_values_without_a_strategy():
     rover = symcheck.load(MODELS / "rover/rover.prism", strategy=True)
-    result = rover.check('Pmax=? [ F<=3 "arrived" ]')
-    with pytest.raises(NoStrategyError, match="F and U without bounds"):
+    result = rover.check('Pmax=? [ "arrived" ]')
+    with pytest.raises(NoStrategyError, match="paths and rewards until states are reached"):
         _ = result.strategy

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import or_
 
 import numpy as np
 
 from symcheck.check.context import Context
 from symcheck.check.exact_twin import exact_twin
-from symcheck.engines.base import Engine, StateSet
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import Diagnostic, InputError, ModelFault, UnsupportedError
 from symcheck.matrices.numbers import Rationals, doubles, rationals
@@ -16,8 +17,10 @@ from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, per_row
 from symcheck.numerics.beliefs.observed import Observed, aligned_rows
 from symcheck.semantics.features import class_name
 from symcheck.semantics.rewards import Reward
+from symcheck.syntax.ast import Expression
+from symcheck.syntax.traversal import nodes
 
-__all__ = ["ObservedModel", "observations", "observed_model", "require_observable"]
+__all__ = ["ObservedModel", "kept", "observations", "observed_model", "require_observable"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +54,12 @@ class ObservedModel:
         return rationals(total.tolist())
 
 
+def kept(context: Context, what: str) -> object:
+    """What the log of a check has last kept for an engine under a name; None: nothing."""
+    found = (v for key, v in reversed(context.log.kept) if key == (what, id(context.engine)))
+    return next(found, None)
+
+
 def observations(engine: ExplicitEngine) -> Int32s:
     """The number of the observation of each state, int32[states], from 0."""
     n = engine.states
@@ -71,10 +80,9 @@ def observed_model(context: Context) -> ObservedModel:
     Raises:
         ModelFault: two states with the same observation do not have the same actions.
     """
-    for known, value in context.log.kept:
-        if known == ("observed", id(context.engine)):
-            assert isinstance(value, ObservedModel)
-            return value
+    known = kept(context, "observed")
+    if isinstance(known, ObservedModel):
+        return known
     engine = context.engine.capability(ExplicitEngine)
     assert engine is not None, "only explicit engines are built for these models"
     matrix, seen = engine.matrix, observations(engine)
@@ -140,12 +148,11 @@ def _shown(engine: ExplicitEngine, state: int) -> str:
     return describe_state(engine.model.variables, values)
 
 
-def require_observable(model: ObservedModel, states: StateSet, engine: Engine) -> Bools:
-    """A set of states that observations tell from the others, bool[states].
+def require_observable(model: ObservedModel, formula: Expression, members: Bools) -> None:
+    """Require that observations tell the states of a formula, bool[states], from the others.
 
     Raises InputError if they do not.
     """
-    members = engine.to_bools(states)
     seen = model.arrays.observation
     inside = np.zeros(int(seen.max(initial=0)) + 1, np.bool_)
     inside[seen[members]] = True
@@ -158,7 +165,9 @@ def require_observable(model: ObservedModel, states: StateSet, engine: Engine) -
                 "the states that a property refers to must be observable: "
                 f"{_shown(model.engine, one)} is among them, {_shown(model.engine, other)} is not, "
                 "and they have the same observation",
-                code="observable",
+                reduce(or_, (node.span for node in nodes(formula))),
+                "observable",
+                "ask about what is observed; if a strategy sees this, the model declares it: "
+                'observable "name" = condition;',
             )
         )
-    return members

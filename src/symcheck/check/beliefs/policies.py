@@ -20,7 +20,7 @@ from symcheck.check.context import Context
 from symcheck.direction import Direction
 from symcheck.engines.base import ROUNDING
 from symcheck.engines.explicit.engine import ExplicitEngine
-from symcheck.matrices.rows import Bools, Floats, Int64s, spans
+from symcheck.matrices.rows import Bools, Floats, Int64s, first_best, spans
 from symcheck.numerics.beliefs.exploration import Beliefs, Exploration
 from symcheck.numerics.beliefs.memory import Memory
 
@@ -48,7 +48,6 @@ class Policies:
         usable: the rows that strategies may take.
         earned: the reward of each row of the model, float64; None for probabilities.
         direction: whether values are to be large or small.
-        of_states: the values with full observation, float64[states].
     """
 
     base: ExplicitEngine = field(repr=False)
@@ -57,27 +56,28 @@ class Policies:
     usable: Bools = field(repr=False)
     earned: Floats | None = field(repr=False)
     direction: Direction
-    of_states: Floats = field(repr=False)
     found: list[Policy] = field(default_factory=list, repr=False)
 
-    @property
-    def uniform(self) -> Floats:
-        """Each of the usable rows with the same probability."""
+    def uniform(self, usable: Bools) -> Floats:
+        """Each of some rows with the same probability."""
         owner = self.memory.rows.row_of_belief
-        counts = np.bincount(owner[self.usable], minlength=len(self.memory.beliefs))[owner]
+        counts = np.bincount(owner[usable], minlength=len(self.memory.beliefs))[owner]
         with np.errstate(divide="ignore"):
-            shares = np.where(self.usable, 1.0 / counts, 0.0)
+            shares = np.where(usable, 1.0 / counts, 0.0)
         lost = counts == 0  # whatever is done there
         shares[lost] = (np.diff(owner, prepend=-1) != 0)[lost]
         return shares
 
-    def improve(self, context: Context, starts: Int64s) -> None:
-        """Find strategies, the later ones better at some memory values with one state each."""
+    def improve(self, context: Context, starts: Int64s, of_states: Floats) -> None:
+        """Find strategies, the later ones better at some memory values with one state each.
+
+        of_states: the values with full observation, float64[states].
+        """
         pairs = self.memory.beliefs.starts[:-1][starts]
         sign = 1.0 if self.direction is Direction.MAX else -1.0
-        uniform = self._evaluated(context, self.uniform)
+        uniform = self._evaluated(context, self.uniform(self.usable))
         self.found.append(uniform)
-        full_values = np.append(self.of_states[self.memory.beliefs.states], self._ends())
+        full_values = np.append(of_states[self.memory.beliefs.states], self._ends())
         best, tried = uniform, full_values
         for _ in range(tuning.POLICY_ROUNDS):
             shares = self._greedy(best.shares, tried, pairs)
@@ -97,18 +97,17 @@ class Policies:
         return np.array([1.0, 0.0] if self.earned is None else [0.0, inf])
 
     def _evaluated(self, context: Context, shares: Floats) -> Policy:
-        chain, n = self.memory.chain(shares), self.memory.pairs
-        goal = np.zeros(n + 2, np.bool_)
-        goal[n] = True
-        earned = None
+        memory, n = self.memory, self.memory.pairs
+        earned, owner = None, memory.matrix.state_of_row
         if self.earned is not None:
-            share = shares[self.memory.row_of_memory] * self.earned[self.memory.row_of_model]
-            earned = np.append(np.add.reduceat(share, self.memory.groups[:-1]), (0.0, 0.0))
-        terms = int(np.diff(self.memory.groups).max(initial=1))
-        lower, upper, _ = reached(context, self.base, chain, goal, ~goal, None, earned, terms=terms)
+            share = shares[memory.row_of_memory] * self.earned[memory.row_of_model]
+            earned = np.bincount(owner, share, n + 2)
+        terms, points = int(np.bincount(owner).max(initial=1)), np.arange(n)
+        chain = memory.chain(shares)
+        lower, upper, _ = reached(context, self.base, chain, n, points, None, earned, terms)
         if self.direction is Direction.MAX:
-            return Policy(shares, lower[:n] * (1 - ROUNDING))
-        return Policy(shares, upper[:n] * (1 + ROUNDING))
+            return Policy(shares, lower * (1 - ROUNDING))
+        return Policy(shares, upper * (1 + ROUNDING))
 
     def _greedy(self, shares: Floats, values: Floats, pairs: Int64s) -> Floats:
         """The best rows for these values, in expectation over the runs of a strategy."""
@@ -123,32 +122,25 @@ class Policies:
         each = memory.matrix.multiply(bounded)
         if self.earned is not None:
             each = each + self.earned[memory.row_of_model]
-        owner = np.repeat(np.arange(memory.pairs), np.diff(memory.groups))
         score = np.bincount(
-            memory.row_of_memory, visits[owner] * np.minimum(each, 1e290), len(shares)
+            memory.row_of_memory,
+            visits[memory.matrix.state_of_row] * np.minimum(each, 1e290),
+            len(shares),
         )
         if self.direction is Direction.MIN:
             score = -score
         score[~self.usable & (shares == 0)] = -inf
-        first = memory.rows.first[memory.rows.first >= 0]
-        best = np.maximum.reduceat(score, np.sort(first))
         row_of = memory.rows.row_of_belief
-        ordered = np.flatnonzero(np.diff(row_of, prepend=-1))
-        counts = np.diff(np.append(ordered, len(row_of)))
-        winners = np.flatnonzero(score == np.repeat(best, counts))
-        _, leading = np.unique(row_of[winners], return_index=True)
         out = np.zeros(len(shares))
-        out[winners[leading]] = 1.0
-        seen = np.bincount(memory.of_pair, visits[:-2], len(memory.beliefs)) > 0
+        out[first_best(score, np.flatnonzero(np.diff(row_of, prepend=-1, append=-1)))] = 1.0
+        seen = np.bincount(memory.beliefs.owner, visits[:-2], len(memory.beliefs)) > 0
         return np.where(seen[row_of], out, shares)
 
-    def memory_of(self, beliefs: Beliefs, numbers: Int64s) -> Int64s:
-        """The memory value of each of some beliefs."""
-        return self.search.memory_of(beliefs, numbers)
-
-    def bounds(self, beliefs: Beliefs, numbers: Int64s) -> tuple[Floats, Int64s]:
-        """The best value of a strategy from each of some beliefs, and this strategy's number."""
-        memory = self.memory_of(beliefs, numbers)
+    def bounds(self, beliefs: Beliefs, numbers: Int64s) -> tuple[Floats, Int64s, Int64s]:
+        """The best value of a strategy from each of some beliefs, this strategy's number, and the
+        memory with which it begins.
+        """
+        memory = self.search.memory_of(beliefs, numbers)
         begin, end = beliefs.starts[numbers], beliefs.starts[numbers + 1]
         entries = spans(begin, end)
         pair = self.memory.pair(np.repeat(memory, end - begin), beliefs.states[entries])
@@ -156,4 +148,4 @@ class Policies:
         starts = np.cumsum(end - begin) - (end - begin)
         each = np.array([np.add.reduceat(share * p.values[pair], starts) for p in self.found])
         pick = each.argmax(axis=0) if self.direction is Direction.MAX else each.argmin(axis=0)
-        return each[pick, np.arange(len(numbers))], pick
+        return each[pick, np.arange(len(numbers))], pick, memory

@@ -15,7 +15,7 @@ planning and related stochastic optimization problems'.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 
 import numpy as np
@@ -27,7 +27,7 @@ from symcheck.check.beliefs.policies import Policies, Policy
 from symcheck.check.context import Context
 from symcheck.check.measures.reachability import reach_reward, until
 from symcheck.direction import Direction
-from symcheck.engines.base import ROUNDING
+from symcheck.engines.base import ROUNDING, StateSet
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, doubles, full
@@ -36,7 +36,9 @@ from symcheck.numerics import graph
 from symcheck.numerics.beliefs.exploration import Exploration
 from symcheck.numerics.beliefs.memory import Memory
 from symcheck.numerics.beliefs.observed import GOAL, SINK, Observed
+from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.rewards import Reward
+from symcheck.semantics.time_bounds import Window
 
 __all__ = ["Found", "Problem", "search"]
 
@@ -49,7 +51,9 @@ class Problem:
         model: the model.
         left, right: the states to go through, and those to be reached; bool[states].
         reward: None: the probability is asked for.
-        direction: whether it should be small or large.
+        direction: whether the value should be small or large.
+        window: the steps at which the states are to be reached.
+        negative: whether the value is 1 minus this probability.
     """
 
     model: ObservedModel = field(repr=False)
@@ -57,6 +61,18 @@ class Problem:
     right: Bools = field(repr=False)
     reward: Reward | None
     direction: Direction
+    window: Window = field(default_factory=Window)
+    negative: bool = False
+
+    @property
+    def towards(self) -> Direction:
+        """Whether the probability or the reward should be small or large."""
+        return self.direction.dual if self.negative else self.direction
+
+    def path(self, over: Callable[[Bools], Bools]) -> UntilPath[StateSet]:
+        """The path formula over other states; `over`: which of these a set of the model's means."""
+        left, right = ArraySet(over(self.left)), ArraySet(over(self.right))
+        return UntilPath(left, right, self.window, self.negative)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +100,13 @@ class Plan:
     """What a strategy does: it follows beliefs, or one with little memory.
 
     Attributes:
+        problem: what is asked for.
         points: the beliefs (or memory values, if there are no beliefs) at the beginning.
         beliefs: those that are kept exactly; None: there are none.
         policies: what is done beyond them, and on which memory; None: they have no end.
     """
 
+    problem: Problem = field(repr=False)
     points: Int64s = field(repr=False)
     beliefs: Exploration | None = field(repr=False)
     policies: Policies | None = field(repr=False)
@@ -113,7 +131,7 @@ def search(context: Context, problem: Problem, starts: Int64s, enough: Enough) -
 class _Search:
     def __init__(self, context: Context, problem: Problem, starts: Int64s) -> None:
         self.context, self.problem, self.starts = context, problem, starts
-        self.maximum = problem.direction is Direction.MAX
+        self.maximum = problem.towards is Direction.MAX
         self.base = problem.model.engine
         self.rational = self.base.is_rational
         goal, sink = self._settled()
@@ -124,7 +142,6 @@ class _Search:
         self.points = self.exact.points(starts)
         self.lower = np.zeros(len(starts))
         self.upper = np.full(len(starts), 1.0 if reward is None else inf)
-        self.policies: Policies | None = None
 
     def _settled(self) -> tuple[Bools, Bools]:
         """The states whose value does not depend on the strategy: 1 (nothing more), and 0 (never).
@@ -155,7 +172,7 @@ class _Search:
             self._observed()
             self._inner()
             grid = self._outer(tuning.GRID_BELIEFS * limit + 1000)
-            if enough(self.lower, self.upper):
+            if enough(*self._answer(self.lower, self.upper)):
                 break
         text = f"{len(self.exact):,} beliefs"
         if self.rational:
@@ -164,75 +181,74 @@ class _Search:
                 hint="without -exact there are bounds; -beliefs explores more",
             )
         text += f", and {grid}"
-        plan = Plan(self.points, self.exact, self.policies)
-        return Found(self.lower, self.upper, False, text, len(self.exact), plan)
+        plan = Plan(self.problem, self.points, self.exact, self.policies)
+        bounds = self._answer(self.lower, self.upper)
+        return Found(*bounds, False, text, len(self.exact), plan)
+
+    def _answer(self, lower: Numbers, upper: Numbers) -> tuple[Numbers, Numbers]:
+        """Bounds on the value, given those on the probability or the reward."""
+        if not self.problem.negative:
+            return lower, upper
+        lower, upper = 1 - upper, 1 - lower
+        if not self.rational:  # differences are rounded, but for those that are 0 and 1
+            lower = np.where(lower % 1 > 0, np.nextafter(lower, 0), lower)
+            upper = np.where(upper % 1 > 0, np.nextafter(upper, 1), upper)
+        return lower, upper
 
     def _complete(self) -> Found:
         """The values, as all beliefs are known."""
         lower, upper, rounded = self._values(self.exact, None)
         text = f"all {len(self.exact):,} beliefs"
-        plan = Plan(self.points, self.exact, None)
-        return Found(lower, upper, rounded, text, len(self.exact), plan)
+        plan = Plan(self.problem, self.points, self.exact, None)
+        return Found(*self._answer(lower, upper), rounded, text, len(self.exact), plan)
 
     def _values(self, found: Exploration, cut: Numbers | None) -> tuple[Numbers, Numbers, bool]:
         """Bounds at the beginning, where beliefs that were not expanded have the values `cut`, and
         whether they differ by rounding alone.
         """
         matrix, earned = rows_matrix(found.rows(), cut, reward=self.earned is not None)
-        goal, relevant = np.zeros((2, len(found)), np.bool_)
-        goal[GOAL] = relevant[self.points] = True
-        low, high, rounded = reached(
-            self.context, self.base, matrix, goal, relevant, self.problem.direction, earned
-        )
-        at = np.searchsorted(np.flatnonzero(relevant), self.points)
-        return low[at], high[at], rounded
+        direction = self.problem.towards
+        return reached(self.context, self.base, matrix, GOAL, self.points, direction, earned)
 
-    def _narrow(self, lower: Floats | None, upper: Floats | None) -> None:
-        """Bounds never become worse, and rounding does not exclude the value."""
-        if lower is not None:
+    def _narrow(self, lower: Floats, upper: Floats, *, attained: bool) -> None:
+        """Take bounds on what a strategy attains, or else on what no strategy exceeds.
+
+        Bounds never become worse, and rounding does not exclude the value.
+        """
+        if attained is self.maximum:
             self.lower = np.maximum(self.lower, lower * (1 - ROUNDING))
-        if upper is not None:
-            raised = upper * (1 + ROUNDING)
-            self.upper = np.minimum(self.upper, raised)
+        else:
+            self.upper = np.minimum(self.upper, upper * (1 + ROUNDING))
         self.lower = np.minimum(self.lower, self.upper)
 
     # ------------------------------------------------------------------------------ from both sides
 
     def _observed(self) -> None:
         """The values with full observation, which bound all others, once."""
-        if self.policies is not None:
+        if self.policies.found:
             return
         p, base = self.problem, self.base
         everywhere = np.ones(base.states, np.bool_)
         inner = self.context.within(base, everywhere)
         if p.reward is None:
-            values = until(inner, ArraySet(p.left), ArraySet(p.right), p.direction)
+            values = until(inner, ArraySet(p.left), ArraySet(p.right), p.towards)
         else:
-            values = reach_reward(inner, p.reward, ArraySet(p.right), p.direction)
+            values = reach_reward(inner, p.reward, ArraySet(p.right), p.towards)
         low, high = values.at(inner.engine.all)
         self.seen: Floats = high * (1 + ROUNDING) if self.maximum else low * (1 - ROUNDING)
-        self._narrow(
-            *((None, self.seen[self.starts]) if self.maximum else (self.seen[self.starts], None))
-        )
-        search, memory, usable = self.supports
-        earned = None if self.earned is None else doubles(self.earned)
-        self.policies = Policies(base, search, memory, usable, earned, p.direction, self.seen)
-        points = (
-            search.points(self.starts)
-            if search.keeps_supports
-            else search.memory_of(self.exact.beliefs, self.points[self.points > SINK])
-        )
-        self.policies.improve(self.context, points[points > SINK])
+        self._narrow(self.seen[self.starts], self.seen[self.starts], attained=False)
+        points = self.points[self.points > SINK]
+        memory = self.policies.search.memory_of(self.exact.beliefs, points)
+        self.policies.improve(self.context, memory, self.seen)
 
     def _inner(self) -> None:
         """What a strategy attains that follows the beliefs that are kept exactly."""
-        assert self.policies is not None
         beliefs = self.exact.beliefs
         cut = np.zeros(len(beliefs))
         ends = self.exact.pending
         cut[ends] = self.policies.bounds(beliefs, ends)[0]
         low, high, _ = self._values(self.exact, cut)
-        self._narrow(*((low, None) if self.maximum else (None, high)))
+        self._narrow(low, high, attained=True)
 
     def _outer(self, most: int) -> str:
         """What beliefs are worth at best. Returns which grid was used.
@@ -250,7 +266,7 @@ class _Search:
                 break
             resolution *= 2
         low, high, _ = self._values(best, best.beliefs.mean(self.seen))
-        self._narrow(*((None, high) if self.maximum else (low, None)))
+        self._narrow(low, high, attained=False)
         return f"{len(best) - len(self.exact):,} points of a grid with resolution {used}"
 
     # ------------------------------------------------------------------------------ sets of states
@@ -264,38 +280,31 @@ class _Search:
 
     def _by_supports(self) -> Found | None:
         """The value where the sets of possible states decide it: 0, 1 or infinite."""
-        p = self.problem
+        p, rewards = self.problem, self.problem.reward is not None
         known = self._explored_supports(self.starts)
-        usable: Bools | None = None
         if known is not None:
             found, points = known
-            memory = Memory(self.arrays, found.beliefs, found.rows())
-            sure, rows = memory.almost_surely()
-            safe, safe_rows = memory.surely_safe()
-            if not self.maximum and p.reward is not None:
-                usable = rows
-            if p.reward is None and self.maximum and sure[points].all():
-                return self._decided(1.0, self._plan(found, memory, rows, points))
-            if p.reward is not None and not self.maximum and not sure[points].any():
-                return self._decided(inf)
-            if p.reward is None and not self.maximum and safe[points].all():
-                return self._decided(0.0, self._plan(found, memory, safe_rows, points))
         else:
-            found = Exploration(self.arrays, supports=True)
+            found, points = Exploration(self.arrays, supports=True), self.points[:0]
             found.by_observation()
             found.run(len(found))
-            memory = Memory(self.arrays, found.beliefs, found.rows())
-            if not self.maximum and p.reward is not None:
-                usable = memory.almost_surely()[1]
-        if usable is None:
-            usable = np.ones(len(memory.rows.row_of_belief), np.bool_)
-        self.supports = found, memory, usable
-        if self.maximum == (p.reward is not None):
-            misses = self._may_miss()
-            if p.reward is None and misses is False:
-                return self._decided(1.0)
-            if p.reward is not None and misses is True:
+        memory = Memory(self.arrays, found.beliefs, found.rows())
+        sure, rows = memory.almost_surely()
+        safe, safe_rows = memory.surely_safe()
+        usable = rows if rewards and not self.maximum else np.ones_like(rows)
+        earned = None if self.earned is None else doubles(self.earned)
+        self.policies = Policies(self.base, found, memory, usable, earned, p.towards)
+        if known is not None:
+            if not rewards and self.maximum and sure[points].all():
+                return self._decided(1.0, self._plan(rows, points))
+            if rewards and not self.maximum and not sure[points].any():
                 return self._decided(inf)
+            if not rewards and not self.maximum and safe[points].all():
+                return self._decided(0.0, self._plan(safe_rows, points))
+        if self.maximum is rewards:
+            misses = self._may_miss()
+            if misses is rewards:
+                return self._decided(inf if rewards else 1.0)
         return None
 
     def _may_miss(self) -> bool | None:
@@ -321,11 +330,9 @@ class _Search:
     def _decided(self, value: float, plan: Plan | None = None) -> Found:
         text = "sets of possible states decide"
         array = full(len(self.starts), value, rational=self.rational)
-        return Found(array, array, False, text, 0, plan)
+        return Found(*self._answer(array, array), False, text, 0, plan)
 
-    def _plan(self, found: Exploration, memory: Memory, rows: Bools, points: Int64s) -> Plan:
+    def _plan(self, rows: Bools, points: Int64s) -> Plan:
         """A strategy that takes each of some rows with the same probability."""
-        earned = np.zeros(0)
-        policies = Policies(self.base, found, memory, rows, None, self.problem.direction, earned)
-        policies.found.append(Policy(policies.uniform, earned))
-        return Plan(points, None, policies)
+        policy = Policy(self.policies.uniform(rows), np.zeros(0))
+        return Plan(self.problem, points, None, replace(self.policies, found=[policy]))

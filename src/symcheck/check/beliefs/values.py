@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 from math import inf, nan
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from symcheck.check import tuning
 from symcheck.check.beliefs.engine import engine_of, rows_matrix
 from symcheck.check.beliefs.model import observed_model, require_observable
-from symcheck.check.beliefs.search import Enough, Problem, search
+from symcheck.check.beliefs.search import Enough, Found, Plan, Problem, search
 from symcheck.check.context import Context
 from symcheck.check.queries.path_probabilities import probability
 from symcheck.check.result import SolverRun
@@ -18,49 +19,19 @@ from symcheck.check.thresholds import decide
 from symcheck.engines.base import StateSet, Values
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.errors import NumericalError, UnsupportedError
-from symcheck.matrices.numbers import Numbers
-from symcheck.matrices.rows import Bools, Floats
+from symcheck.matrices.rows import Floats, Int64s
 from symcheck.numerics.beliefs.exploration import Exploration
-from symcheck.numerics.beliefs.observed import GOAL
 from symcheck.numerics.linear.problem import largest_width
 from symcheck.semantics.features import class_name
 from symcheck.semantics.path_formulas import NextPath, StatePath, UntilPath
-from symcheck.semantics.query import PathProbability, Query, ReachReward, Threshold
+from symcheck.semantics.query import PathProbability, Query, ReachReward, query_of
+from symcheck.semantics.time_bounds import Window
+from symcheck.syntax.ast import AnyMeasure, Expression
 
-__all__ = ["belief_values", "decided_by_beliefs", "problem_of"]
-
-
-def problem_of(context: Context, query: Query[StateSet]) -> tuple[Problem, bool] | None:
-    """What a query asks of beliefs, and whether its value is 1 minus the answer.
-
-    None if it is not about reaching states without a bound.
-
-    Raises:
-        InputError: the states to be reached are not observable.
-        UnsupportedError: the query is of another kind.
-    """
-    quantity, direction = query.quantity, query.direction
-    assert direction is not None
-    engine = context.engine
-    match quantity:
-        case PathProbability(UntilPath(left, right, window, negative)) if window.is_unbounded:
-            model = observed_model(context)
-            through, to = (require_observable(model, s, engine) for s in (left | right, right))
-            towards = direction.dual if negative else direction
-            return Problem(model, through, to, None, towards), negative
-        case ReachReward(reward, target):
-            model = observed_model(context)
-            members = require_observable(model, target, engine)
-            return Problem(model, np.ones_like(members), members, reward, direction), False
-        case PathProbability(UntilPath() | NextPath() | StatePath()):
-            return None
-        case _:
-            raise UnsupportedError(
-                f"{quantity.called} are not supported for {class_name(engine.model)}"
-            )
+__all__ = ["belief_values", "decided_by_beliefs"]
 
 
-def belief_values(context: Context, query: Query[StateSet]) -> Values:
+def belief_values(context: Context, formula: AnyMeasure, query: Query[StateSet]) -> Values:
     """The values of a query, of which the relevant ones are bounded as closely as is affordable.
 
     The value of a state is that of the runs that begin there, if this is known.
@@ -70,29 +41,35 @@ def belief_values(context: Context, query: Query[StateSet]) -> Values:
         UnsupportedError: the query is of another kind, or a bound on steps admits too many beliefs.
         NumericalError: in rational arithmetic, there are too many beliefs.
     """
+    _require_observable(context, formula, query)
     epsilon = context.options.epsilon
 
     def enough(lower: Floats, upper: Floats) -> bool:
         return largest_width(lower, upper, context.options.relative) <= epsilon
 
     values, widest = _values(context, query, enough)
-    if widest > epsilon:
-        context.log.wide = True
-        context.log.warn(
-            f"the bounds are {widest:.1E} apart: more beliefs (-beliefs, -gridresolution) may "
-            "narrow them, but that they ever meet is not promised for partially observed models"
-        )
+    context.warn_if_wide(
+        widest,
+        "more beliefs (-beliefs, -gridresolution) may narrow them, but that they ever meet is not "
+        "promised for partially observed models",
+    )
     return values
 
 
-def decided_by_beliefs(context: Context, query: Query[StateSet], relevant: StateSet) -> StateSet:
+def decided_by_beliefs(
+    context: Context, formula: AnyMeasure, query: Query[StateSet], relevant: StateSet
+) -> StateSet:
     """The states that satisfy the threshold of a query; right at the relevant ones.
 
     Raises NumericalError if bounds do not decide it.
     """
+    _require_observable(context, formula, query)
     threshold = query.threshold
     assert threshold is not None
-    decides = _decides(query, threshold)
+
+    def decides(lower: Floats, upper: Floats) -> bool:
+        pairs = zip(lower.tolist(), upper.tolist(), strict=True)
+        return all(threshold.admits(a) == threshold.admits(b) for a, b in pairs)
 
     def compute(c: Context) -> Values:
         values, widest = _values(c, query, decides)
@@ -120,124 +97,110 @@ def decided_by_beliefs(context: Context, query: Query[StateSet], relevant: State
     return decide(context, compute, threshold.operator.value, threshold.value, relevant, exactly)
 
 
-def _decides(query: Query[StateSet], threshold: Threshold) -> Enough:
-    negative = isinstance(query.quantity, PathProbability) and query.quantity.path.negative
+def _require_observable(context: Context, formula: AnyMeasure, query: Query[StateSet]) -> None:
+    """Require that a query is about reaching observable states."""
+    engine = context.engine
+    match query.quantity:
+        case PathProbability(UntilPath() | NextPath()) | ReachReward():
+            model = observed_model(context)
+            texts: list[Expression] = []
+            sets: list[StateSet] = []
+            query_of(formula, engine.model).over(texts.append)
+            query.over(sets.append)
+            for text, states in zip(texts, sets, strict=True):
+                require_observable(model, text, engine.to_bools(states))
+        case PathProbability(StatePath()):
+            pass
+        case quantity:
+            raise UnsupportedError(
+                f"{quantity.called} are not supported for {class_name(engine.model)}"
+            )
 
-    def decides(lower: Floats, upper: Floats) -> bool:
-        if negative:
-            lower, upper = 1 - upper, 1 - lower
-        return all(
-            threshold.admits(a) == threshold.admits(b)
-            for a, b in zip(lower.tolist(), upper.tolist(), strict=True)
-        )
 
-    return decides
+def _problem(context: Context, query: Query[StateSet]) -> Problem | None:
+    """What a query asks of beliefs; None if the first state decides it."""
+    quantity, direction, to = query.quantity, query.direction, context.engine.to_bools
+    assert direction is not None
+    if isinstance(quantity, ReachReward):
+        members = to(quantity.target)
+        everywhere = np.ones_like(members)
+        return Problem(observed_model(context), everywhere, members, quantity.reward, direction)
+    assert isinstance(quantity, PathProbability)
+    path = quantity.path
+    if isinstance(path, NextPath):
+        steps, one = path.window.steps(), Fraction(1)
+        target = path.target if steps.lower <= 1 and steps.upper != 0 else context.engine.none
+        path = UntilPath(context.engine.all, target, Window(one, one), path.negative)
+    if not isinstance(path, UntilPath):
+        return None
+    left = path.left | path.right if path.window.contains_zero else path.left
+    return Problem(
+        observed_model(context),
+        to(left),
+        to(path.right),
+        None,
+        direction,
+        path.window,
+        path.negative,
+    )
 
 
 def _values(context: Context, query: Query[StateSet], enough: Enough) -> tuple[Values, float]:
     """The values, and the largest distance of bounds at relevant states."""
-    engine, quantity = context.engine, query.quantity
-    if isinstance(quantity, PathProbability) and isinstance(quantity.path, StatePath):
-        return probability(context, quantity.path, query.direction), 0.0
-    asked = problem_of(context, query)
+    engine, problem = context.engine, _problem(context, query)
+    if problem is None:
+        assert isinstance(query.quantity, PathProbability)
+        return probability(context, query.quantity.path, query.direction), 0.0
     relevant = engine.all if context.relevant_states is None else context.relevant_states
     states = np.flatnonzero(engine.to_bools(relevant))
-    if asked is None:
-        return _within_steps(context, query, relevant), 0.0
-    problem, complement = asked
-    parts = [search(context, problem, states[i : i + 1], enough) for i in range(len(states))]
+    bounded, steps = not problem.window.is_unbounded, problem.window.steps().upper
+    if not bounded:
+        parts = [search(context, problem, states[i : i + 1], enough) for i in range(len(states))]
+    else:
+        parts = [_within_steps(context, problem, states)]
+    kind = "steps" if bounded else "linear"
     for found in parts:
-        context.log.runs.append(SolverRun("linear", "beliefs", found.beliefs, 1, found.text))
-    context.log.kept.append((("beliefs", id(engine)), (problem, parts[-1], states)))
+        run = SolverRun(kind, "beliefs", found.beliefs, steps or 1, found.text)
+        context.log.runs.append(run)
     lower = np.concatenate([p.lower for p in parts])
     upper = np.concatenate([p.upper for p in parts])
     rounded = any(p.rounded for p in parts)
-    if complement:
-        lower, upper = 1 - upper, 1 - lower
-        if not engine.is_rational:  # differences are rounded, but for those that are 0 and 1
-            lower = np.where(lower % 1 > 0, np.nextafter(lower, 0), lower)
-            upper = np.where(upper % 1 > 0, np.nextafter(upper, 1), upper)
+    solved = replace(parts[-1], lower=lower, upper=upper)
+    context.log.kept.append((("beliefs", id(engine)), solved))
     most = 1 if problem.reward is None else inf
-    values = _spread(context, relevant, lower, upper, rounded, most)
-    if engine.is_rational:
-        return values, 0.0
-    return values, largest_width(lower, upper, context.options.relative)
-
-
-def _spread(
-    context: Context,
-    states: StateSet,
-    lower: Numbers,
-    upper: Numbers,
-    rounded: bool,
-    most: float = 1,
-) -> Values:
-    """Values of some states; those of the others are unknown, from 0 to `most`."""
-    engine = context.engine
-    values = engine.system(states).lift(
+    values = engine.system(relevant).lift(
         lower, None if engine.is_rational else upper, up_to_rounding=rounded
     )
     others = engine.constant(nan) if engine.is_rational else engine.constant(0, most)
-    return values.choose(states, others)
+    decided = bounded or engine.is_rational
+    width = 0.0 if decided else largest_width(lower, upper, context.options.relative)
+    return values.choose(relevant, others), width
 
 
-# ------------------------------------------------------------------------------------ bounded paths
-
-
-def _within_steps(context: Context, query: Query[StateSet], asked: StateSet) -> Values:
+def _within_steps(context: Context, problem: Problem, states: Int64s) -> Found:
     """Values that so many steps decide, by all beliefs that are met within them."""
-    quantity, direction = query.quantity, query.direction
-    assert isinstance(quantity, PathProbability)
-    path = quantity.path
-    assert isinstance(path, UntilPath | NextPath)
-    model = observed_model(context)
-    settled = model.arrays
-    if isinstance(path, NextPath):
-        levels = 1
-        sets = [require_observable(model, path.target, context.engine)]
-    else:
-        steps = path.window.steps().upper
-        if steps is None:
-            raise UnsupportedError(
-                "bounds on steps from below are not supported for "
-                f"{class_name(context.engine.model)} without one from above"
-            )
-        levels = steps
-        at_once = path.window.contains_zero
-        left = path.left | path.right if at_once else path.left
-        sets = [require_observable(model, s, context.engine) for s in (left, path.right)]
-        if at_once:
-            settled = settled.settled(sets[1], ~sets[0])
-    found = Exploration(settled, rational=context.engine.is_rational)
-    points = found.points(np.flatnonzero(context.engine.to_bools(asked)))
-    if not found.run(tuning.BOUNDED_BELIEFS, levels=levels):
+    model, window = problem.model, problem.window
+    steps = window.steps().upper
+    if steps is None:
         raise UnsupportedError(
-            f"more than {tuning.BOUNDED_BELIEFS:,} beliefs are possible within {levels} steps"
+            "bounds on steps from below are not supported for "
+            f"{class_name(context.engine.model)} without one from above"
+        )
+    settled = model.arrays
+    if window.contains_zero:
+        settled = settled.settled(problem.right, ~problem.left)
+    found = Exploration(settled, rational=context.engine.is_rational)
+    points = found.points(states)
+    if not found.run(tuning.BOUNDED_BELIEFS, levels=steps):
+        raise UnsupportedError(
+            f"more than {tuning.BOUNDED_BELIEFS:,} beliefs are possible within {steps} steps"
         )
     matrix, _ = rows_matrix(found.rows(), None, reward=False)
     relevant = np.zeros(len(found), np.bool_)
     relevant[points] = True
     inner = context.within(engine_of(model.engine, matrix), relevant)
-    over = [_of_beliefs(found, s) for s in sets]
-    node_path = (
-        replace(path, target=ArraySet(over[0]))
-        if isinstance(path, NextPath)
-        else replace(path, left=ArraySet(over[0]), right=ArraySet(over[1]))
-    )
-    values = probability(inner, node_path, direction)
-    context.log.runs.append(
-        SolverRun("steps", "beliefs", len(found), levels, f"all {len(found):,} beliefs")
-    )
-    low, high = values.at(ArraySet(relevant))
-    at = np.searchsorted(np.flatnonzero(relevant), points)
-    return _spread(context, asked, low[at], high[at], values.rounded(ArraySet(relevant)))
-
-
-def _of_beliefs(found: Exploration, members: Bools) -> Bools:
-    """The beliefs of whose states these observable ones are all; GOAL is one of them."""
-    beliefs = found.beliefs
-    out = np.zeros(len(found), np.bool_)
-    out[GOAL] = True
-    filled = np.flatnonzero(np.diff(beliefs.starts) > 0)
-    out[filled] = members[beliefs.states[beliefs.starts[filled]]]
-    return out
+    values = probability(inner, problem.path(found.beliefs.within), problem.direction)
+    low, high = values.at(inner.engine.all)
+    text, plan = f"all {len(found):,} beliefs", Plan(problem, points, found, None)
+    rounded = values.rounded(ArraySet(relevant))
+    return Found(low[points], high[points], rounded, text, len(found), plan)

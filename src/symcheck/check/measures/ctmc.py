@@ -168,7 +168,8 @@ def instantaneous_reward(
 def _refuse_rationals(context: Context) -> None:
     if context.engine.is_rational:
         raise UnsupportedError(
-            "time-bounded properties of a ctmc have no rational values; check them without -exact"
+            "time-bounded properties of a CTMC have no rational values",
+            hint="check them without -exact",
         )
 
 

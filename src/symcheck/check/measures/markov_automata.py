@@ -208,8 +208,8 @@ def _exit_rates(system: System) -> Floats:
 def _refuse_rationals(context: Context) -> None:
     if context.engine.is_rational:
         raise UnsupportedError(
-            "time-bounded properties of Markov automata have no rational values; check them "
-            "without -exact"
+            "time-bounded properties of Markov automata have no rational values",
+            hint="check them without -exact",
         )
 
 

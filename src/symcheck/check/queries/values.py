@@ -18,6 +18,7 @@ from symcheck.engines.base import StateSet, Values
 from symcheck.engines.capabilities import HasUncertainty
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
+from symcheck.semantics.path_formulas import NextPath, UntilPath
 from symcheck.semantics.query import (
     CoSafeReward,
     CostBoundedReward,
@@ -30,6 +31,7 @@ from symcheck.semantics.query import (
     LongRunReward,
     PathProbability,
     ProbabilityGiven,
+    Quantity,
     Query,
     ReachReward,
     TotalReward,
@@ -54,6 +56,27 @@ def values(
     Raises:
         UnsupportedError: the quantity does not apply to the model, or a value is beyond doubles.
     """
+    try:
+        return _values(context, query, exactly)
+    except UnsupportedError as error:
+        if error.hint == "use -exact" and _is_irrational(context, query.quantity):
+            raise UnsupportedError(error.message, note=error.note) from None
+        raise
+
+
+def _is_irrational(context: Context, quantity: Quantity[StateSet]) -> bool:
+    """Whether a quantity is bounded in continuous time, so that -exact refuses it."""
+    match quantity:
+        case PathProbability(UntilPath(window=window) | NextPath(window=window)):
+            bounded = not window.is_unbounded
+        case _:
+            bounded = isinstance(quantity, CumulativeReward | InstantaneousReward)
+    return bounded and context.engine.model.type.continuous_time
+
+
+def _values(
+    context: Context, query: Query[StateSet], exactly: Callable[[StateSet], Numbers] | None
+) -> Values:
     context, query = against_nature(context, query)
     quantity = query.quantity
     if (game := context.concurrent_game(query)) is not None:

@@ -21,7 +21,7 @@ from symcheck.engines.base import StateSet
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.errors import UnsupportedError
 from symcheck.matrices.rows import per_row
-from symcheck.semantics.features import Feature, require
+from symcheck.semantics.features import Feature, class_name, require
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.path_formulas import (
     LtlPathFormula,
@@ -115,6 +115,14 @@ def strategy_attaining(context: Context, query: Query[StateSet]) -> Strategy:
         raise UnsupportedError(
             f"strategies for {quantity.feature.value} are not available for {model.type.called}"
         )
+    if model.weights is Weights.INTERVALS:
+        match quantity:
+            case PathProbability(NextPath()) | CumulativeReward() | InstantaneousReward():
+                raise UnsupportedError(
+                    f"strategies for X, C<=k and I=k are not available for {class_name(model)}"
+                )
+            case _:
+                pass
     builder = StrategyBuilder(context, direction)
     system = context.engine.system(context.engine.all)
     match quantity:

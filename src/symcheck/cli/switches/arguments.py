@@ -17,7 +17,7 @@ from symcheck.cli.switches.input_switches import (
     add_options,
     add_simulation,
 )
-from symcheck.cli.switches.needs import COMPARE, Given, unmet_needs
+from symcheck.cli.switches.needs import COMPARE, PROPERTY, Given, unmet_needs
 from symcheck.cli.switches.output_switches import add_distributions, add_exports, add_output
 from symcheck.cli.switches.parser import Export, HelpFormatter, SwitchParser
 from symcheck.cli.switches.prism_options import Adapted, adapt
@@ -165,6 +165,16 @@ class Arguments(argparse.Namespace):
     def needs_model(self) -> bool:
         """Whether a switch needs the built model."""
         return any(switch.needs.model for switch in self.given.values())
+
+    @property
+    def about_states(self) -> list[str]:
+        """The switches that need the built model, and not its text or the result of a property."""
+        texts = {"-exportprismconst", "-exportjani"}
+        models = [e.argument.partition(":")[0] for e in self.exports if e.kind == "model"]
+        if all(name.endswith(".jani") for name in models):
+            texts.add("-exportmodel")
+        switches = (s for n, s in self.given.items() if n not in texts)
+        return [s.written for s in switches if s.needs.model and PROPERTY not in s.needs.all_of]
 
     @property
     def draws_diagram(self) -> bool:

@@ -50,7 +50,7 @@ from symcheck.semantics.rewards import Reward, Steps, Structure, Time
 from symcheck.syntax.ast import Expression, Type
 
 if TYPE_CHECKING:
-    from symcheck.engines.explicit.product import ExplicitProduct
+    from symcheck.engines.explicit.product import ExplicitProduct, ProductModel
     from symcheck.explicit.orbits import Represented
     from symcheck.numerics.concurrent_games import Game
 
@@ -337,18 +337,16 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
         """The product with a deterministic automaton whose letters are sets of states."""
         from symcheck.engines.explicit.product import product
 
-        name = f"{self.name} product"
+        return product(self, letters, automaton, self.over)
+
+    def over(self, pairs: ProductModel) -> ExplicitEngine:
+        """The engine on pairs of a state and a memory value, whose rows are those of the states."""
         theirs = self.opponents
-        return product(
-            self,
-            letters,
-            automaton,
-            lambda pairs: ExplicitEngine(
-                pairs,
-                name,
-                opponents=None if theirs is None else theirs[pairs.state],
-                number_error=self.entry_error,
-            ),
+        return ExplicitEngine(
+            pairs,
+            f"{self.name} product",
+            opponents=None if theirs is None else theirs[pairs.state],
+            number_error=self.entry_error,
         )
 
 

@@ -100,7 +100,7 @@ def finite_memory_strategy(base: ExplicitEngine, decisions: Decisions, first: in
     index = np.minimum(index, len(reached) - 1)
     entry = np.where(reached[index] == np.arange(base.states) * size + first, index, -1)
     return Strategy(
-        ExplicitEngine(model, f"{base.name} product"),
+        base.over(model),
         first_best(weights, groups),
         None,
         ~free,

@@ -25,7 +25,7 @@ from symcheck.engines.capabilities import (
 from symcheck.engines.explicit.array_values import ArraySet
 from symcheck.engines.explicit.base import Numeric
 from symcheck.engines.explicit.engine import ExplicitEngine, ExplicitSystem
-from symcheck.engines.explicit.product import ExplicitProduct, ProductModel, product
+from symcheck.engines.explicit.product import ProductModel
 from symcheck.engines.linear_system import lifted
 from symcheck.errors import UnsupportedError
 from symcheck.lazy_dataclass import dataclass
@@ -144,7 +144,10 @@ class IntervalEngine(ExplicitEngine, HasUncertainty, HasBestExpectations, HasRat
 
     def refuse(self) -> NoReturn:
         """Raise UnsupportedError: this needs probabilities that are numbers."""
-        raise UnsupportedError("this is not available for models with intervals of probabilities")
+        raise UnsupportedError(
+            "what is asked for needs probabilities that are numbers, and this model has intervals "
+            "of probabilities"
+        )
 
     def system(self, states: ArraySet, direction: Direction | None = None) -> IntervalSystem:
         """The equations over some states."""
@@ -163,16 +166,12 @@ class IntervalEngine(ExplicitEngine, HasUncertainty, HasBestExpectations, HasRat
             return super().rewards(reward)
         return self._full(self.states, 0), self._full(self.choices, 1)
 
-    def product(self, letters: Sequence[ArraySet], automaton: Any) -> ExplicitProduct:
-        """The product with a deterministic automaton whose letters are sets of states."""
-
-        def over(pairs: ProductModel) -> IntervalEngine:
-            base = self.weights.indptr
-            entries = spans(base[:-1][pairs.rows], base[1:][pairs.rows])
-            name = f"{self.name} product"
-            return replace(self, explored=pairs, lower=self.lower[entries], name=name)
-
-        return product(self, letters, automaton, over)
+    def over(self, pairs: ProductModel) -> IntervalEngine:
+        """The engine on pairs of a state and a memory value, whose rows are those of the states."""
+        base = self.weights.indptr
+        entries = spans(base[:-1][pairs.rows], base[1:][pairs.rows])
+        name = f"{self.name} product"
+        return replace(self, explored=pairs, lower=self.lower[entries], name=name)
 
 
 @dataclass(frozen=True, eq=False)

@@ -173,7 +173,7 @@ def _rational(value: Value) -> Rational:
 
 def apply_to_functions(operation: Operator | Function, *values: Any) -> Any:
     """The value of an operator or function of rational functions. Raises UnsupportedError."""
-    from symcheck.engines.parametric.functions import FIELD
+    from symcheck.semantics.binding.parameters import FIELD
 
     if operation in FIELD and any(isinstance(v, float) and not isfinite(v) for v in values):
         # Beside an infinity, the sign of a function matters alone.

@@ -24,12 +24,13 @@ from symcheck.errors import ModelFault, NumericalError
 from symcheck.explicit.build import explore
 from symcheck.explicit.model import ExplicitModel, evaluate_states
 from symcheck.explicit.states import Rows, StateTable
-from symcheck.matrices.function_table import FunctionTable
+from symcheck.matrices.function_table import FunctionTable, run_starts
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rational_functions import FunctionField, RationalFunction
 from symcheck.matrices.rows import Int64s, SparseMatrix, starts_of
 from symcheck.options import Options
 from symcheck.semantics import state_faults
+from symcheck.semantics.binding.parameters import Ranges, check_function
 from symcheck.semantics.expressions.vectorised import Column, evaluate_columns
 from symcheck.semantics.model import BoundCommand, BoundModel, BoundReward, Event, Value
 from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, Type
@@ -57,16 +58,17 @@ class ParametricModel(CompiledModel):
         """The value of an expression in each state."""
         if self.model.parameters.keys().isdisjoint(names(expression)):
             return super().evaluate(expression)
+        check_function(self.field.names, expression)
         table = _Functions(self.field, self.model)
         columns = _columns(self.model, self.states)
         return table.of(table.values(expression, columns, len(self.states)))
 
 
-def random_point(model: BoundModel, random: Random) -> dict[str, Fraction]:
-    """A point within the ranges of the parameters."""
+def random_point(box: Ranges, random: Random) -> dict[str, Fraction]:
+    """A point inside a box of parameters."""
     return {
-        name: low + (high - low) * Fraction(random.randrange(1, 1000), 1000)
-        for name, (low, high) in model.parameters.items()
+        name: low + (high - low) * Fraction(random.randrange(1, 1024), 1024)
+        for name, (low, high) in box.items()
     }
 
 
@@ -82,7 +84,7 @@ def explore_parametric(model: BoundModel, options: Options) -> ParametricModel:
     """
     field, random = FunctionField(list(model.parameters)), Random(0)
     for _ in range(_ATTEMPTS):
-        point = random_point(model, random)
+        point = random_point(model.parameters, random)
         field.sample(point)
         found = explore(_support(model, point), replace(options, check_sums=False))
         try:
@@ -255,7 +257,7 @@ class _Rows:
         order = np.lexsort(columns[2::-1])
         state, kind, choice, weight, target = (column[order] for column in columns)
         # Choices: their sums, and the rewards of their actions.
-        starts = _changes(state, kind, choice)
+        starts = run_starts(state, kind, choice)
         owner, of_kind = state[starts], kind[starts]
         sums = functions.sums(weight, starts)
         if self.check_sums:
@@ -278,14 +280,10 @@ class _Rows:
             actions = np.array([*numbers, -1], np.int32)[of_kind]
         else:
             row, groups, actions = state, None, np.full(n, -1, np.int32)
-            earned = [functions.sums(e, _changes(owner)) for e in earned]
+            earned = [functions.sums(e, run_starts(owner)) for e in earned]
         # Rows: branches that lead to the same state are added.
-        order = np.lexsort((target, row))
-        row, target, weight = row[order], target[order], weight[order]
-        first = _changes(row, target)
-        merged = functions.sums(weight, first)
-        indptr = starts_of(np.bincount(row[first]))
-        columns_of = target[first].astype(np.int32)
+        row, target, merged = functions.merged(row, target, weight)
+        indptr = starts_of(np.bincount(row))
         state_rewards = [
             functions.of(self._items([i for i in r.items if i.on_states], np.arange(n)))
             for r in self.bound.rewards
@@ -293,7 +291,7 @@ class _Rows:
         return ParametricModel(
             self.bound,
             self.found.states,
-            SparseMatrix(indptr, columns_of, functions.of(merged), n, groups),
+            SparseMatrix(indptr, target.astype(np.int32), functions.of(merged), n, groups),
             actions,
             self.found.initial,
             dead,
@@ -336,14 +334,3 @@ class _Rows:
             values = self.functions.values(item.value, columns, len(there))
             total[there] = self.functions.pairs(op.add, total[there], values)
         return total
-
-
-def _changes(*keys: Int64s) -> Int64s:
-    """Where runs of equal keys begin, in arrays that are sorted by them."""
-    if not len(keys[0]):
-        return np.zeros(0, np.int64)
-    differs = np.zeros(len(keys[0]), bool)
-    differs[0] = True
-    for key in keys:
-        differs[1:] |= key[1:] != key[:-1]
-    return np.flatnonzero(differs)

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import operator as op
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
+from symcheck.errors import Diagnostic, ModelFault
 from symcheck.matrices.rational_functions import FunctionField, RationalFunction
+from symcheck.semantics.binding.parameters import FIELD, check_function, no_function
 from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Binary, Call, Conditional, Expression, Name, Unary
 from symcheck.syntax.operators import Operator
 from symcheck.syntax.traversal import names
 
-__all__ = ["FIELD", "function_of", "function_of_text"]
-
-FIELD: Mapping[object, Callable[[RationalFunction, RationalFunction], RationalFunction]] = {
-    Operator.PLUS: op.add,
-    Operator.MINUS: op.sub,
-    Operator.TIMES: op.mul,
-    Operator.DIVIDE: op.truediv,
-}
-"""The operators whose values are rational functions."""
+__all__ = ["function_of", "function_of_text"]
 
 
 def function_of(
@@ -29,9 +21,12 @@ def function_of(
 ) -> RationalFunction:
     """The function that an expression is, given the values of its other names.
 
-    Raises:
-        ModelFault: a number is infinite, or there is a division by 0.
-        UnsupportedError: an operator gives no rational function.
+    Args:
+        expression: as `check_function` admits it.
+        field: the functions of the parameters.
+        values: of the other names.
+
+    Raises ModelFault: a number is infinite, there is a division by 0, or a power is not whole.
     """
     if names(expression).isdisjoint(field.names):
         value = evaluate(expression, values, exact=True)
@@ -48,18 +43,17 @@ def function_of(
             return function_of(then if holds else otherwise, field, values)
         case Binary(Operator.POWER, base, exponent) | Call(_, (base, exponent)):
             power = evaluate(exponent, values, exact=True)
-            if power != int(power):
-                raise UnsupportedError(f"the power {power} of a parameter is no rational function")
+            if power % 1:
+                raise no_function(expression, f"the power {power} is no rational function")
             return function_of(base, field, values) ** int(power)
-        case Binary(operator, left, right) if operator in FIELD:
+        case Binary(operator, left, right):
             f, g = function_of(left, field, values), function_of(right, field, values)
             if not g and operator is Operator.DIVIDE:
                 raise ModelFault(Diagnostic("division by 0", expression.span, "number"))
-            return FIELD[operator](f, g)
+            function: RationalFunction = FIELD[operator](f, g)
+            return function
         case _:
-            raise UnsupportedError(
-                "only sums, products, quotients and powers of parameters are rational functions"
-            )
+            raise AssertionError(f"{expression} is not checked")
 
 
 def function_of_text(
@@ -71,4 +65,6 @@ def function_of_text(
     """
     from symcheck.syntax.parse import parse_expression
 
-    return function_of(parse_expression(text), field, values)
+    expression = parse_expression(text)
+    check_function(field.names, expression)
+    return function_of(expression, field, values)

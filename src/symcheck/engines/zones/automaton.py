@@ -160,15 +160,11 @@ class TimedGraph:
 
     def describe(self, location: int, zone: Int64s) -> str:
         """A state of a zone, for messages."""
-        values = iter(point(zone))
-        shown = []
-        for v, x in zip(self.model.variables, self.locations[location], strict=True):
-            if v.clock:
-                time = next(values) * self.unit
-                shown.append(f"{v.name}={float(time):.6g}")
-            else:
-                shown.append(f"{v.name}={str(x).lower()}")
-        return f"({', '.join(shown)})"
+        times, variables = iter(point(zone)), self.model.variables
+        pairs = zip(variables, self.locations[location], strict=True)
+        return describe_state(
+            variables, [next(times) * self.unit if v.clock else x for v, x in pairs]
+        )
 
 
 def unbounded(zones: Int64s) -> Bools:

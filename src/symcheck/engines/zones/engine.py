@@ -12,7 +12,12 @@ from symcheck.engines.base import Engine, erased
 from symcheck.engines.capabilities import HasRationalTwin
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.rational.explore import RationalModel, StateList
-from symcheck.engines.zones.automaton import TimedGraph, explore_zones, time_passes_in_cycles
+from symcheck.engines.zones.automaton import (
+    TimedGraph,
+    explore_zones,
+    time_passes_in_cycles,
+    unbounded,
+)
 from symcheck.engines.zones.backwards import (
     ZoneProcess,
     always_safe,
@@ -22,13 +27,14 @@ from symcheck.engines.zones.backwards import (
 )
 from symcheck.engines.zones.federation import (
     Atom,
+    before,
     complement,
     everything,
     intersection,
     subtraction,
     union,
 )
-from symcheck.errors import Diagnostic, ModelFault, SymcheckError
+from symcheck.errors import Span, SymcheckError
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import StateLayout, StateTable
 from symcheck.lazy_dataclass import dataclass
@@ -39,13 +45,11 @@ from symcheck.semantics.binding.bind import exactly_bound
 from symcheck.semantics.model import BoundModel, Variable
 from symcheck.semantics.timed.digital import common_unit, limits_of
 from symcheck.semantics.timed.properties import OnZones, Reach
+from symcheck.semantics.timed.stopped_time import Stop, time_stops
 from symcheck.syntax.ast import Binary, Expression, Literal, ModelType, Name, Type
 from symcheck.syntax.operators import Operator
 
-__all__ = ["TIMELOCK", "ZENO", "ZoneEngine", "zone_model"]
-
-TIMELOCK = "time stops: neither may it pass, nor is a command enabled"
-ZENO = "time cannot go on for ever: commands follow each other within a finite time"
+__all__ = ["ZoneEngine", "zone_model"]
 
 
 @dataclass(frozen=True)
@@ -117,7 +121,7 @@ def _process(automaton: BoundModel, reach: Reach) -> ZoneProcess:
         diagonals |= {(i, j, 2 * value), (i, j, 2 * value + 1)}
     explore_zones(graph, top, diagonals)
     count = range(len(graph.locations))
-    _check_time(graph, can_go_on(graph), "timelock", TIMELOCK)
+    _check_time(graph, can_go_on(graph), Stop.TIMELOCK)
     left = [graph.holds(reach.left, k) for k in count]
     right = [graph.holds(reach.right, k) for k in count]
     beyond: Int64s | None = None
@@ -134,7 +138,7 @@ def _process(automaton: BoundModel, reach: Reach) -> ZoneProcess:
     passes = time_passes_in_cycles(graph)
     if not passes:
         whole = never_ending(graph, [everything(graph.clocks) for _ in count])
-        _check_time(graph, whole, "zeno", ZENO)
+        _check_time(graph, whole, Stop.ZENO)
     outside = [complement(r) for r in right]
     failed = [subtraction(o, a) for o, a in zip(outside, left, strict=True)]
     if beyond is not None:
@@ -144,13 +148,30 @@ def _process(automaton: BoundModel, reach: Reach) -> ZoneProcess:
     return most_probable(graph, outside, [union(f, e) for f, e in zip(failed, ends, strict=True)])
 
 
-def _check_time(graph: TimedGraph, fine: list[Int64s], code: str, message: str) -> None:
+def _check_time(graph: TimedGraph, fine: list[Int64s], stop: Stop) -> None:
     """Raise ModelFault if a state is reached that is not fine."""
     for number, zones in enumerate(graph.reached):
         stuck = subtraction(zones, fine[number])
-        if len(stuck):
-            state = graph.describe(number, stuck)
-            raise ModelFault(Diagnostic(f"{message}, for example in state {state}", code=code))
+        if not len(stuck):
+            continue
+        if stop is Stop.TIMELOCK:
+            ended = subtraction(stuck, before(graph.invariants[number]))
+            stuck, stop = (ended, stop) if len(ended) else (stuck, Stop.LIMIT)
+        raise time_stops(stop, graph.describe(number, stuck), _limit(graph, number, stuck))
+
+
+def _limit(graph: TimedGraph, number: int, zones: Int64s) -> Span | None:
+    """The invariant that time meets in a location, or that fails in the first of some zones."""
+    found = None
+    for module in graph.model.modules:
+        if module.invariant is None:
+            continue
+        zone = graph.holds(module.invariant, number)
+        if len(subtraction(zones[:1], before(zone))):
+            return module.invariant.span
+        if found is None and not unbounded(zone).any():
+            found = module.invariant.span
+    return found
 
 
 def _built(search: _Search, model: BoundModel, options: Options) -> Engine:

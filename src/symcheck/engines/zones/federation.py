@@ -19,6 +19,7 @@ from symcheck.matrices.rows import Bools, Int64s
 __all__ = [
     "INFINITE",
     "Atom",
+    "before",
     "close",
     "complement",
     "constrained",
@@ -212,6 +213,14 @@ def time_predecessors(goal: Int64s, avoided: Int64s) -> Int64s:
             result = intersection(result, np.concatenate([behind, first]))
         parts.append(result)
     return union(*parts) if parts else goal
+
+
+def before(zones: Int64s) -> Int64s:
+    """The values from which a positive time leads into some zones."""
+    earlier = past(zones)
+    upper = earlier[:, 1:, 0]
+    upper[upper < INFINITE // 2] &= ~1  # the limits themselves are excluded
+    return close(earlier)
 
 
 def point(zone: Int64s) -> list[Fraction]:

@@ -6,14 +6,20 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from math import inf
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault
 from symcheck.exchange.column_reader import first_true, read_file
-from symcheck.exchange.explicit_data import OBSERVATION, ExplicitData, ExplicitRewards
+from symcheck.exchange.explicit_data import (
+    OBSERVATION,
+    ExplicitData,
+    ExplicitRewards,
+    interval_fault,
+    interval_sums_fault,
+)
 from symcheck.explicit.explored import RACE
 from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, starts_of
@@ -24,10 +30,11 @@ __all__ = ["read_drn"]
 
 _STATE = re.compile(
     r"state\s+(?P<number>\d+)(?:\s+!(?P<rate>\S+))?(?P<player>\s+<\S*>)?(?:\s+\{(?P<observation>.*?)\})?"
-    r"(?:\s+\[(?P<rewards>[^]]*)\])?(?P<labels>.*)"
+    r"(?:\s+\[(?P<rewards>[^]]*)\])?(?P<labels>(?!\s*\[).*)"
 )
-_ACTION = re.compile(r"action\s+(?P<name>.*?)(?:\s+\[(?P<rewards>[^]]*)\])?")
-_TRANSITION = re.compile(r"(\d+)\s*:\s*(?:\[\s*(?P<lower>[^\],\s]+)\s*,\s*)?([^\],\s]+)\s*\]?")
+_ACTION = re.compile(r"action\s+(?P<name>[^[]*?)(?:\s+\[(?P<rewards>[^]]*)\])?")
+_VALUE = r"([^\[\],\s]+)"
+_TRANSITION = re.compile(rf"(\d+)\s*:\s*(?:{_VALUE}|\[\s*{_VALUE}\s*,\s*{_VALUE}\s*\])")
 _LABEL = re.compile(r'"([^"]*)"|(\S+)')
 _NONE = "__NOLABEL__"
 _TYPES = {kind.name: kind for kind in ModelType} | {"Markov Automaton": ModelType.MA}
@@ -81,6 +88,7 @@ class _Reader:
         self.source = source
         self.lines = source.text.split("\n")
         self.at = 0
+        self.kind = ModelType.DTMC
 
     def fault(self, line: int, message: str, hint: str | None = None) -> SyntaxFault:
         """The error for a line, from 0."""
@@ -92,6 +100,7 @@ class _Reader:
 
     def model(self, kind: ModelType | None, check_sums: bool) -> ExplicitData:
         model_type, names, n = self._header(kind)
+        self.kind = model_type
         parts = self._parts(n)
         rows = len(parts.first_entries)
         lengths = np.diff([*parts.first_entries, len(parts.targets)])
@@ -110,11 +119,12 @@ class _Reader:
         indptr = starts_of(row_lengths)
         row_of = np.repeat(np.arange(rows), lengths)
         intervals = parts.lower != parts.values
-        if model_type.has_probabilities and not intervals and check_sums:
-            sums = np.bincount(row_of, values, rows)
-            for i in first_true(np.abs(sums - 1) > SUM_TOLERANCE):
-                message = f"the probabilities of this action sum to {sums[i]:.12g}, not to 1"
-                raise self.fault(parts.lines[i], message)
+        if intervals:
+            lower = np.array(parts.lower)
+            for i, message, hint in interval_sums_fault(row_of, lower, values, rows):
+                raise self.fault(parts.lines[i], message, hint)
+        elif model_type.has_probabilities and check_sums:
+            self._check_sums(parts, values, row_of)
         matrix = self._matrix(indptr, targets, values, n, groups, model_type, parts)
         actions, codes = self._actions(parts, groups)
         contributions = None
@@ -148,6 +158,13 @@ class _Reader:
             None if intervals else contributions,
             lower=self._sorted(indptr, targets, parts.lower) if intervals else None,
         )
+
+    def _check_sums(self, parts: _Parts, values: Floats, row_of: Int64s) -> None:
+        """Check that the probabilities of each action sum to 1."""
+        sums = np.bincount(row_of, values, len(parts.lines))
+        for i in first_true(np.abs(sums - 1) > SUM_TOLERANCE):
+            message = f"the probabilities of this action sum to {sums[i]:.12g}, not to 1"
+            raise self.fault(parts.lines[i], message)
 
     def _sorted(self, indptr: Int64s, targets: Int32s, values: list[float]) -> Floats:
         """Values of the transitions in the order of the matrix."""
@@ -255,7 +272,12 @@ class _Reader:
             )
         parts.state_lines.append(line)
         parts.first_rows.append(len(parts.first_entries))
-        parts.rates.append(np.nan if match["rate"] is None else self._number(line, match["rate"]))
+        rate = np.nan if match["rate"] is None else self._number(line, match["rate"])
+        if match["rate"] is not None and not self.kind.continuous_time:
+            raise self.fault(line, f"states of {self.kind.one} have no exit rates")
+        if rate < 0:
+            raise self.fault(line, "an exit rate must not be negative")
+        parts.rates.append(rate)
         parts.state_rewards.append(self._numbers(line, match["rewards"]))
         for quoted, plain in _LABEL.findall(match["labels"]):
             label = re.sub(r"\W", "_", quoted or plain)  # a name that properties can refer to
@@ -279,11 +301,17 @@ class _Reader:
             raise self.fault(line, "a transition is written as: STATE : PROBABILITY")
         if not parts.first_entries or parts.first_rows[-1] == len(parts.first_entries):
             raise self.fault(line, "an action is expected before this transition")
-        target, value = int(match[1]), self._number(line, match[3])
-        lower = value if match["lower"] is None else self._number(line, match["lower"])
+        target, value = int(match[1]), self._number(line, match[2] or match[4])
+        lower = value if match[3] is None else self._number(line, match[3])
         if target >= n:
             raise self.fault(line, f"state {target} does not exist: there are {n}, numbered from 0")
-        if not 0 <= value < inf:
+        if lower != value:
+            if self.kind.continuous_time:
+                raise self.fault(line, "intervals of rates are not supported")
+            message, hint = interval_fault(lower, value)
+            if message:
+                raise self.fault(line, message, hint)
+        if value < 0:
             raise self.fault(line, "a probability or rate must be finite and not negative")
         if value > 0:
             if target in parts.in_action:
@@ -298,9 +326,12 @@ class _Reader:
 
     def _number(self, line: int, text: str) -> float:
         try:
-            return float(Fraction(text)) if "/" in text else float(text)
-        except (ValueError, ZeroDivisionError):
+            number = float(Fraction(text)) if "/" in text else float(text)
+        except (ValueError, ArithmeticError):
             raise self.fault(line, f"'{text}' is not a number") from None
+        if not isfinite(number):
+            raise self.fault(line, f"'{text}' is not a finite number")
+        return number
 
     # -------------------------------------------------------------------------------------- parts
 

@@ -1,7 +1,8 @@
 """Write models and properties in the JANI format, version 1.
 
 Each module is an automaton with one location, each event a synchronisation vector. Labels and
-reward structures are transient variables. Constants have their values.
+reward structures are transient variables. Constants have their values. Invariants of timed automata
+are conditions of locations.
 
 Source: C. E. Budde, C. Dehnert, E. M. Hahn, A. Hartmanns, S. Junges, A. Turrini: JANI: quantitative
 model and tool interaction. TACAS 2017; https://jani-spec.org.
@@ -128,6 +129,7 @@ class _Writer:
         self.labels = {name: self.names.take(name) for name in model.labels}
         self.types = {v.name: v.type for v in model.variables}
         self.rewards = [self.names.take(r.name or "reward") for r in model.rewards]
+        self.is_timed = model.type.continuous_time or model.type.has_clocks
 
     def root(self, properties: Sequence[BoundProperty], left_out: LeftOut | None) -> Object:
         """The whole file."""
@@ -178,6 +180,8 @@ class _Writer:
                     "lower-bound": v.low,
                     "upper-bound": v.high,
                 }
+            if v.clock:
+                kind = "clock"
             start: Object = {} if v.initial is None else {"initial-value": v.initial}
             yield {"name": v.name, "type": kind, **start}
 
@@ -222,6 +226,9 @@ class _Writer:
 
     def _automaton(self, number: int, parts: Sequence[_Edges]) -> Object:
         location: Object = {"name": _LOCATION}
+        invariant = self.model.modules[number].invariant
+        if invariant is not None:
+            location["time-progress"] = {"exp": self.expression(invariant)}
         if number == 0:
             location["transient-values"] = [
                 *(
@@ -381,11 +388,11 @@ class _Writer:
 
     @property
     def _kinds(self) -> list[Value]:
-        return ["time", "steps"] if self.model.type.continuous_time else ["exit", "steps"]
+        return ["time", "steps"] if self.is_timed else ["exit", "steps"]
 
     @property
     def _instant(self) -> str:
-        return "time-instant" if self.model.type.continuous_time else "step-instant"
+        return "time-instant" if self.is_timed else "step-instant"
 
     def _expected(self, node: ExpectedTime | RewardOperator) -> Value:
         try:
@@ -394,7 +401,7 @@ class _Writer:
             raise _NotInJani(node) from None
         match quantity:
             case ReachReward(Time(), target):
-                kind = "time" if self.model.type.continuous_time else "steps"
+                kind = "time" if self.is_timed else "steps"
                 reach = self.expression(target)
                 return self._compared(node, "E", {"exp": 1, "accumulate": [kind], "reach": reach})
             case ReachReward(reward, target):
@@ -426,7 +433,7 @@ class _Writer:
             case None:
                 return {}
             case TimeBound() as bound:
-                kind = "time" if self.model.type.continuous_time else "step"
+                kind = "time" if self.is_timed else "step"
                 return {f"{kind}-bounds": self._interval(bound)}
             case RewardBound(structure=None) as bound:
                 return {"step-bounds": self._interval(bound)}

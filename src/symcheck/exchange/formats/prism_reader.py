@@ -10,9 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from symcheck.errors import MemoryLimitError, Source, UsageError
+from symcheck.errors import MemoryLimitError, Source, UnsupportedError, UsageError
 from symcheck.exchange.column_reader import Columns, columns_of, first_true, read_source
-from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards, row_rewards
+from symcheck.exchange.explicit_data import (
+    ExplicitData,
+    ExplicitRewards,
+    interval_fault,
+    interval_sums_fault,
+    row_rewards,
+)
 from symcheck.exchange.formats.combined_file import ModelParts, parts_of
 from symcheck.machine import available_memory
 from symcheck.matrices.contributions import Contributions
@@ -29,6 +35,8 @@ _STATE_BYTES = 24
 """The least memory of a state: the start of its row, its variable, and a temporary array. Linux
 promises more memory than there is, and kills a process that uses it."""
 _KINDS = ("tra", "sta", "lab", "srew", "trew")
+_IN_DRN_FILES = "DRN files hold Markov automata and partially observable models"
+_INTERVAL = re.compile(r"\[([^\[\],]+),([^\[\],]+)\]")
 _CHAIN_WORDS = "source, target, probability or rate"
 
 
@@ -38,13 +46,16 @@ ModelFiles = ModelParts[Path]
 
 @dataclass(frozen=True, eq=False)
 class _Transitions:
-    """What a .tra file holds: the matrix, and the action of each row, or of parts of a chain."""
+    """What a .tra file holds: the matrix, and the action of each row, or of parts of a chain; of
+    intervals, the lower ends too.
+    """
 
     type: ModelType
     matrix: SparseMatrix
     actions: tuple[str, ...]
     row_actions: Int32s
     contributions: Contributions | None = None
+    lower: Floats | None = None
 
 
 def model_files(argument: str) -> ModelFiles:
@@ -143,6 +154,10 @@ def read_model(
 
 
 def _model(texts: ModelParts[Source], kind: ModelType | None, check_sums: bool) -> ExplicitData:
+    if kind is not None and kind.has_own_syntax:
+        raise UnsupportedError(
+            f"{texts.transitions.name} cannot hold {kind.called}", hint=_IN_DRN_FILES
+        )
     result = _read_transitions(texts.transitions, kind, check_sums)
     n = result.matrix.states
     columns = _read_states(texts.states, n) if texts.states else [("x", Type.INT, np.arange(n))]
@@ -157,6 +172,7 @@ def _model(texts: ModelParts[Source], kind: ModelType | None, check_sums: bool) 
         labels,
         rewards,
         result.contributions,
+        lower=result.lower,
     )
 
 
@@ -193,7 +209,13 @@ def _read_transitions(part: Source, kind: ModelType | None, check_sums: bool) ->
     if n > available_memory() // _STATE_BYTES:
         raise MemoryLimitError(f"{part.name}: {n:,} states take more than the free memory")
     source, target = file.integers(0, n, "state"), file.integers(first, n, "state")
-    weights = _weights(file, first + 1) if action > first + 1 else np.ones(len(source))
+    lower: Floats | None = None
+    if action == first + 1:
+        weights = np.ones(len(source))
+    elif _has_intervals(file, first + 1):
+        lower, weights = _intervals(file, first + 1)
+    else:
+        weights = _weights(file, first + 1)
     choice = file.integers(1, _INT_LIMIT, "choice") if has_choices else np.zeros_like(source)
     order = np.lexsort((target, choice, source))
     # A chain with actions may have several lines for a pair of states, one per action.
@@ -205,7 +227,8 @@ def _read_transitions(part: Source, kind: ModelType | None, check_sums: bool) ->
         actions, codes = _action_codes(file, 3)
         by = np.lexsort((codes, target, source))
         _unique(file, by, source, target, codes.astype(np.int64))
-        contributions = Contributions(source, target, codes, weights) if actions else None
+        if actions and lower is None:
+            contributions = Contributions(source, target, codes, weights)
     source, target, values = source[order], target[order], weights[order]
     row, rows, groups = source, n, None
     row_actions: Int32s = np.full(n, -1, np.int32)
@@ -215,12 +238,20 @@ def _read_transitions(part: Source, kind: ModelType | None, check_sums: bool) ->
         actions, row_actions = _read_actions(file, order, row, rows, action)
     sums: Floats = np.bincount(row, values, rows).astype(np.float64)
     of_choices = ModelType.with_properties(has_choices=True)
-    model_type = of_choices if has_choices else kind or _told_type(file)
+    told = kind or _told_type(file)
+    model_type = of_choices if has_choices else told
+    if lower is not None:
+        lower, model_type = lower[order], model_type or ModelType.DTMC
+        if model_type.continuous_time:
+            file.fault(0, "intervals of rates are not supported", "interval")
+        for i, message, hint in interval_sums_fault(row, lower, values, rows):
+            line = int(order[np.searchsorted(row, i)]) + 1
+            file.fault(line, message, "interval-sum", None, hint)
     is_one = np.abs(sums - 1) <= SUM_TOLERANCE
     if model_type is None:
         are_rates = not np.all(is_one | (sums == 0))
         model_type = ModelType.with_properties(continuous_time=are_rates)
-    if not model_type.continuous_time and check_sums:
+    if not model_type.continuous_time and check_sums and lower is None:
         for i in first_true(~is_one & (has_choices | (sums != 0))):
             at = int(np.searchsorted(row, i))
             what = f"probabilities {'of a choice' if has_choices else 'out'} of state {source[at]}"
@@ -231,7 +262,9 @@ def _read_transitions(part: Source, kind: ModelType | None, check_sums: bool) ->
     indptr = starts_of(np.bincount(entries // n, minlength=rows))
     total: Floats = np.bincount(index, values[keep], len(entries)).astype(np.float64)
     matrix = SparseMatrix(indptr, (entries % n).astype(np.int32), total, n, groups)
-    return _Transitions(model_type, matrix, actions, row_actions, contributions)
+    if lower is not None:
+        lower = np.bincount(index, lower[keep], len(entries)).astype(np.float64)
+    return _Transitions(model_type, matrix, actions, row_actions, contributions, lower)
 
 
 def _choices(
@@ -258,6 +291,26 @@ def _weights(file: Columns, word: int) -> Floats:
     for i in first_true(~(values >= 0) | np.isinf(values)):
         file.fault(i + 1, "a probability or rate must be finite and not negative", "negative", word)
     return values
+
+
+def _has_intervals(file: Columns, word: int) -> bool:
+    return file.table is None and any(row[word].startswith("[") for row in file.rows[1:])
+
+
+def _intervals(file: Columns, word: int) -> tuple[Floats, Floats]:
+    """The lower and the upper end of each line; those of a number coincide."""
+    ends = np.empty((2, len(file.rows) - 1))
+    for i, row in enumerate(file.rows[1:], 1):
+        match = _INTERVAL.fullmatch(row[word])
+        low, high = (
+            file.real(i, text, word)
+            for text in ((match[1], match[2]) if match else (row[word], row[word]))
+        )
+        message, hint = interval_fault(low, high)
+        if message:
+            file.fault(i, message, "interval", word, hint)
+        ends[:, i - 1] = low, high
+    return ends[0], ends[1]
 
 
 def _unique(file: Columns, order: Int64s, *keys: Int64s) -> None:
@@ -308,14 +361,18 @@ def _is_lts(file: Columns) -> bool:
     if file.table is not None:
         return bool(file.table.shape[1] == 3)
     first = file.rows[1] if len(file.rows) > 1 else []
-    return len(first) == 3 or (len(first) == 4 and not re.match(r"[-+.\d]", first[3]))
+    return len(first) == 3 or (len(first) == 4 and not re.match(r"[-+.\d[]", first[3]))
 
 
 def _told_type(file: Columns) -> ModelType | None:
     """The model type that a comment such as `Transitions (CTMC)` states."""
     for comment in file.comments:
-        if match := re.fullmatch(r"Transitions \((DTMC|CTMC|MDP)\)", comment):
-            return ModelType(match[1].lower())
+        if match := re.fullmatch(r"Transitions \(([A-Z]+)\)", comment):
+            if match[1] in ("DTMC", "CTMC", "MDP"):
+                return ModelType(match[1].lower())
+            if match[1] != "LTS":
+                message = f"a comment calls this a {match[1]}, and the file lacks a part of it"
+                file.fault(0, message, "header", None, _IN_DRN_FILES)
     return None
 
 
@@ -407,7 +464,7 @@ def _read_rewards(
         _same_size(file, size[:1], (m.states,))
         file.expect(size[1], "rewards")
         file.widths((2,), "a state and a reward")
-        result.states[file.integers(0, m.states, "state")] = file.reals(1)
+        result.states[file.integers(0, m.states, "state")] = _finite(file, 1)
         result = result._replace(name=_reward_name(file))
     if pair[1] is not None:
         file = columns_of(pair[1])
@@ -418,6 +475,13 @@ def _read_rewards(
             entries=entries,
         )
     return result
+
+
+def _finite(file: Columns, word: int) -> Floats:
+    rewards = file.reals(word)
+    for i in first_true(~np.isfinite(rewards)):
+        file.fault(i + 1, "a reward must be finite", "number", word)
+    return rewards
 
 
 def _reward_name(file: Columns) -> str | None:
@@ -450,7 +514,7 @@ def _transition_rewards(file: Columns, model: _Transitions) -> Floats:
         file.integers(0, m.states, "state"),
         file.integers(1 if chain else 2, m.states, "state"),
     )
-    rewards = file.reals(2 if chain else 3)
+    rewards = _finite(file, 2 if chain else 3)
     row = source
     if m.groups is not None:
         choice = file.integers(1, _INT_LIMIT, "choice")

@@ -93,7 +93,7 @@ def _given(raw: ExplicitUmb, kind: ModelType, path: Path, check_sums: bool) -> E
         if "states" in values:
             labels[name] = _bools(values["states"], n, f'label "{name}"', path)
     rewards = [
-        _rewards(name, values, matrix, kind, branches)
+        _rewards(name, values, matrix, kind, branches, path)
         for name, values in _annotations(raw, "rewards").items()
     ]
     columns = _columns(raw, n)
@@ -142,6 +142,8 @@ def _matrix(
     row = np.repeat(np.arange(len(branches) - 1), np.diff(branches))
     if kind.continuous_time:
         rates = np.array([float(r) for r in raw.state_to_exit_rate])  # per state, and per choice
+        for i in first_true(~(rates >= 0) | np.isinf(rates)):
+            raise UsageError(f"'{path}': {rates[i]:g} is not an exit rate (state {i})")
         values = values * np.repeat(np.repeat(rates, counts), np.diff(branches))
     rows = len(branches) - 1
     if not kind.has_choices:
@@ -216,6 +218,7 @@ def _rewards(
     matrix: SparseMatrix,
     kind: ModelType,
     branches: _Branches,
+    path: Path,
 ) -> ExplicitRewards:
     """A reward structure. Rewards of choices and of branches are both transition rewards.
 
@@ -224,7 +227,10 @@ def _rewards(
     """
 
     def numbers(part: str, count: int) -> Floats:
-        return np.array([float(x) for x in values[part]]) if values.get(part) else np.zeros(count)
+        given = [float(x) for x in values.get(part) or [0.0] * count]
+        for i in first_true(~np.isfinite(given)):
+            raise UsageError(f"'{path}': the reward {given[i]:g} is not finite ({part} {i})")
+        return np.array(given)
 
     states = numbers("states", matrix.states)
     if not values.get("choices") and not values.get("branches"):

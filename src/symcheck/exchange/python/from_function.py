@@ -100,7 +100,7 @@ def from_function(
         step,
         labels,
         rewards,
-        plain_type(type),
+        plain_type(type, told=True),
         max_states,
         make_options(options),
     )

@@ -134,9 +134,15 @@ def named(what: str, given: Mapping[str, T] | None) -> Mapping[str, T]:
     return given or {}
 
 
-def plain_type(given: ModelType | str | None) -> ModelType | None:
-    """The type of a model without players, clocks and observations. Raises UsageError."""
+def plain_type(given: ModelType | str | None, *, told: bool = False) -> ModelType | None:
+    """The type of a model without players, clocks and observations. Raises UsageError.
+
+    told: the model tells rates from probabilities, as a Markov automaton has to.
+    """
     kind = model_type(given)
+    if kind and kind.immediate_choices and not told:
+        message = f"type={kind.value!r}: nothing tells rates from probabilities here"
+        raise UsageError(message, hint="symcheck.from_function and symcheck.loads do")
     if kind and (kind.has_clocks or kind.partially_observed or kind.players > 1):
         raise UsageError(f"type={kind.value!r}: such a model needs a text", hint="symcheck.loads")
     return kind

@@ -10,6 +10,7 @@ import numpy as np
 from symcheck.api.model import Model
 from symcheck.check.result import Result
 from symcheck.engines.base import erased
+from symcheck.engines.explicit.intervals import IntervalEngine
 from symcheck.engines.explicit.strategy import Strategy
 from symcheck.engines.transition_actions import state_columns
 from symcheck.errors import UnsupportedError, UsageError
@@ -18,7 +19,10 @@ from symcheck.exchange.explicit_data import ExplicitData, ExplicitRewards
 from symcheck.matrices.contributions import Contributions
 from symcheck.matrices.numbers import Numbers
 from symcheck.matrices.rows import Int64s, spans, starts_of
-from symcheck.syntax.ast import ModelType, Type
+from symcheck.semantics.features import class_name
+from symcheck.semantics.model import BoundModel, Delays
+from symcheck.syntax.ast import ModelType, Type, Weights
+from symcheck.syntax.traversal import names
 
 __all__ = ["induced_chain", "induced_data"]
 
@@ -30,6 +34,9 @@ def induced_chain(model: Model, strategy: Strategy | Result, *, reach: bool = Tr
     the transitions of its choices are added, and a transition reward is their mean. States in which
     the strategy does not matter take the choice that it has there. The chain is checked, sampled,
     drawn and exported as every model.
+
+    A strategy from a file leaves the intervals of a model to nature: its chain has them. Steps of
+    the chain of a timed automaton are delays, and what counts them as time is refused.
 
     Args:
         model: the MDP.
@@ -69,18 +76,28 @@ def induced_data(
         reach: only the states that are reached, numbered anew.
         restrict: an MDP with one choice per state instead of a DTMC.
     """
-    if strategy.engine.model.type.continuous_time:
-        raise UnsupportedError(
-            f"the chains of strategies are not available for {strategy.engine.model.type.called}"
-        )
     engine, base = strategy.engine, strategy.base
     explored, model = engine.explored, engine.model
+    if model.type.continuous_time or model.weights is Weights.PARAMETERS:
+        raise UnsupportedError(
+            f"the chains of strategies are not available for {class_name(model)}"
+        )
+    intervals = engine.capability(IntervalEngine)  # of nature, unless it has chosen
+    if intervals is not None and strategy.weights is not None:
+        raise UnsupportedError(
+            "the chain of a strategy that chooses at random is not available for models with "
+            "intervals of probabilities"
+        )
     kept = np.flatnonzero(strategy.reachable) if reach else np.arange(engine.states)
     origin, n = strategy.origin[kept], len(kept)
     number = np.full(engine.states, -1, np.int32)
     number[kept] = np.arange(n, dtype=np.int32)
     groups = np.arange(n + 1) if restrict else None
     matrix = strategy.induced.select(kept, number, n, groups)
+    lower: Numbers | None = None
+    if intervals is not None:
+        ends = replace(engine.weights, data=intervals.lower).choose(strategy.taken)
+        lower = ends.select(kept, number, n, groups).data
     counts = np.diff(strategy.starts)[kept]
     taken = spans(strategy.starts[:-1][kept], strategy.starts[1:][kept])
     rows, shares = strategy.taken[taken], strategy.shares[taken]
@@ -94,9 +111,11 @@ def induced_data(
         while any(name == known for known, _, _ in columns):
             name += "_"
         columns.append((name, Type.INT, strategy.memory[kept].astype(np.int64)))
+    delays, capped = _delays(model)
     labels = {
         name: base.to_bools(base.where(expression))[origin]
         for name, expression in model.labels.items()
+        if not names(expression) & capped
     }
     labels |= {
         "init": engine.to_bools(engine.initial)[kept],
@@ -129,8 +148,19 @@ def induced_data(
         np.where(common, actions[first], -1).astype(np.int32),
         labels,
         rewards,
-        None if restrict else of_actions,
+        None if restrict or intervals is not None else of_actions,
+        lower=lower,
+        delays=delays,
     )
+
+
+def _delays(model: BoundModel) -> tuple[Delays | None, frozenset[str]]:
+    """What steps are, and the clocks that labels may not compare: a property has limited them."""
+    if model.clocks is None or model.clocks.time is None:
+        return None, frozenset()
+    clocks = frozenset(v.name for v in model.clocks.automaton.variables if v.clock)
+    limited = clocks if model.clocks.for_property else frozenset[str]()
+    return Delays(model.clocks.time, clocks), limited
 
 
 def _sums(values: Numbers, starts: Int64s) -> Numbers:

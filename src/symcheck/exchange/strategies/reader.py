@@ -21,6 +21,7 @@ from symcheck.exchange.strategies.files import ANY_CHOICE
 from symcheck.matrices.numbers import numbers
 from symcheck.matrices.rows import Int64s
 from symcheck.semantics.expressions.literals import format_state
+from symcheck.syntax.ast import Weights
 
 __all__ = ["load_strategy", "undecided_states"]
 
@@ -63,6 +64,11 @@ def load_strategy(model: Model, file: str | Path) -> Strategy:
     """
     kind = model.bound.type
     if not kind.has_choices:
+        if model.bound.weights is Weights.INTERVALS:
+            raise UnsupportedError(
+                f"a {kind.name} with intervals has no strategy to read: nature alone chooses in it",
+                hint="-exportstrat FILE.tra writes the chain that nature chooses",
+            )
         raise UnsupportedError(f"strategies exist only for MDPs, and this model is a {kind.name}")
     # Diagrams count the states quickly, so that a model whose rows do not fit is refused at once.
     check_rows_fit(model.engine, "a strategy from a file needs")

@@ -14,6 +14,7 @@ from copy import copy
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
+from itertools import count
 from math import lcm
 from typing import Any
 
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from symcheck.errors import NumericalError
 from symcheck.matrices.numbers import Numbers, Rationals, rationals
-from symcheck.matrices.rows import Floats, Int64s, spans, starts_of
+from symcheck.matrices.rows import Bools, Floats, Int64s, spans, starts_of
 from symcheck.numerics.beliefs.observed import GOAL, LARGEST, SINK, Observed, Whole
 from symcheck.numerics.beliefs.triangulation import reduced, totals, triangulate
 
@@ -56,12 +57,19 @@ class Beliefs:
 
     def mean(self, of_states: Floats) -> Floats:
         """The expectation of a number per state under each belief; 0 of the empty ones."""
-        out = np.zeros(len(self))
-        filled = np.diff(self.starts) > 0
-        out[filled] = np.add.reduceat(
-            self.shares * of_states[self.states], self.starts[:-1][filled]
-        )
+        each = self.shares * of_states[self.states]
+        return np.asarray(np.bincount(self.owner, each, len(self)), np.float64)
+
+    def within(self, members: Bools) -> Bools:
+        """The beliefs whose states are all among these observable ones; GOAL is one of them."""
+        out: Bools = np.arange(len(self)) == GOAL
+        out[self.owner] = members[self.states]
         return out
+
+    @cached_property
+    def owner(self) -> Int64s:
+        """The belief of each entry of `states`."""
+        return np.repeat(np.arange(len(self)), np.diff(self.starts))
 
     @cached_property
     def shares(self) -> NDArray[np.float64]:
@@ -116,12 +124,13 @@ class Exploration:
         # Rewards as whole numbers.
         self._unit = lcm(*(r.denominator for r in earned)) if earned is not None else 1
         self._earned = None if earned is None else np.asarray(earned * self._unit, object)
-        self.keeps_supports = self._supports = supports
+        self._supports = supports
         none = np.zeros(0, np.int64)
         self.beliefs = Beliefs(np.zeros(3, np.int64), none, none)
         self._known: dict[int, int] = {}
         self._first = np.full(2, -1, np.int64)
-        self._parts: list[tuple[NDArray[Any], ...]] = []
+        number = none.astype(object if rational else np.float64)
+        self._parts: list[tuple[NDArray[Any], ...]] = [(none, number, none, none, none, number)]
         self._row_count = 0
         self._fixed = np.full(len(model.choices) + 2, -1, np.int64)
         self._fixed[GOAL], self._fixed[SINK] = GOAL, SINK
@@ -136,16 +145,11 @@ class Exploration:
 
     def points(self, states: Int64s) -> Int64s:
         """The numbers of the beliefs that are certain of a state."""
-        fixed = self._fixed[self.model.classes[states]]
-        out, free = fixed.copy(), fixed < 0
-        count = int(free.sum())
-        ones = np.ones(count, np.int64)
-        out[free] = self._numbers(np.arange(count + 1), states[free], ones)
-        return out
+        number = np.arange(len(states) + 1)
+        return self.memory_of(Beliefs(number, states, np.ones_like(states)), number[:-1])
 
     def by_observation(self) -> None:
         """Remember nothing but the last observation: its belief has all states of the class."""
-        self.keeps_supports = False
         states = self.model.by_class
         classes = self.model.classes[states]
         states, classes = states[classes > SINK], classes[classes > SINK]
@@ -191,7 +195,7 @@ class Exploration:
         """
         self._upper = upper
         size_of_state = np.add.reduceat(self.model.matrix.lengths, self.model.groups[:-1])
-        while levels is None or levels > 0:
+        for _ in count() if levels is None else range(levels):
             pending = self.pending
             if not len(pending):
                 return True
@@ -201,23 +205,15 @@ class Exploration:
                 if newest.max() > (_LONGEST**4 if self._rational else _LONGEST):
                     return False
             sizes = np.add.reduceat(size_of_state[beliefs.states], beliefs.starts[:-1][pending])
-            batch = np.cumsum(sizes) // _BATCH
-            ends = np.flatnonzero(np.diff(batch, append=-1)) + 1
-            begin = 0
-            for end in ends.tolist():
+            cuts = np.flatnonzero(np.diff(np.cumsum(sizes) // _BATCH)) + 1
+            for batch in np.split(pending, cuts):
                 if len(self) > limit or len(self.beliefs.states) > _ENTRIES:
                     return False
-                self._expand(pending[begin:end], resolution)
-                begin = end
-            levels = None if levels is None else levels - 1
+                self._expand(batch, resolution)
         return True
 
     def rows(self) -> Rows:
         """The rows found so far."""
-        if not self._parts:
-            none = np.zeros(0, np.int64)
-            number = none.astype(object if self._rational else np.float64)
-            return Rows(self._first, none, number, none, none, none, number)
         return Rows(self._first, *(np.concatenate(p) for p in zip(*self._parts, strict=True)))
 
     # ------------------------------------------------------------------------------------ internals
@@ -248,12 +244,11 @@ class Exploration:
         numbers = numbers[of]
         stored = self.beliefs
         begin, end = stored.starts[numbers], stored.starts[numbers + 1]
-        same = np.array_equal(end - begin, np.diff(starts))
-        entries = spans(begin, end) if same else starts
+        entries = spans(begin, end)
         if not (
-            same
+            np.array_equal(end - begin, np.diff(starts))
             and np.array_equal(stored.states[entries], states)
-            and bool((stored.values[entries] == values).all())
+            and np.array_equal(stored.values[entries], values)
         ):
             raise NumericalError("two beliefs have the same hash")
         return numbers
@@ -298,25 +293,21 @@ class Exploration:
         inside = spans(bounds[free], bounds[free + 1])
         bounds = starts_of(bounds[free + 1] - bounds[free])
         states, value = states[inside], value[inside]
-        share: Whole | None = None
+        weight = self._ratio(mass, below[of_pair])
         if resolution is None:
             target[free] = self._numbers(bounds, states, value)
         elif len(free):
             whole = totals(bounds, value)
             owner, part, bounds, states, value = triangulate(bounds, states, value, resolution)
-            keep = np.concatenate((np.flatnonzero(target >= 0), free[owner]))
-            count = len(keep) - len(owner)
-            target = np.concatenate((target[keep[:count]], self._numbers(bounds, states, value)))
-            share = np.concatenate((np.ones(count), np.asarray(part / whole[owner], np.float64)))
+            fixed = np.flatnonzero(target >= 0)
+            keep = np.concatenate((fixed, free[owner]))
+            share = np.concatenate((np.ones(len(fixed)), part / whole[owner])).astype(np.float64)
+            weight = np.maximum(weight[keep] * share, _LEAST if self._upper else 0.0)
+            target = np.concatenate((target[fixed], self._numbers(bounds, states, value)))
             order = np.argsort(of_pair[keep], kind="stable")
-            keep, target, share = keep[order], target[order], share[order]
-            mass, of_pair, observed = mass[keep], of_pair[keep], observed[keep]
-        weight = self._ratio(mass, below[of_pair])
-        if share is not None:
-            weight = np.maximum(weight * share, _LEAST if self._upper else 0.0)
-            kept = weight >= _LEAST
-            of_pair, target, observed = of_pair[kept], target[kept], observed[kept]
-            weight = weight[kept]
+            order = order[weight[order] >= _LEAST]
+            keep, target, weight = keep[order], target[order], weight[order]
+            of_pair, observed = of_pair[keep], observed[keep]
         number = self._row_count + np.arange(len(of_node))
         self._first = self._first.copy()
         self._first[nodes] = self._row_count + starts_of(choices)[:-1]

@@ -7,15 +7,15 @@ processes'.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, spans, starts_of
+from symcheck.matrices.rows import Bools, Floats, Int64s, SparseMatrix, spans
 from symcheck.numerics import graph
 from symcheck.numerics.beliefs.exploration import Beliefs, Rows
-from symcheck.numerics.beliefs.observed import GOAL, SINK, Observed
+from symcheck.numerics.beliefs.observed import GOAL, SINK, Observed, gathered
 
 __all__ = ["Memory"]
 
@@ -40,35 +40,26 @@ class Memory:
         return len(self.beliefs.states)
 
     @cached_property
-    def groups(self) -> Int64s:
-        """Where the rows of each pair begin in `matrix`, int64[pairs+1]."""
-        return starts_of(self._choices[self.of_pair])
-
-    @cached_property
     def _choices(self) -> Int64s:
-        return np.bincount(self.rows.row_of_belief, minlength=len(self.beliefs))
-
-    @cached_property
-    def of_pair(self) -> Int64s:
-        """The memory value of each pair."""
-        return np.repeat(np.arange(len(self.beliefs)), np.diff(self.beliefs.starts))
+        """The number of rows of each pair."""
+        return np.bincount(self.rows.row_of_belief, minlength=len(self.beliefs))[self.beliefs.owner]
 
     @cached_property
     def row_of_memory(self) -> Int64s:
         """The row of the memory of each row of `matrix`."""
-        first = self.rows.first[self.of_pair]
-        return spans(first, first + self._choices[self.of_pair])
+        first = self.rows.first[self.beliefs.owner]
+        return spans(first, first + self._choices)
 
     @cached_property
     def row_of_model(self) -> Int64s:
         """The row of the model of each row of `matrix`."""
         first = self.model.groups[self.beliefs.states]
-        return spans(first, first + self._choices[self.of_pair])
+        return spans(first, first + self._choices)
 
     def pair(self, memory: Int64s, states: Int64s) -> Int64s:
         """The numbers of pairs."""
         size, rank = self.model.states, self.model.rank
-        stored = self.of_pair * size + rank[self.beliefs.states]
+        stored = self.beliefs.owner * size + rank[self.beliefs.states]
         return np.searchsorted(stored, memory * size + rank[states])
 
     @cached_property
@@ -86,31 +77,24 @@ class Memory:
         after = rows.target[np.searchsorted(rows.row * width + rows.observed, sought)]
         pair = self.pair(after, states)
         pair[after == GOAL], pair[after == SINK] = n, n + 1
-        order = np.lexsort((pair, np.repeat(np.arange(len(inner)), lengths)))
-        split = SparseMatrix(
-            starts_of(lengths), pair[order].astype(np.int32), whole.data[entries][order], n + 2
-        )
-        merged = split.merge(np.arange(n + 2, dtype=np.int32), n + 2)
-        groups = np.append(self.groups, (merged.rows, merged.rows))
-        return SparseMatrix(merged.indptr, merged.indices, merged.data, n + 2, groups)
+        row = np.repeat(np.arange(len(inner)), lengths)
+        owner = np.repeat(np.arange(n), self._choices)
+        return gathered(row, pair, whole.data[entries], owner, n + 2)
 
     def chain(self, shares: Floats) -> SparseMatrix:
         """The chain of a strategy, given the share of each row; GOAL and SINK are absorbing."""
-        matrix, n = self.matrix, self.pairs
+        matrix, every = self.matrix, np.arange(self.pairs + 2)
         share = shares[self.row_of_memory]
         taken = np.flatnonzero(share > 0)
         chosen = matrix.choose(taken)
-        data = chosen.data * np.repeat(share[taken], chosen.lengths)
-        owner = matrix.state_of_row[taken]
-        ends = chosen.indptr[np.searchsorted(owner, np.arange(n + 1))]
-        loops = np.array([n, n + 1], np.int32)
-        mixed = SparseMatrix(
-            np.append(ends, ends[-1] + np.array([1, 2])),
-            np.append(chosen.indices, loops),
-            np.append(data, (1.0, 1.0)),
-            n + 2,
+        mixed = gathered(
+            np.append(np.repeat(matrix.state_of_row[taken], chosen.lengths), every[-2:]),
+            np.append(chosen.indices, every[-2:]),
+            np.append(chosen.data * np.repeat(share[taken], chosen.lengths), (1.0, 1.0)),
+            every,
+            len(every),
         )
-        return mixed.merge(np.arange(n + 2, dtype=np.int32), n + 2)
+        return replace(mixed, groups=None)
 
     def surely_safe(self) -> tuple[Bools, Bools]:
         """The memory values from which some strategy surely never meets GOAL, and its rows."""
@@ -134,7 +118,7 @@ class Memory:
             rows = np.flatnonzero(usable[self.row_of_memory])
             left = np.searchsorted(matrix.state_of_row[rows], np.arange(n + 3))
             near = graph.backward_reachable(matrix.choose(rows, left), goal)
-            lost = self.of_pair[~near[:n]]
+            lost = self.beliefs.owner[~near[:n]]
             if not alive[lost].any():
                 return alive, usable
             alive[lost] = False

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symcheck.matrices.numbers import Rationals
+from symcheck.matrices.numbers import Numbers, Rationals
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix, spans, starts_of
 
-__all__ = ["GOAL", "SINK", "Observed", "Whole", "aligned_rows"]
+__all__ = ["GOAL", "SINK", "Observed", "Whole", "aligned_rows", "gathered"]
 
 Whole = NDArray[Any]
 """Whole numbers: int64, or Python's where they are large."""
@@ -26,6 +26,29 @@ GOAL, SINK = 0, 1
 
 LARGEST = 2**62
 """Whole numbers below it are kept as int64."""
+
+
+def gathered(
+    rows: Int64s, columns: Int64s, values: Numbers, owner: Int64s, states: int
+) -> SparseMatrix:
+    """The matrix of some entries; those in the same place are added.
+
+    Args:
+        rows: the row of each entry.
+        columns: its column.
+        values: its value.
+        owner: the state of each row, ascending.
+        states: their number, which is that of the columns.
+    """
+    order = np.lexsort((columns, rows))
+    split = SparseMatrix(
+        starts_of(np.bincount(rows, minlength=len(owner))),
+        columns[order].astype(np.int32),
+        values[order],
+        states,
+        starts_of(np.bincount(owner, minlength=states)),
+    )
+    return split.merge(np.arange(states, dtype=np.int32), states)
 
 
 def aligned_rows(

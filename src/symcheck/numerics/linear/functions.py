@@ -69,12 +69,5 @@ def _merged(
     matrix: SparseMatrix, weights: Int64s, block: Int64s, table: FunctionTable
 ) -> tuple[Int64s, Int64s]:
     """The entries summed by blocks of columns: block and number of each, and starts of rows."""
-    row, column = matrix.row_of_entry, block[matrix.indices]
-    order = np.lexsort((column, row))
-    row, column, weights = row[order], column[order], weights[order]
-    differs = np.ones(len(row), bool)
-    differs[1:] = (row[1:] != row[:-1]) | (column[1:] != column[:-1])
-    first = np.flatnonzero(differs)
-    numbers = table.sums(weights, first)
-    starts = starts_of(np.bincount(row[first], minlength=matrix.rows))
-    return np.stack([column[first], numbers]), starts
+    row, column, numbers = table.merged(matrix.row_of_entry, block[matrix.indices], weights)
+    return np.stack([column, numbers]), starts_of(np.bincount(row, minlength=matrix.rows))

@@ -97,8 +97,10 @@ def _parameters(functions: Sequence[RationalFunction]) -> list[str]:
     below = RationalFunction(field, field.product(common.items()), ())
     degrees = np.max([below.top.degrees(), *((f * below).top.degrees() for f in functions)], axis=0)
     if degrees.max() > 1:
+        one = next((f for f in functions if max((f * below).top.degrees()) > 1), below)
         raise UnsupportedError(
-            "parameter lifting needs probabilities that are linear in each parameter",
+            "parameter lifting needs probabilities and rewards that are linear in each parameter, "
+            f"and one of them is {one!s:.60}",
             hint="without -lifting, regions are decided by functions",
         )
     return [name for name, degree in zip(field.names, degrees, strict=True) if degree]

@@ -140,14 +140,15 @@ class _Conditions:
             return None
 
     def _direction(self, node: Measure) -> None:
-        if self.model.type.has_choices and node.direction is None and node.bound is None:
+        kind = self.model.type
+        if kind.has_choices and node.direction is None and node.bound is None:
             hint = f"write {node.letter}min=? or {node.letter}max=?"
             program = self.model.program
             if program.type is None and program.span.source.text:
                 hint += "; the text names no type, so it is an MDP: begin it with dtmc, say"
             self.report.input(
                 "direction",
-                f"{node.letter}=? has no unique value in an MDP: it depends on the strategy",
+                f"{node.letter}=? has no unique value in {kind.one}: it depends on the strategy",
                 node.span,
                 hint,
             )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping
+import operator as op
+from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
+from typing import Any
 
-from symcheck.errors import NO_SPAN, Diagnostic, NameFault, TypeFault, UnsupportedError
+from symcheck.errors import NO_SPAN, Diagnostic, ModelFault, NameFault, TypeFault, UnsupportedError
 from symcheck.semantics.diagnostics import DiagnosticCollector, suggest
 from symcheck.semantics.model import BoundModel
 from symcheck.syntax.ast import (
@@ -21,15 +23,32 @@ from symcheck.syntax.ast import (
 )
 from symcheck.syntax.declarations import Constant
 from symcheck.syntax.operators import Function, Operator
-from symcheck.syntax.traversal import Tree, children, names, nodes, transform
+from symcheck.syntax.traversal import Tree, names, nodes, operands, transform
 
-__all__ = ["Ranges", "check_places", "check_ranges", "with_open_thresholds"]
+__all__ = [
+    "FIELD",
+    "Ranges",
+    "check_function",
+    "check_places",
+    "check_ranges",
+    "no_function",
+    "with_open_thresholds",
+]
 
 Ranges = Mapping[str, tuple[Fraction, Fraction]]
 """The range of each parameter, whose ends do not belong to it."""
 
-_FIELD = {Operator.PLUS, Operator.MINUS, Operator.TIMES, Operator.DIVIDE}
-_POWERS = {Operator.POWER, Function.POW}
+FIELD: Mapping[object, Callable[[Any, Any], Any]] = {
+    Operator.PLUS: op.add,
+    Operator.MINUS: op.sub,
+    Operator.TIMES: op.mul,
+    Operator.DIVIDE: op.truediv,
+}
+"""The operators whose values are rational functions."""
+_WHERE = (
+    "only probabilities, rates and rewards depend on parameters, as rational functions; "
+    "-const NAME=VALUE gives one a value"
+)
 
 
 def check_ranges(
@@ -60,9 +79,15 @@ def check_places(model: BoundModel) -> None:
     """Refuse parameters where graphs would depend on them, or values would be no functions.
 
     Raises:
-        UnsupportedError: a parameter stands in a guard, an assignment, a condition or a label, or
-            in an operation that gives no rational function.
+        ModelFault: a parameter stands in a guard, an assignment, a condition or a label, or in an
+            operation that gives no rational function.
+        UnsupportedError: models of this type have no parameters.
     """
+    if model.type.has_own_syntax:
+        raise UnsupportedError(
+            f"parameters are not available for {model.type.called}",
+            hint="-const gives each a value",
+        )
 
     def refuse(where: str, expression: Expression) -> None:
         _refuse(model.parameters, expression, f"in {where}")
@@ -70,12 +95,12 @@ def check_places(model: BoundModel) -> None:
     for command in (c for m in model.modules for c in m.commands):
         refuse("a guard", command.guard)
         for update in command.updates:
-            _check_function(model.parameters, update.probability)
+            check_function(model.parameters, update.probability)
             for _, value in update.assignments:
                 refuse("an assignment", value)
     for item in (i for r in model.rewards for i in r.items):
         refuse("the guard of a reward", item.guard)
-        _check_function(model.parameters, item.value)
+        check_function(model.parameters, item.value)
     for label in model.labels.values():
         refuse("a label", label)
     if model.initial is not None:
@@ -102,37 +127,31 @@ def with_open_thresholds(formula: Expression, parameters: Ranges) -> Expression:
     return transform(formula, compared) if parameters else formula
 
 
-def _refuse(parameters: Ranges, expression: Expression, where: str) -> None:
+def no_function(expression: Expression, message: str) -> ModelFault:
+    """The fault of a parameter that stands where values are no rational functions of it."""
+    return ModelFault(Diagnostic(message, expression.span, "parameter", _WHERE))
+
+
+def _refuse(parameters: Container[str], expression: Expression, where: str) -> None:
     for node in nodes(expression):
         if isinstance(node, Name) and node.name in parameters:
-            place = f"{node.span}: " if node.span.source.text else ""
-            raise UnsupportedError(
-                f"{place}parameter {node.name} stands {where}",
-                hint="only probabilities, rates and rewards depend on parameters, as rational "
-                f"functions; -const {node.name}=VALUE gives it a value",
-            )
+            raise no_function(node, f"parameter {node.name} stands {where}")
 
 
-def _check_function(parameters: Ranges, expression: Expression) -> None:
-    """Refuse what is no rational function of the parameters in each state."""
+def check_function(parameters: Container[str], expression: Expression) -> None:
+    """Refuse what is no rational function of the parameters in each state. Raises ModelFault."""
     match expression:
-        case Binary(operator, left, right) if operator in _FIELD:
-            _check_function(parameters, left)
-            _check_function(parameters, right)
-        case Binary(operator, base, exponent) if operator in _POWERS:
-            _check_function(parameters, base)
-            _refuse(parameters, exponent, "in an exponent")
-        case Call(function, (base, exponent)) if function in _POWERS:
-            _check_function(parameters, base)
-            _refuse(parameters, exponent, "in an exponent")
-        case Unary(_, operand):
-            _check_function(parameters, operand)
+        case Binary(Operator.POWER, base, exponent) | Call(Function.POW, (base, exponent)):
+            functions, numbers, where = [base], [exponent], "in an exponent"
         case Conditional(condition, then, otherwise):
-            _refuse(parameters, condition, "in a condition")
-            _check_function(parameters, then)
-            _check_function(parameters, otherwise)
+            functions, numbers, where = [then, otherwise], [condition], "in a condition"
+        case Unary() | Binary(Operator.PLUS | Operator.MINUS | Operator.TIMES | Operator.DIVIDE):
+            functions, numbers, where = [*operands(expression)], [], ""
         case _:
-            for part in children(expression):
-                if isinstance(part, Expression):
-                    called = expression.function if isinstance(expression, Call) else "an operator"
-                    _refuse(parameters, part, f"under {called!s}, which is no rational function")
+            called = expression.function if isinstance(expression, Call) else "an operator"
+            where = f"under {called!s}, which is no rational function"
+            functions, numbers = [], [*operands(expression)]
+    for part in functions:
+        check_function(parameters, part)
+    for part in numbers:
+        _refuse(parameters, part, where)

@@ -10,6 +10,7 @@ from symcheck.errors import NO_SPAN, Span
 from symcheck.semantics.model import Value
 from symcheck.syntax.ast import Binary, Expression, Literal, Type
 from symcheck.syntax.operators import Operator
+from symcheck.tables import plain_text
 
 __all__ = [
     "LARGEST_WHOLE",
@@ -110,9 +111,7 @@ def format_value(value: Value) -> str:
         return "NaN" if math.isnan(value) else "Infinity" if value > 0 else "-Infinity"
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, Fraction) and value.denominator == 1:
-        return str(value.numerator)
-    return repr(value) if isinstance(value, float) else str(value)
+    return repr(value) if isinstance(value, float) else plain_text(value)
 
 
 def format_state(values: Iterable[Value]) -> str:

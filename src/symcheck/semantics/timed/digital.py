@@ -10,11 +10,12 @@ using digital clocks, FMSD 29 (2006).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field, replace
 from fractions import Fraction
 from functools import partial, reduce
 from math import gcd
+from typing import ClassVar
 
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
@@ -27,8 +28,10 @@ from symcheck.semantics.model import (
     BoundRewards,
     BoundUpdate,
     Event,
+    Value,
     Variable,
 )
+from symcheck.semantics.state_faults import describe_state
 from symcheck.semantics.timed.constraints import (
     ClockConstraint,
     clock_constraints,
@@ -40,7 +43,15 @@ from symcheck.syntax.ast import Binary, Call, Expression, Literal, ModelType, Na
 from symcheck.syntax.operators import Function, Operator, UnaryOperator
 from symcheck.syntax.traversal import Tree, substitute, transform
 
-__all__ = ["Asked", "DigitalClocks", "NotDigital", "common_unit", "digital_clocks", "limits_of"]
+__all__ = [
+    "Asked",
+    "DigitalClocks",
+    "NotDigital",
+    "common_unit",
+    "digital_clocks",
+    "limits_of",
+    "require_states",
+]
 
 _TRUE = Literal(True, Type.BOOL)
 _FALSE = Literal(False, Type.BOOL)
@@ -90,6 +101,7 @@ class DigitalClocks:
     tick: str | None
     can_wait: Expression = field(repr=False)
     asked: Asked | None = field(default=None, repr=False)
+    lists_states: ClassVar[bool] = True
 
     @property
     def for_property(self) -> bool:
@@ -103,6 +115,12 @@ class DigitalClocks:
     def condition(self, expression: Expression) -> Expression:
         """A condition over clocks as one over counters of units."""
         return _in_units(expression, clocks_of(self.automaton), self.unit)
+
+    def describe(self, state: Sequence[Value]) -> str:
+        """A state of the automaton, for messages: without what is added, with times of clocks."""
+        variables = self.automaton.variables
+        own = zip(variables, state[: len(variables)], strict=True)
+        return describe_state(variables, [x * self.unit if v.clock else x for v, x in own])
 
     def time_is(self, operator: Operator, time: Fraction) -> Expression:
         """The comparison of the time since the beginning with a number."""
@@ -247,6 +265,15 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
     )
 
 
+def require_states(model: BoundModel) -> None:
+    """Refuse a timed automaton without a model whose states are listed, with the reason.
+
+    Raises NotDigital: it has none, because a constraint is strict or diagonal.
+    """
+    if model.type.has_clocks:
+        digital_clocks(model)
+
+
 def limits_of(
     model: BoundModel, conditions: Iterable[Expression]
 ) -> tuple[dict[str, set[Fraction]], set[tuple[str, str, Fraction]]]:
@@ -306,7 +333,7 @@ def _comparisons(condition: Expression, clocks: frozenset[str]) -> Iterator[Cloc
 
 def _refused(what: str, why: str, found: ClockConstraint) -> NotDigital:
     message = f"digital clocks cannot be used: this constraint on {what} {why}"
-    hint = "-ptamethod backwards (zones) takes it"
+    hint = "zones decide properties with one operator P, and have other states"
     return NotDigital(Diagnostic(message, found.span, "digital", hint))
 
 

@@ -7,9 +7,10 @@ count in which time goes on.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import field, replace
 from fractions import Fraction
+from itertools import chain
 from typing import ClassVar, cast
 
 from symcheck.direction import Direction
@@ -24,9 +25,17 @@ from symcheck.semantics.timed.digital import Asked, DigitalClocks, NotDigital
 from symcheck.syntax import ast
 from symcheck.syntax.ast import Expression, LabelReference, Literal, Type
 from symcheck.syntax.operators import Operator, UnaryOperator
-from symcheck.syntax.traversal import Tree, children, names, transform
+from symcheck.syntax.traversal import Tree, children, names, nodes, transform
 
-__all__ = ["OnZones", "Reach", "asked_of", "measures", "on_digital_clocks", "translated"]
+__all__ = [
+    "OnZones",
+    "Reach",
+    "asked_of",
+    "has_states_of",
+    "measures",
+    "on_digital_clocks",
+    "translated",
+]
 
 Labels = Mapping[str, Expression]
 
@@ -141,24 +150,32 @@ def _whole(condition: Expression, labels: Labels) -> Expression:
     return whole
 
 
-def asked_of(reached: list[Reach]) -> Asked:
-    """What measures need of digital clocks. Raises NotDigital: an interval of times needs zones."""
+def asked_of(reached: list[Reach], clocks: Set[str]) -> Asked:
+    """What measures need of digital clocks.
+
+    Args:
+        reached: the measures.
+        clocks: the names of the clocks.
+
+    Raises:
+        NotDigital: an interval of times needs zones.
+        UnsupportedError: a reward, or a game, has a target that reads a clock.
+    """
     conditions: list[tuple[Expression, bool]] = []
     horizon: list[Fraction] = []
     for reach in reached:
         path = reach.path
         window = None if path is None else path.window
-        if reach.query.coalition is not None:
-            # One side may avoid the target: it may not depend on clocks.
-            conditions += [(reach.left, True), (reach.left, False)]
-            if window is not None and (window.upper_strict or window.lower or window.lower_strict):
+        if path is None or reach.query.coalition is not None:
+            # It depends on when states are entered and left: each constraint would have to be
+            # closed, and its negation, too.
+            _refuse_clocks(reach, clocks)
+            if window is None:
+                continue
+            if window.upper_strict or window.lower or window.lower_strict:
                 message = "timed games have bounds <=k only"
                 raise UnsupportedError(Diagnostic(message, window.span, "timed-property"))
-        if path is None or reach.query.coalition is not None:
-            # A reward depends on when the target is entered: it may not depend on clocks.
-            conditions += [(reach.right, True), (reach.right, False)]
-            if window is not None and window.upper is not None:
-                horizon += [window.upper, Fraction(0)]
+            horizon += [] if window.upper is None else [window.upper, Fraction(0)]
             continue
         closed = not reach.avoids
         conditions += [(reach.left, closed), (reach.right, closed)]
@@ -169,10 +186,18 @@ def asked_of(reached: list[Reach]) -> Asked:
         up = up if not closed else window.lower_strict
         if down and up:
             message = "digital clocks cannot be used: this interval of times is not closed"
-            hint = "-ptamethod backwards (zones) takes it"
-            raise NotDigital(Diagnostic(message, window.span, "digital", hint))
+            raise NotDigital(Diagnostic(message, window.span, "digital"))
         horizon += [] if window.is_unbounded else [window.upper or Fraction(0), window.lower]
     return Asked(tuple(conditions), tuple(horizon), any(r.avoids for r in reached))
+
+
+def _refuse_clocks(reach: Reach, clocks: Set[str]) -> None:
+    what = "an expected reward or time" if reach.path is None else "a timed game"
+    for node in chain(nodes(reach.left), nodes(reach.right)):
+        if isinstance(node, ast.Name) and node.name in clocks:
+            message = f"the states that {what} is about cannot read the clock {node.name}"
+            hint = "let a command whose guard compares the clock set a variable, and read that"
+            raise UnsupportedError(Diagnostic(message, node.span, "timed-property", hint))
 
 
 @dataclass(frozen=True)
@@ -190,6 +215,7 @@ class OnZones:
     avoids: bool
     time: ClassVar[None] = None
     for_property: ClassVar[bool] = True
+    lists_states: ClassVar[bool] = False
 
     def __str__(self) -> str:
         """How time is treated, in words."""
@@ -209,6 +235,14 @@ class OnZones:
             return replace(node, path=path)
 
         return transform(formula, convert)
+
+
+def has_states_of(model: BoundModel, shown: BoundModel) -> bool:
+    """Whether states of the model that decided a property are those of the model that is shown."""
+    ours, theirs = model.clocks, shown.clocks
+    if not isinstance(ours, DigitalClocks) or not isinstance(theirs, DigitalClocks):
+        return ours is theirs
+    return (model.variables, ours.unit) == (shown.variables, theirs.unit)
 
 
 def translated(model: BoundModel, formula: Expression, labels: Labels) -> tuple[Expression, Labels]:

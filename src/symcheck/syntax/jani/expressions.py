@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
+from symcheck.errors import Span
 from symcheck.syntax.ast import (
     Binary,
     Call,
@@ -96,6 +97,7 @@ class ExpressionReader:
         outside: within a function, the names outside of it.
         arrays: the arrays by identifier.
         selected: the value of nondeterministic selections; None: they are refused.
+        drawn: the values of random numbers by their places; others are refused.
     """
 
     names: Mapping[str, Expression]
@@ -104,6 +106,7 @@ class ExpressionReader:
     outside: Mapping[str, Expression] | None = None
     arrays: Mapping[str, Cells] = field(default_factory=dict)
     selected: int | None = None
+    drawn: Mapping[Span, Expression] = field(default_factory=dict)
 
     def with_name(self, name: str, value: Expression) -> ExpressionReader:
         """A reader for the scope of a bound variable."""
@@ -170,9 +173,13 @@ class ExpressionReader:
                 raise constant.fault(f"the constants are {' and '.join(_CONSTANTS)}")
             value = Fraction(_CONSTANTS[constant.text])
             return Literal(value, Type.DOUBLE, span=node.span)
-        if node.get("distribution") is not None:
+        if (distribution := node.get("distribution")) is not None:
+            if node.span in self.drawn:
+                return self.drawn[node.span]
+            known = "DiscreteUniform and Bernoulli are, in assignments of edges and destinations"
             raise node.unsupported(
-                "continuous distributions are not supported: only DTMCs, CTMCs, MDPs"
+                f"random numbers of the distribution '{distribution.text}' are not supported here",
+                known,
             )
         operator = node["op"]
         return self.operation(node, operator.text)

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
+from itertools import product
+from math import prod
 
 from symcheck.errors import Span
 from symcheck.syntax.ast import (
@@ -18,6 +20,7 @@ from symcheck.syntax.ast import (
     ModelType,
     Name,
     Type,
+    Unary,
 )
 from symcheck.syntax.declarations import Constant, VariableDeclaration
 from symcheck.syntax.grammars import load
@@ -35,8 +38,8 @@ from symcheck.syntax.jani.expressions import (
     negation,
 )
 from symcheck.syntax.jani.json_tree import Json
-from symcheck.syntax.operators import Operator
-from symcheck.syntax.traversal import substitute
+from symcheck.syntax.operators import Operator, UnaryOperator
+from symcheck.syntax.traversal import names, substitute
 
 __all__ = [
     "Branch",
@@ -269,6 +272,8 @@ def assigned_values(
 # ------------------------------------------------------------------------------------------ reading
 
 _SELECTED = "?"
+_MOST_DRAWS = 10_000
+"""The most values of the random numbers of one destination."""
 """Stands for the value of a selection."""
 
 _MODEL = (
@@ -310,6 +315,7 @@ class _NetworkReader:
         self.arrays: dict[str, Cells] = {}
         self.all_arrays: dict[str, Cells] = {}
         self.limits: list[VariableDeclaration] = []
+        self.constants: dict[str, Expression | None] = {}
         self.actions: set[str] = set()
         self.boolean: set[str] = set()
 
@@ -360,6 +366,7 @@ class _NetworkReader:
         self._check_new(node["name"], self.names)
         name = self.unique.take(identifier, given=expression is None)
         self.names[identifier] = Name(name)
+        self.constants[name] = expression
         return Constant(name, kind, expression, span=node["name"].span)
 
     def _check_new(self, node: Json, names: Mapping[str, Expression]) -> None:
@@ -649,32 +656,98 @@ class _NetworkReader:
             raise rate.fault(f"edges of {self.kind.name}s have no rate")
         at = _at(location_variable, self._location(node["location"], locations))
         condition = selected if guard is None else conjunction(selected, reader.read(guard["exp"]))
-        shared = self._assignments(node, reader)
         branches = []
         if not node["destinations"].items:
             raise node["destinations"].fault("an edge needs a destination")
         for destination in node["destinations"].items:
             destination.check_members(_DESTINATION)
             probability = destination.get("probability")
-            assignments = [*shared, *self._assignments(destination, reader)]
+            given = None if probability is None else reader.read(probability["exp"])
             there = destination["location"]
             target = Literal(self._location(there, locations), Type.INT, span=there.span)
-            if location_variable is not None:
-                assignments.append(RawAssignment(0, location_variable.name, target, there.span))
-            branches.append(
-                Branch(
-                    None if probability is None else reader.read(probability["exp"]),
-                    tuple(assignments),
-                    destination.span,
-                )
-            )
-            self._check_assigned_once(assignments, destination)
+            for chance, drawn in self._draws((node, destination), reader):
+                of_edge, own = (self._assignments(n, drawn) for n in (node, destination))
+                assignments = [*of_edge, *own]
+                if location_variable is not None:
+                    assignments.append(RawAssignment(0, location_variable.name, target, there.span))
+                weight = chance if given is None else _times(given, chance)
+                branches.append(Branch(weight, tuple(assignments), destination.span))
+                self._check_assigned_once(assignments, destination)
         return Edge(
             None if action is None else self._action(action),
             conjunction(at, condition),
             None if rate is None else reader.read(rate["exp"]),
             tuple(branches),
             node,
+        )
+
+    def _draws(
+        self, owners: Sequence[Json], reader: ExpressionReader
+    ) -> Iterator[tuple[Expression | None, ExpressionReader]]:
+        """For all values of the random numbers in assignments their probability, None for 1, and a
+        reader for which they have these values.
+        """
+        values = [a["value"] for owner in owners for a in owner.each("assignments")]
+        found = [
+            n
+            for value in values
+            for n in value.nodes()
+            if isinstance(n.value, Mapping) and n.get("distribution") is not None
+        ]
+        outcomes = [self._outcomes(n, reader) for n in found]
+        if prod(map(len, outcomes)) > _MOST_DRAWS:
+            raise found[0].unsupported(f"random numbers have more than {_MOST_DRAWS:,} values here")
+        for draw in product(*outcomes):
+            chance: Expression | None = None
+            for probability, _ in draw:
+                chance = _times(chance, probability)
+            drawn = {n.span: value for n, (_, value) in zip(found, draw, strict=True)}
+            yield chance, replace(reader, drawn=drawn)
+
+    def _outcomes(
+        self, node: Json, reader: ExpressionReader
+    ) -> Sequence[tuple[Expression, Expression]]:
+        """The probabilities and values of a random number."""
+        arguments = [reader.read(n) for n in node["args"].items]
+        match node["distribution"].text, arguments:
+            case "Bernoulli", [p] if names(p) <= self.constants.keys():
+                return (p, ONE), (Binary(Operator.MINUS, ONE, p), ZERO)
+            case "Bernoulli", [_]:
+                raise node["args"].unsupported("the probability of Bernoulli reads no variable")
+            case "DiscreteUniform", [first, last]:
+                low, high = (self._whole(node["args"], e) for e in (first, last))
+                if low > high:
+                    raise node["args"].fault(f"there is no number from {low} to {high}")
+                if high - low >= _MOST_DRAWS:
+                    raise node.unsupported(f"more than {_MOST_DRAWS:,} random values are too many")
+                each = Literal(Fraction(1, high - low + 1), Type.DOUBLE)
+                return [(each, Literal(i, Type.INT)) for i in range(low, high + 1)]
+            case "Bernoulli" | "DiscreteUniform", _:
+                raise node["args"].fault("Bernoulli has 1 argument, DiscreteUniform has 2")
+            case _:
+                reader.read(node)  # tells that it is not supported
+                raise AssertionError("a distribution that is read as a value")
+
+    def _whole(self, node: Json, expression: Expression) -> int:
+        """The value of an integer bound of a random number, of constants that the model defines."""
+        match expression:
+            case Literal(int() as value) if not isinstance(value, bool):
+                return value
+            case Name(name) if (given := self.constants.get(name)) is not None:
+                return self._whole(node, given)
+            case Unary(UnaryOperator.MINUS, operand):
+                return -self._whole(node, operand)
+            case Binary(Operator.PLUS, left, right):
+                return self._whole(node, left) + self._whole(node, right)
+            case Binary(Operator.MINUS, left, right):
+                return self._whole(node, left) - self._whole(node, right)
+            case Binary(Operator.TIMES, left, right):
+                return self._whole(node, left) * self._whole(node, right)
+            case _:
+                pass
+        raise node.unsupported(
+            "a bound of DiscreteUniform is an integer, or made of constants to which the model "
+            "gives values by +, - and *"
         )
 
     def _assignments(self, owner: Json, reader: ExpressionReader) -> list[RawAssignment]:
@@ -731,6 +804,13 @@ class _NetworkReader:
         guard = negation(_any(guards)) if guards else TRUE
         rate = None if self.kind.has_probabilities else ONE
         return [Edge(action.text, guard, rate, (Branch(None, (), node.span),), node)]
+
+
+def _times(left: Expression | None, right: Expression | None) -> Expression | None:
+    """The product of two probabilities, of which None is 1."""
+    if left is None or right is None:
+        return left or right
+    return Binary(Operator.TIMES, left, right)
 
 
 def _at(location_variable: Name | None, location: int) -> Expression:
