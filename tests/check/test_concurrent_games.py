@@ -232,7 +232,7 @@ def test_a_threshold_at_an_irrational_value_is_not_decided():
     text = hide_or_run("(s'=0)")
     with pytest.raises(NumericalError, match="cannot decide") as error:
         check(text, "<<hider>> P>=1 [ F s=1 ]", max_iterations=100)
-    assert error.value.hint is None
+    assert error.value.hint == "=? in place of the bound gives the value with its accuracy"
     assert check(text, "<<hider>> P>0.9 [ F s=1 ]", max_iterations=100).value is True
 
 
