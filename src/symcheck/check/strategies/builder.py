@@ -190,9 +190,9 @@ class StrategyBuilder:
         except NumericalError as error:
             raise UnsupportedError(str(error)) from error
         if optimal is None:  # all end components are as good: any is reached
-            inside = gains.parts.of >= 0
-            _, rows = graph.prob1e_strategy(self.edges, np.ones_like(inside), inside)
-            self._take(~inside, rows)
+            settled = gains.parts.of >= 0
+            _, rows = graph.prob1e_strategy(self.edges, np.ones_like(settled), settled)
+            self._take(~settled, rows)
             return
         chosen = np.where(optimal >= 0, averages.origin[optimal], -1)
         leaving = np.zeros(self.engine.states, np.bool_)
