@@ -11,6 +11,7 @@ The tree::
     ├── UsageError            a switch, option, file name or argument is wrong
     │   └── NotInResultError  a result has no such part (NoStrategyError: no strategy)
     ├── UnsupportedError      the request is meaningful, but not supported; the message says what is
+    │   └── NeedsRationalsError  doubles do not serve: -exact computes with rational numbers
     ├── NumericalError        a computation did not reach the requested accuracy
     ├── InternalError         a defect of symcheck
     ├── OutputError           what is written does not arrive: a full disk, a closed pipe
@@ -44,6 +45,7 @@ __all__ = [
     "MemoryLimitError",
     "ModelFault",
     "NameFault",
+    "NeedsRationalsError",
     "NotInResultError",
     "NumericalError",
     "OutputError",
@@ -251,6 +253,13 @@ class NoStrategyError(NotInResultError):
 
 class UnsupportedError(SymcheckError):
     """The request is meaningful, but not supported; the message says what is."""
+
+
+class NeedsRationalsError(UnsupportedError):
+    """Floating point does not serve, and rational numbers do; the hint says how to have them."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message, hint="use -exact")
 
 
 class NumericalError(SymcheckError):

@@ -21,7 +21,7 @@ from time import perf_counter
 from typing import Any
 
 from symcheck.check.checker import check
-from symcheck.check.regions import Case, Condition, Extremum, Point, Regions, volume
+from symcheck.check.regions import Case, Condition, Extremum, Point, Regions, ends_of, volume
 from symcheck.check.result import Exact, Result
 from symcheck.direction import Direction
 from symcheck.engines.base import Engine
@@ -341,7 +341,7 @@ class Search:
                 return True
         proved = case.proved(box)
         enough = proved or self.any_strategy_violates
-        if enough and any(_violated(threshold, v, box) for v in _ends(case.value)):
+        if enough and any(_violated(threshold, v, box) for v in ends_of(case.value)):
             return False
         if not proved:
             with suppress(UnsupportedError):
@@ -405,14 +405,9 @@ def is_point(box: Box) -> bool:
     return all(low == high for low, high in box.values())
 
 
-def _ends(value: Any) -> tuple[Any, ...]:
-    """The ends of a range of values over initial states; else the value."""
-    return value if isinstance(value, tuple) else (value,)
-
-
 def _all_admitted(threshold: Threshold, value: Any) -> bool:
     """Whether a threshold admits a value, or both ends of a range of values."""
-    return all(map(threshold.admits, _ends(value)))
+    return all(map(threshold.admits, ends_of(value)))
 
 
 def _violated(threshold: Threshold, value: Any, box: Box) -> bool:

@@ -21,7 +21,7 @@ from symcheck.numerics.bernstein import Box, sign_on
 if TYPE_CHECKING:
     from symcheck.engines.explicit.strategy import Strategy
 
-__all__ = ["Case", "Condition", "Extremum", "Point", "Regions", "volume"]
+__all__ = ["Case", "Condition", "Extremum", "Point", "Regions", "ends_of", "volume"]
 
 Point = Mapping[str, Fraction]
 
@@ -87,8 +87,9 @@ class Case:
 
     def __call__(self, **point: Fraction | float | str) -> Any:
         """The value at a point, whether or not it is valid there."""
-        ends = self.value if isinstance(self.value, tuple) else (self.value,)
-        found = tuple(v(**point) if isinstance(v, RationalFunction) else v for v in ends)
+        found = tuple(
+            v(**point) if isinstance(v, RationalFunction) else v for v in ends_of(self.value)
+        )
         return found if isinstance(self.value, tuple) else found[0]
 
 
@@ -171,6 +172,11 @@ class Extremum(NamedTuple):
     value: Fraction
     bound: Fraction
     point: Point
+
+
+def ends_of(value: Any) -> tuple[Any, ...]:
+    """The ends of a range of values over initial states; else the value."""
+    return value if isinstance(value, tuple) else (value,)
 
 
 def volume(box: Box) -> Fraction:

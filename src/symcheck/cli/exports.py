@@ -15,7 +15,6 @@ from symcheck.cli.output import Output
 from symcheck.cli.output_paths import NO_CONSTANTS, ConstantTexts, instance_path, of_switch
 from symcheck.cli.switches.arguments import Arguments
 from symcheck.constant_values import combinations, parse_constants
-from symcheck.engines.base import Engine
 from symcheck.errors import Diagnostic, UnsupportedError, UsageError
 from symcheck.matrices.rows import Floats
 from symcheck.semantics.binding.bind import BoundProperty
@@ -142,7 +141,7 @@ def export_model(
     states; if not, only a JANI file is written.
     """
     if a.exportdot is not None and listed:
-        _export_dot(a.exportdot, output, model.engine, varying)
+        _export_dot(a.exportdot, output, model, varying)
     if a.exportpage is not None and listed:
         path = instance_path(a.exportpage, varying)
         model.page(file, {n: v[0] for n, v in constants.items()}).save(path)
@@ -174,7 +173,7 @@ def export_model(
         output.exported(path)
 
 
-def _export_dot(path: str, output: Output, engine: Engine, varying: ConstantTexts) -> None:
+def _export_dot(path: str, output: Output, model: Model, varying: ConstantTexts) -> None:
     """Write the diagrams of the matrix, one for each choice class.
 
     Raises UnsupportedError on engines without diagrams.
@@ -183,12 +182,13 @@ def _export_dot(path: str, output: Output, engine: Engine, varying: ConstantText
     from symcheck.exchange.text import write_text
     from symcheck.view.diagrams import dot
 
+    engine, options = model.engine, model.options
     symbolic = engine.capability(HasDiagrams)
     if symbolic is None:
-        drawn = engine.name.startswith(("mtbdd", "hybrid", "sparse"))
-        if drawn:  # it has built diagrams, and listed their rows
+        if options.engine in ("mtbdd", "hybrid", "sparse") and not options.exact:
+            # It has built diagrams, and listed their rows; its name tells why, or its class does.
             why = f"{class_name(engine.model)} are solved on rows"
-            why = engine.name if "(" in engine.name else why
+            why = why if engine.name == options.engine else engine.name
             raise UnsupportedError(f"-exportdot draws a diagram, and none is kept: {why}")
         raise UnsupportedError(
             f"-exportdot draws a diagram, and the engine {engine.name} has none",

@@ -15,7 +15,7 @@ from symcheck.engines.base import Engine, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.explicit.intervals import IntervalEngine
 from symcheck.engines.rational.explore import RationalModel
-from symcheck.errors import Diagnostic, ModelFault, UnsupportedError
+from symcheck.errors import Diagnostic, ModelFault, NeedsRationalsError, UnsupportedError
 from symcheck.explicit.explored import ExploredModel
 from symcheck.explicit.model import ExplicitModel
 from symcheck.explicit.states import StateTable
@@ -62,7 +62,7 @@ def build_intervals(model: BoundModel, options: Options, build: BuildRows) -> En
     if not np.array_equal(low.indptr, high.weights.indptr) or not np.array_equal(
         low.indices, high.weights.indices
     ):
-        raise UnsupportedError("products of intervals underflow", hint="use -exact")
+        raise NeedsRationalsError("products of intervals underflow")
     rewards = _rewards(model, high.explored, rows)
     exact = replace(options, exact=True)
     return erased(

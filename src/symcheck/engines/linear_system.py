@@ -19,7 +19,7 @@ import numpy as np
 from symcheck.direction import Direction
 from symcheck.engines.base import EquationsOf, S, S_contra, SolvedValues, SystemOf, V, V_co
 from symcheck.engines.reward_sums import RewardSums
-from symcheck.errors import UnsupportedError
+from symcheck.errors import NeedsRationalsError, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, is_infinite, is_rational, shared_sum
 from symcheck.matrices.operators import SweepOperator
@@ -69,8 +69,8 @@ def _finite(results: Numbers, *operands: Numbers) -> Numbers:
     """The results; UnsupportedError if one of them is infinite and its operands are not."""
     infinite = is_infinite(results)
     if infinite.any() and not any(is_infinite(o)[infinite].any() for o in operands):
-        raise UnsupportedError(
-            "the reward of a step is beyond the range of floating-point numbers", hint="use -exact"
+        raise NeedsRationalsError(
+            "the reward of a step is beyond the range of floating-point numbers"
         )
     return results
 
@@ -91,10 +91,9 @@ def require_normal_numbers(smallest: float, largest: float, successors: int, rat
     if smallest >= sys.float_info.min * max(exit_rate, 1.0):
         return
     numbers = f"rates from {smallest:g} to {largest:g}" if rates else f"probability {smallest:g}"
-    raise UnsupportedError(
+    raise NeedsRationalsError(
         f"{numbers}: the model has one-step probabilities that are too small for floating-point "
-        "numbers",
-        hint="use -exact",
+        "numbers"
     )
 
 
@@ -109,10 +108,9 @@ def require_normal_rewards(*rewards: Numbers) -> None:
             continue
         subnormal = (np.abs(values) < sys.float_info.min) & (values != 0.0)
         if subnormal.any():
-            raise UnsupportedError(
+            raise NeedsRationalsError(
                 f"reward {values[subnormal][0]:g} of a step: the model has rewards that are too "
-                "small for floating-point numbers",
-                hint="use -exact",
+                "small for floating-point numbers"
             )
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from symcheck.engines import tuning
 from symcheck.engines.capabilities import HasActions
-from symcheck.errors import InputError, UnsupportedError
+from symcheck.errors import InputError, NeedsRationalsError, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.rows import Bools, Floats, Int64s, per_row
 from symcheck.numerics import rational_limits
@@ -242,9 +242,8 @@ class RewardSums:
                 magnitudes = magnitudes + per_row(groups, of_transitions) * chances
         total: Floats = per_row(groups, states) + rows
         if system.exit_rates is not None and groups is not None:
-            raise UnsupportedError(
-                f"rewards of both signs are not supported for {engine.model.type.called}",
-                hint="use -exact",
+            raise NeedsRationalsError(
+                f"rewards of both signs are not supported for {engine.model.type.called}"
             )
         lost = _is_lost(total, magnitudes)
         if len(on_states) == len(items) and self._are_whole(items, of_states):

@@ -28,6 +28,7 @@ __all__ = [
     "read_columns",
     "read_file",
     "read_source",
+    "real",
 ]
 
 
@@ -167,9 +168,10 @@ class Columns:
 
     def real(self, line: int, text: str, word: int) -> float:
         """A number in a word of a line (its index in `rows`)."""
-        if not _is_real(text):
+        try:
+            return real(text)
+        except (ValueError, ArithmeticError):
             self.fault(line, f"'{text}' is not a number", "number", word)
-        return _real(text)
 
     def _first(
         self, column: Sequence[str], good: Callable[[str], bool], word: int, message: str
@@ -203,15 +205,8 @@ def _has_64_bits(text: str) -> bool:
     return is_int64(int(text))
 
 
-def _is_real(text: str) -> bool:
-    try:
-        _real(text)
-    except (ValueError, ArithmeticError):
-        return False
-    return True
-
-
-def _real(text: str) -> float:
+def real(text: str) -> float:
+    """A number or a fraction. Raises ValueError, ArithmeticError."""
     return float(Fraction(text) if "/" in text else text)
 
 

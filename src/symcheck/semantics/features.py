@@ -206,6 +206,11 @@ def require_type(kind: ModelType) -> None:
         )
 
 
+def _is_lost_by_zones(model: BoundModel, feature: Feature) -> bool:
+    """Whether a feature tells of states, and those of the model are no states of its automaton."""
+    return feature in _OF_STATES and model.clocks is not None and not model.clocks.lists_states
+
+
 def offers(model: BoundModel, feature: Feature) -> bool:
     """Whether a feature is offered for the class of a model.
 
@@ -216,9 +221,7 @@ def offers(model: BoundModel, feature: Feature) -> bool:
     """
     if model.weights is not Weights.NUMBERS and model.type.has_own_syntax:
         return False  # the features of types and of weights are tested apart, and not together
-    if model.clocks is not None and (
-        feature in _NOT_TIMED or (feature in _OF_STATES and not model.clocks.lists_states)
-    ):
+    if _is_lost_by_zones(model, feature) or (model.clocks is not None and feature in _NOT_TIMED):
         return False
     if model.delays is not None and feature in _COUNT_STEPS:
         return False
@@ -240,8 +243,7 @@ def require(model: BoundModel, *features: Feature) -> None:
     """
     for feature in features:
         if not offers(model, feature):
-            by_zones = model.clocks is not None and not model.clocks.lists_states
-            by_zones = by_zones and feature in _OF_STATES
+            by_zones = _is_lost_by_zones(model, feature)
             raise UnsupportedError(
                 f"{feature.value} are not available for {class_name(model)}"
                 + (" by zones" if by_zones else ""),

@@ -117,24 +117,25 @@ def _solved_averages(
     negative = not context.engine.is_rational and gains.lower.min() < 0
     shift = 2 * np.abs(gains.lower).max() if negative else 0
     shifted = replace(gains, lower=gains.lower + shift, upper=gains.upper + shift)
+    if (same := _same_everywhere(shifted, finer)) is not None:
+        return Averages(gains, shift, np.zeros(system.n, np.int32), same, np.empty(0, np.int64))
+    problem, state, origin = mec_quotient(system.matrix, shifted, direction, system.error)
     gain_error = float(
         ((shifted.upper - shifted.lower) / np.maximum(shifted.upper, 1e-300)).max(initial=0.0)
     )
     accuracy = replace(finer, epsilon=min(max(finer.epsilon, 4.0 * gain_error), 0.5))
-    if (same := _same_everywhere(shifted, accuracy)) is not None:
-        return Averages(gains, shift, np.zeros(system.n, np.int32), same, np.empty(0, np.int64))
-    problem, state, origin = mec_quotient(system.matrix, shifted, direction, system.error)
     solution = solve_linear(problem, accuracy, observer)
     return Averages(gains, shift, state, solution, origin)
 
 
 def _same_everywhere(gains: Gains, settings: Settings) -> Solution | None:
-    """One value for all states, if the gains are close: each run stays in some end component."""
+    """One value for all states if gains are close, or there is one: each run stays somewhere."""
     lower, upper = gains.lower.min(keepdims=True), gains.upper.max(keepdims=True)
     same = bool(lower[0] == upper[0])
-    if not same and (
-        is_rational(lower) or largest_width(lower, upper, settings.relative) > settings.epsilon
-    ):
+    close = not is_rational(lower) and (
+        largest_width(lower, upper, settings.relative) <= settings.epsilon
+    )
+    if not (same or close or gains.parts.count == 1):
         return None
     return Solution(lower, upper, "gains", same, explanation="the same average everywhere")
 

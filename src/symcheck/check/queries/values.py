@@ -16,7 +16,7 @@ from symcheck.check.queries.path_probabilities import probability
 from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, Values
 from symcheck.engines.capabilities import HasUncertainty
-from symcheck.errors import UnsupportedError
+from symcheck.errors import NeedsRationalsError, UnsupportedError
 from symcheck.matrices.numbers import Numbers, is_infinite
 from symcheck.semantics.path_formulas import NextPath, UntilPath
 from symcheck.semantics.query import (
@@ -58,8 +58,8 @@ def values(
     """
     try:
         return _values(context, query, exactly)
-    except UnsupportedError as error:
-        if error.hint == "use -exact" and _is_irrational(context, query.quantity):
+    except NeedsRationalsError as error:
+        if _is_irrational(context, query.quantity):
             raise UnsupportedError(error.message, note=error.note) from None
         raise
 
@@ -172,7 +172,6 @@ def _require_finite(
     if -math.inf < high and low < math.inf:
         return
     if not is_infinite(engine.system(engine.all).step_rewards(quantity.reward)).any():
-        raise UnsupportedError(
-            "the expected reward is beyond the range of floating-point numbers",
-            hint="use -exact",
+        raise NeedsRationalsError(
+            "the expected reward is beyond the range of floating-point numbers"
         )

@@ -5,14 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from fractions import Fraction
 from math import isfinite
 from pathlib import Path
 
 import numpy as np
 
 from symcheck.errors import Diagnostic, Source, Span, SyntaxFault
-from symcheck.exchange.column_reader import first_true, read_file
+from symcheck.exchange.column_reader import first_true, read_file, real
 from symcheck.exchange.explicit_data import (
     OBSERVATION,
     ExplicitData,
@@ -326,7 +325,7 @@ class _Reader:
 
     def _number(self, line: int, text: str) -> float:
         try:
-            number = float(Fraction(text)) if "/" in text else float(text)
+            number = real(text)
         except (ValueError, ArithmeticError):
             raise self.fault(line, f"'{text}' is not a number") from None
         if not isfinite(number):

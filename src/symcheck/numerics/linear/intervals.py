@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from symcheck.direction import Direction
-from symcheck.errors import UnsupportedError
+from symcheck.errors import NeedsRationalsError
 from symcheck.kernels.solve.intervals import Iteration
 from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.interval_rows import IntervalRows
@@ -116,9 +116,8 @@ def require_signs(*values: Numbers) -> None:
         UnsupportedError: a number is negative, and not rational.
     """
     if any(len(v) and not is_rational(v) and v.min() < 0 for v in values):
-        raise UnsupportedError(
-            "negative rewards with intervals of probabilities are not supported in floating point",
-            hint="use -exact",
+        raise NeedsRationalsError(
+            "negative rewards with intervals of probabilities are not supported in floating point"
         )
 
 

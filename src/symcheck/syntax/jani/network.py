@@ -272,9 +272,9 @@ def assigned_values(
 # ------------------------------------------------------------------------------------------ reading
 
 _SELECTED = "?"
+"""Stands for the value of a selection."""
 _MOST_DRAWS = 10_000
 """The most values of the random numbers of one destination."""
-"""Stands for the value of a selection."""
 
 _MODEL = (
     "jani-version", "name", "metadata", "type", "features", "actions", "constants", "variables",

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from symcheck.errors import UnsupportedError
+from symcheck.errors import NeedsRationalsError, UnsupportedError
 from symcheck.numerics.linear.masked_problem import MaskedProblem
 from symcheck.numerics.linear.mec_quotient import collapse
 from symcheck.numerics.linear.methods import (
@@ -93,7 +93,7 @@ def _select(problem: LinearProblem, name: str) -> Method:
     if method is None:
         raise UnsupportedError(f"there is no method '{name}'; there are {', '.join(METHODS)}")
     if method.is_rational and not problem.is_rational:
-        raise UnsupportedError(f"method '{name}' solves over the rationals", hint="use -exact")
+        raise NeedsRationalsError(f"method '{name}' solves over the rationals")
     if method.requires == "rows" and problem.matrix is None:
         others = ", ".join(m.name for m in METHODS.values() if m.requires == "products")
         raise UnsupportedError(
