@@ -38,7 +38,7 @@ __all__ = ["belief_strategy"]
 
 @dataclass(frozen=True, eq=False)
 class _Memory:
-    """Memory values of a strategy; those of GOAL and SINK have no states.
+    """Memory values of a strategy; the absorbing beliefs GOAL (reached) and SINK have no states.
 
     Attributes:
         sizes, states: how many states are possible with each, and which.
@@ -72,7 +72,7 @@ class _Memory:
         )
 
     def with_next(self, other: _Memory) -> _Memory:
-        """These memory values, and then others that follow each other."""
+        """These memory values, and then those of a policy, whose successors stay within it."""
         shift = len(self.sizes)
         targets = other.targets + np.where(other.targets > SINK, shift, 0)
         moved = replace(other, owner=other.owner + shift, targets=targets)
@@ -83,8 +83,8 @@ class _Memory:
 def belief_strategy(context: Context) -> Strategy:
     """A strategy that attains the bound on the value that was found last, checked as a chain.
 
-    Raises UnsupportedError: there is none, as the value is infinite or needs no memory of this
-    kind, or the chain does not have the value.
+    Raises UnsupportedError: the value is infinite, every strategy attains it, or the chain does not
+    attain the bound.
     """
     found = kept(context, "beliefs")
     if not isinstance(found, Found):
@@ -197,7 +197,7 @@ def _decisions(model: ObservedModel, memory: _Memory, points: Int64s) -> Decisio
 
 
 def _verify(context: Context, problem: Problem, found: Found, strategy: Strategy) -> None:
-    """Compute the value of the chain that a strategy induces; it is as good as was claimed."""
+    """Require that the chain of a strategy attains the bound. Raises UnsupportedError."""
     product, origin = strategy.engine, strategy.origin
     earned = None
     if problem.reward is not None:

@@ -1,4 +1,4 @@
-"""Properties of the chain of a strategy of a timed automaton, whose steps are delays or at once.
+"""Properties of the chain of a strategy of a timed automaton: a step is a delay or a command.
 
 Probabilities and rewards without a bound on time are those of the automaton. What would count steps
 as time is refused: the reward structure of time counts it.
@@ -23,7 +23,7 @@ _OF_STEPS = (
 
 
 def refuse_steps(formula: Expression, labels: Mapping[str, Expression], delays: Delays) -> None:
-    """Refuse a bound property that counts steps, or reads a clock.
+    """Refuse a property that counts steps, or reads a clock; its names are resolved.
 
     Raises UnsupportedError.
     """
@@ -36,7 +36,7 @@ def refuse_steps(formula: Expression, labels: Mapping[str, Expression], delays: 
 
 
 def _hint(node: Tree, delays: Delays) -> str:
-    """What to write instead; '' if the property may have this node."""
+    """What to write instead of an operator or name; '' if it is allowed."""
     match node:
         case ast.ExpectedTime():
             return f'R{{"{delays.time}"}}=? [ F … ] is the expected time'

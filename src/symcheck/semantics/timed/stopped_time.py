@@ -8,17 +8,21 @@ from symcheck.errors import NO_SPAN, Diagnostic, ModelFault, Span
 
 __all__ = ["Stop", "time_stops"]
 
-_ENABLE = "let a command be enabled when the invariant ends, or let the invariant hold longer"
+_ENABLE = "let a command be enabled {} the invariant ends, or let the invariant hold longer"
 
 
 class Stop(Enum):
     """How time stops: code, message, and hint."""
 
-    TIMELOCK = "timelock", "time stops: neither may it pass, nor is a command enabled", _ENABLE
+    TIMELOCK = (
+        "timelock",
+        "time stops: neither may it pass, nor is a command enabled",
+        _ENABLE.format("when"),
+    )
     LIMIT = (
         "timelock",
         "time stops: it may pass up to a limit that is excluded, and no command is enabled before",
-        _ENABLE,
+        _ENABLE.format("before"),
     )
     ZENO = (
         "zeno",
