@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from fractions import Fraction
 
 import numpy as np
@@ -10,11 +11,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from numerics.oracle import Row, System, brute_force, component_block, problem_of, solve_chain
+from symcheck.numerics import tuning
 from symcheck.numerics.linear.extrapolation import solve_extrapolated
 from symcheck.numerics.linear.methods import solve_linear
 from symcheck.numerics.linear.problem import LinearProblem
 from symcheck.numerics.linear.subsystem import Bounds
 from symcheck.numerics.settings import Accuracy
+
+
+@pytest.fixture(
+    scope="module",
+    autouse=True,
+    params=[tuning.SLOW_EVALUATIONS, 0],
+    ids=["by extrapolation", "by BiCGStab"],
+)
+def evaluation(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Policies are evaluated by extrapolation, or by BiCGStab from the first one on."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tuning, "SLOW_EVALUATIONS", request.param)
+        yield
 
 
 @st.composite
@@ -185,6 +200,28 @@ def test_a_long_walk_takes_few_sweeps() -> None:
     assert np.all(found.lower[: n - 1] <= exact)
     assert np.all(exact <= found.upper[: n - 1])
     assert sweeps < n * n / 20  # plain sweeps need about n² per factor of e
+
+
+@pytest.mark.parametrize("direction", ["min", "max"])
+def test_a_queue_that_hardly_ever_overflows(direction: str) -> None:
+    """An arrival has the probability 1/5; the other row of each state costs more, and serves less."""
+    n, arrival, slow = 9, Fraction(1, 5), Fraction(1, 4)
+    system: System = []
+    for s in range(n):
+        rows: list[Row] = []
+        for up, cost in ((arrival, Fraction(1)), (slow, Fraction(2))):
+            entries = {max(s - 1, 0): 1 - up}
+            if s + 1 < n:
+                entries[s + 1] = up
+            rows.append((entries, cost, up if s + 1 == n else Fraction(0)))
+        system.append(rows)
+    exact = brute_force(system, direction, proper_only=False)
+    assert min(exact) > 10**4
+    problem = problem_of(system, direction, probability=False)
+    found, _ = solve_extrapolated(component_block(problem), 1e-7, relative=True)
+    assert found is not None
+    for low, value, high in zip(found.lower, exact, found.upper, strict=True):
+        assert Fraction(float(low)) <= value <= Fraction(float(high))
 
 
 def test_a_chain_is_a_policy() -> None:

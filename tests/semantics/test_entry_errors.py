@@ -74,3 +74,15 @@ def test_the_bound_holds_of_the_entries_of_a_model(engine: symcheck.options.Engi
         strict=True,
     ):
         assert abs(Fraction(doubles) - rationals) <= Fraction(built.entry_error) * rationals
+
+
+def test_a_variable_without_bounds_has_those_of_its_values() -> None:
+    """The numbers of a sum may cancel as far as is declared, and never do where they occur."""
+    text = """ctmc
+    global id : int init {first};
+    module m x:[0..3]; [] x<3 -> 0.2*id+0.9:(x'=x+1); [] x>0 -> 1:(x'=x-1)&(id'={first}); endmodule
+    """
+    built = symcheck.loads(text.format(first=1), engine="explicit").engine
+    assert entry_error(built.model) >= CLOSE
+    assert 0.0 < built.entry_error < 16 * UNIT
+    assert symcheck.loads(text.format(first=-1), engine="explicit").engine.entry_error >= CLOSE

@@ -56,6 +56,15 @@ EXTRAPOLATION_STEPS = 40
 """Extrapolation steps per policy."""
 EVALUATION_ACCURACY = 0.03
 """A policy is evaluated until this part of the last improvement remains."""
+SLOW_EVALUATIONS = 3
+"""Evaluations in a row that extrapolation does not finish before BiCGStab is tried."""
+SHIFTED_PATIENCE = 250
+"""BiCGStab steps for a chain that is hardly left within which the residual must fall by a factor of
+ten: it stays on a plateau for up to 200 of them, and falls quickly after."""
+STEPS_AFTER_BICGSTAB = 4
+"""Extrapolation steps that make values close which are much smaller than the others."""
+SHIFTED_ACCURACY = 1e-4
+"""A policy is evaluated by BiCGStab until this part of the last improvement remains."""
 EXTRAPOLATION_ROUNDS = 150
 """Policies, or slices of the evaluation of a chain, before the method gives up."""
 EXTRAPOLATION_PATIENCE = 25
@@ -343,6 +352,10 @@ EQUAL_GAINS = 1e-8
 """Difference of the gains of a certificate, relative to the greatest one, that is none."""
 MORE_BITS = 80
 """Bits by which a refined bias is finer than one in doubles."""
+STEPS_AFTER_BICGSTAB = 4
+"""Extrapolation steps that make values close which are much smaller than the others."""
+SHIFTED_ACCURACY = 1e-4
+"""A policy is evaluated by BiCGStab until this part of the last improvement remains."""
 REFINEMENTS = 4
 """Corrections of a bias by its exact residual."""
 BIAS_POLICIES = 100

@@ -32,7 +32,7 @@ from symcheck.syntax.ast import (
 from symcheck.syntax.operators import Function, Operator
 from symcheck.syntax.traversal import names
 
-__all__ = ["entry_error", "expression_error"]
+__all__ = ["CLOSE", "entry_error", "expression_error"]
 
 UNIT = 2.0**-53
 CLOSE = 2.0**-43
@@ -47,6 +47,7 @@ def entry_error(
     *,
     shares: bool = True,
     table_bits: int | None = None,
+    variables: Sequence[Variable] | None = None,
 ) -> float:
     """A bound on the relative error of any sum of entries of a row.
 
@@ -57,6 +58,8 @@ def entry_error(
         shares: whether choices of a DTMC may share its probability, other than by powers of 2.
         table_bits: the bits of the variables up to which expressions are tabulated; None: they are
             computed one valuation after the other.
+        variables: those of the model, with bounds between which all their values are; None: as
+            they are declared.
 
     Examples:
         >>> import symcheck
@@ -71,7 +74,7 @@ def entry_error(
         added = chain or model.type.continuous_time  # rates of a Markov automaton race
         counts = [_combinations(e, chain=added) for e in model.events]
         terms = sum(counts) if added else max(counts)
-    of = partial(expression_error, variables=model.variables, table_bits=table_bits)
+    of = partial(expression_error, variables=variables or model.variables, table_bits=table_bits)
     known: dict[int, tuple[float, int, bool]] = {}
 
     def of_command(command: BoundCommand) -> tuple[float, int, bool]:

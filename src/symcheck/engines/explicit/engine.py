@@ -44,7 +44,7 @@ from symcheck.lazy_dataclass import dataclass
 from symcheck.matrices.numbers import Numbers, Rationals, full, is_infinite, numbers
 from symcheck.matrices.rational_functions import RationalFunction
 from symcheck.matrices.rows import Bools, Int32s, Int64s, SparseMatrix
-from symcheck.semantics.entry_errors import entry_error
+from symcheck.semantics.entry_errors import CLOSE, entry_error
 from symcheck.semantics.model import BoundModel
 from symcheck.semantics.rewards import Reward, Steps, Structure, Time
 from symcheck.syntax.ast import Expression, Type
@@ -287,7 +287,17 @@ class ExplicitEngine(Capable, HasMatrix, HasExploredModel, RepresentsOrbits, Has
             return entry_error(model, self.weights.longest)
         if not isinstance(explored, ExplicitModel):
             return entry_error(model)
-        return entry_error(model, explored.terms, shares=explored.shares)
+        error = entry_error(model, explored.terms, shares=explored.shares)
+        if error < CLOSE:
+            return error
+        # The values that occur may show that what is added is not negative.
+        occurring = list(model.variables)
+        for i, variable in enumerate(explored.states.layout.variables):
+            if variable.low is None:
+                values = explored.states.column(i)
+                bounded = replace(variable, low=int(values.min()), high=int(values.max()))
+                occurring[occurring.index(variable)] = bounded
+        return entry_error(model, explored.terms, shares=explored.shares, variables=occurring)
 
     def finite_reward(
         self, reward: Reward, target: ArraySet, direction: Direction | None

@@ -5,21 +5,29 @@ Guessed bounds around the solution are then proved. Let x = opt(A x + b) have a 
 lower bound, and U >= opt(A U + b) that U is an upper one. A good approximation, made a little
 smaller and a little larger, satisfies this after a few sweeps.
 
+Where extrapolation stays slow, BiCGStab evaluates the policies, with the eigenvalue near 1 of a
+chain that is hardly left moved away (Brauer 1952).
+
 Sources: Howard (1960); Anderson (1965); Hartmanns & Kaminski (2020) for the proof.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from symcheck.kernels.solve.component_bounds import Block
 from symcheck.kernels.solve.extrapolation import PolicyEvaluator
-from symcheck.matrices.rows import Floats
+from symcheck.matrices.rows import Floats, SparseMatrix
 from symcheck.numerics import tuning
 from symcheck.numerics.linear.problem import Observer, Progress
 from symcheck.numerics.linear.subsystem import Bounds, LocalSystem, make_proper
+
+if TYPE_CHECKING:
+    from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix
 
 __all__ = ["solve_extrapolated"]
 
@@ -59,7 +67,8 @@ def solve_extrapolated(
         block.error,
     )
     tolerance = max((1e-3 if relative else 1e-6) * (goal - constants_width), tuning.SMALLEST_CHANGE)
-    for change in _changes(evaluator, local, not probability):
+    shifted = _ShiftedChains(local, 1e-2 * (goal - constants_width))
+    for change in _changes(evaluator, local, shifted, not probability):
         if observer is not None:
             observer(Progress("extrapolated sweeps", evaluator.sweeps, change, local.n))
         if change <= tolerance:
@@ -72,9 +81,11 @@ def solve_extrapolated(
     return None, evaluator.sweeps
 
 
-def _changes(evaluator: PolicyEvaluator, local: LocalSystem, reward: bool) -> Iterator[float]:
+def _changes(
+    evaluator: PolicyEvaluator, local: LocalSystem, shifted: _ShiftedChains, reward: bool
+) -> Iterator[float]:
     """Improve and evaluate policies; yield the change by a sweep over all rows, per policy."""
-    best, stalled = np.inf, 0
+    best, stalled, slow = np.inf, 0, 0
     change, changed = evaluator.improve(tuning.SWEEPS_BEFORE_FIRST_POLICY)
     for _ in range(tuning.EXTRAPOLATION_ROUNDS):
         if local.mode != 0:
@@ -87,13 +98,90 @@ def _changes(evaluator: PolicyEvaluator, local: LocalSystem, reward: bool) -> It
         if changed and reward and local.mode == 1 and not _make_proper(evaluator, local):
             return
         changed = 0
+        goal = max(tuning.EVALUATION_ACCURACY * min(change, 1.0), tuning.SMALLEST_CHANGE)
+        exact = slow >= tuning.SLOW_EVALUATIONS and shifted.evaluate(evaluator, min(change, 1.0))
         last = evaluator.evaluate(
-            max(tuning.EVALUATION_ACCURACY * min(change, 1.0), tuning.SMALLEST_CHANGE),
-            tuning.EXTRAPOLATION_STEPS,
+            goal, tuning.STEPS_AFTER_BICGSTAB if exact else tuning.EXTRAPOLATION_STEPS
         )
+        slow = slow + 1 if exact or last > goal else 0
         if stalled > tuning.EXTRAPOLATION_PATIENCE or not np.isfinite(last):
             return
         change = last
+
+
+@dataclass(eq=False)
+class _ShiftedChains:
+    """The values of policies whose chains are hardly left, where I - A is almost singular.
+
+    Let e = 1 - A 1 be the probability of leaving, let u be a distribution, and let
+    M = I - A + 1 u^T, whose eigenvalue near 0 has moved to about 1. With M y = b and M h = e, the
+    solution of (I - A) x = b is y + (u·y / u·h) (1 - h): nothing cancels, as e is known by itself.
+
+    accuracy: the residuals that suffice, relative to the average of the solution. works: whether
+    BiCGStab has converged. constants, leaving: y and h, where the next policy begins.
+    """
+
+    local: LocalSystem
+    accuracy: float
+    works: bool = True
+    constants: Floats = field(default_factory=lambda: np.zeros(0))
+    leaving: Floats = field(default_factory=lambda: np.zeros(0))
+
+    def evaluate(self, evaluator: PolicyEvaluator, change: float) -> bool:
+        """Set the evaluator's values to those of its policy; whether this has worked.
+
+        change: the relative change by the last improvement; the values need not be much closer.
+        """
+        from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix
+
+        local, n = self.local, self.local.n
+        rows = np.arange(n)
+        if local.mode != 0:
+            assert local.matrix.groups is not None
+            rows = local.matrix.groups[:-1] + np.asarray(evaluator.policy)
+        middle = local.low[rows] + 0.5 * (local.high[rows] - local.low[rows])
+        if not self.works or not np.isfinite(middle).all():
+            return False
+        matrix, leave = local.chain(rows)
+        shift = SplitMatrix.of(matrix, np.ones(n)).with_rank_one(np.ones(n), np.full(n, 1.0 / n))
+        goal = max(tuning.SHIFTED_ACCURACY * change, tuning.SMALLEST_CHANGE)
+        y = self._solution(shift, matrix, middle, self.constants, goal)
+        h = None if y is None else self._solution(shift, matrix, leave, self.leaving, goal)
+        self.works = y is not None and h is not None and float(h.mean()) > 0.0
+        if y is None or h is None or not self.works:
+            return False
+        self.constants, self.leaving = y, h
+        evaluator.release_history()
+        x = y + float(y.mean()) / float(h.mean()) * (1.0 - h)
+        np.maximum(x, 0.0, out=np.asarray(evaluator.x))
+        return True
+
+    def _solution(
+        self, shift: SplitMatrix, matrix: SparseMatrix, right: Floats, start: Floats, goal: float
+    ) -> Floats | None:
+        """M^-1 right, as far as rounding lets it be, or None if BiCGStab does not converge."""
+        z = start if len(start) else np.zeros_like(right)
+        before = np.inf
+        while True:
+            mean = float(z.mean())
+            rest = right - (z - matrix.multiply(z) + mean)
+            error = float(np.abs(rest).max())
+            if not goal * abs(mean) < error <= 0.5 * before:
+                return z if error <= max(goal, self.accuracy) * abs(mean) else None
+            before = error
+            wanted = 0.3 * goal * (abs(mean) or 1e-3 * error)
+            found, least, last = None, np.inf, shift.steps
+            for x, residual in shift.solve(rest):
+                found = x
+                if residual <= wanted or not np.isfinite(residual):
+                    break
+                if residual < 0.1 * least:
+                    least, last = residual, shift.steps
+                if shift.steps - last > tuning.SHIFTED_PATIENCE:
+                    return None
+            if found is None:
+                return None
+            z = z + shift.solve_upper(found)
 
 
 def _make_proper(evaluator: PolicyEvaluator, local: LocalSystem) -> bool:
