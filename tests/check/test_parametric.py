@@ -316,7 +316,7 @@ UNEQUAL = """mdp const double p; const double q; module m x:[0..3];
         (PRODUCT, "p,q", "P>=0.99 [ F x=3 ]"),
         (PRODUCT, "p,q", "P>=0.9999 [ F x=3 ]"),
         (PRODUCT, "p,q", "P>=0.25 [ F x=3 ] & P<=0.2500001 [ F x=3 ]"),
-        (PRODUCT, "p=0.1:0.3,q", "P>=0.2500001 [ F x=3 ] & P<=0.2500002 [ F x=3 ]"),
+        (PRODUCT, "p=0.1:0.3,q", "P>=0.25001 [ F x=3 ] & P<=0.25002 [ F x=3 ]"),
         (PRODUCT, "p=0.1:0.4,q=0.2:0.6", "P>=0.23 [ F x=3 ]"),
         (PRODUCT, "p=0.1:0.4,q=0.2:0.6", "P>=0.2399999 [ F x=3 ]"),
         (UNEQUAL, "p,q", "Pmin>=0.99 [ F x=1 ]"),

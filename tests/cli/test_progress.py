@@ -130,7 +130,7 @@ def test_iterations_are_shown(tmp_path: Path) -> None:
         "-pf",
         "P=? [ F<=1e5 x=N & y=N ]",
         "-const",
-        "N=150",
+        "N=80",
         "-epsilon",
         "1e-9",
     ]

@@ -33,6 +33,7 @@ SMALL = {
     **PAPER,
     "CellBoundaryX": "104",
     "CellBoundaryY": "104",
+    "MaxDistance": "163",  # a little beyond the last stage: tables have a row for each position
     "NoisePercentage": "0.005",
     "StepSizeXY": "27",
 }
@@ -79,6 +80,7 @@ def test_engines_agree_on_a_small_instance(engine):
     expected, found = answers("explicit"), answers(engine)
     assert found == pytest.approx(expected, abs=1e-6)
     assert 0.3 < expected["position_error"] < 0.4  # not a trivial instance
+    assert expected["injected"] == 1  # the needle passes all stages
 
 
 def test_reduction_keeps_the_values_of_the_study():

@@ -96,18 +96,18 @@ def test_wrong_options_are_an_error_before_the_first_task() -> None:
 
 @pytest.mark.parametrize("engine", ["explicit", "hybrid"])
 def test_memory_does_not_grow_with_the_tasks(engine: symcheck.options.EngineName) -> None:
-    tasks = ((COIN, "P=? [ F x=1 ]; Q=? [ F x=1 ]", "N=1") for _ in range(160))
+    tasks = ((COIN, "P=? [ F x=1 ]; Q=? [ F x=1 ]", "N=1") for _ in range(80))
     sizes = []
     tracemalloc.start()
     try:
         for number, _ in enumerate(symcheck.check_many(tasks, engine=engine), 1):
-            if number % 20 == 0:
+            if number % 10 == 0:
                 sizes.append(_kept())
     finally:
         tracemalloc.stop()
     # Python keeps some bytes at first, and its tables grow at times. A task takes far more.
     growth = sorted(after - before for before, after in pairwise(sizes))
-    assert growth[len(growth) // 2] < 20 * 2000
+    assert growth[len(growth) // 2] < 10 * 2000
 
 
 def _kept() -> int:

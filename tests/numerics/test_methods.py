@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Set
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -350,3 +351,14 @@ def test_bounds_that_stay_wide_for_thousands_of_steps_are_not_given_up(method: s
     assert solution.width() <= 1e-6
     assert solution.iterations > 1000
     inside(solution, [Fraction(s + 1, n + 1) for s in range(n)])
+
+
+def test_steps_with_probability_1_round_nothing() -> None:
+    """Time that passes by many steps of 1 leaves the digits as they are."""
+    n, half = 20_000, Fraction(1, 2)
+    certain: list[list[Row]] = [
+        [({s + 1: Fraction(1)}, Fraction(0), Fraction(0))] for s in range(n)
+    ]
+    problem = problem_of([*certain, [({}, half, half)]], "min", probability=True)
+    solved = solve_linear(replace(problem, error=0.0), Accuracy())
+    assert solved.upper[0] - solved.lower[0] == solved.upper[n] - solved.lower[n] < 1e-15

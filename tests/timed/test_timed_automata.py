@@ -101,6 +101,76 @@ def test_constants_of_properties_count():
     assert model.check("const int K; Pmax=? [ F x>=K ]", {"K": 7}).value == 1
 
 
+# x counts in l=0; where l=1, it is reset before it is compared. y is reset in each second unit.
+INACTIVE = """
+  l : [0..1]; x : clock; y : clock;
+  invariant (l=0 => x<=9) & y<=2 endinvariant
+  [] l=0 -> (l'=1) & (x'=0);
+  [] l=1 -> (l'=0) & (x'=0);
+  [] y=2 -> (y'=0);
+"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_clock_that_is_reset_before_it_is_compared_does_not_count(engine):
+    model = timed(INACTIVE, engine=engine)
+    assert model.engine.states == 10 * 3 + 3
+    # Properties and labels that compare it are read where it is inactive otherwise.
+    assert model.check("Pmax=? [ F l=1 & x=5 ]").value == 1
+    assert model.check("Pmax=? [ F<5 l=1 & x=5 ]").value == 0
+    late = f"pta module m {INACTIVE} endmodule label {chr(34)}late{chr(34)} = l=1 & x>=9;"
+    model = symcheck.loads(late, engine=engine)
+    assert model.engine.states == 10 * 3 + 11 * 3
+    assert model.check('Pmax=? [ F "late" ]').value == 1
+
+
+def test_a_clock_counts_to_what_it_is_compared_with_before_it_is_reset():
+    # l=1 compares x with nothing, but l=2 compares it with 4 and l=3 with 7, after a reset.
+    body = """
+      l : [0..4]; x : clock; y : clock;
+      invariant (l=0 => y<=0) & (l=1 => y<=3) & (l=2 => x<=4) & (l=3 => x<=7) endinvariant
+      [] l=0 -> (l'=1);
+      [] l=1 & y>=3 -> (l'=2);
+      [] l=2 & x>=4 -> (l'=3) & (x'=0);
+      [] l=3 & x>=7 -> (l'=4);
+    """
+    model = timed(body, exact=True)
+    # By l: 1, 0..3, 3..4, 0..7, and then 7 and 0. Of y, 4 stands for all that follow.
+    assert model.engine.states == 1 + 4 + 2 + 8 + 2
+    assert model.check("Tmin=? [ F l=4 ]").value == 11
+    assert model.check("Tmax=? [ F l=4 ]").value == 11
+    assert model.check("Pmin=? [ F<=11 l=4 ]").value == 1
+    assert model.check("Pmax=? [ F<11 l=4 ]").value == 0
+
+
+def test_a_clock_that_another_module_resets_or_compares_is_active():
+    text = """pta
+      module a
+        l : [0..2];
+        invariant l=0 => x<=3 endinvariant
+        [go] l=0 & x>=2 -> (l'=1);
+        [] l=1 & z>=4 -> (l'=2);
+      endmodule
+      module b
+        x : clock; z : clock; k : [0..1];
+        invariant (k=1 => x<=5) endinvariant
+        [go] true -> 1/2 : (x'=0) + 1/2 : (x'=1) & (k'=1);
+        [] k=1 & x>=5 -> (k'=0);
+      endmodule"""
+    for method in ("digital", "backwards"):
+        model = symcheck.loads(text, timed_method=method, exact=True)
+        assert model.check("Pmax=? [ F<4 l=2 ]").value == 0
+        assert model.check("Pmax=? [ F<=4 l=2 ]").value == 1
+        assert model.check("Pmax=? [ F<=6 l=2 & k=1 & x>=5 ]").value == Fraction(1, 2)
+        assert model.check("Pmax=? [ F<6 k=1 & x>=5 ]").value == 0
+
+
+def test_clocks_that_are_not_compared_any_more_are_left_out_of_states_without_a_future():
+    body = "l : [0..1]; x : clock; y : clock; invariant l=1 => y<=7 endinvariant [] x>=3 & l=0 -> (l'=1);"
+    with pytest.raises(ModelFault, match=r"\(l=1,y=7\)"):
+        timed(body).check("Pmax=? [ F l=1 ]")
+
+
 def test_clocks_are_set_to_other_numbers_than_0():
     body = "s : [0..1]; x : clock; invariant s=0 => x<=9 endinvariant [] s=0 & x=0 -> (x'=5); [] s=0 & x=9 -> (s'=1);"
     for method in ("digital", "backwards"):
@@ -270,7 +340,7 @@ def test_results_of_models_are_tested(name):
 
 def test_strategies_counterexamples_and_paths_are_those_of_digital_clocks():
     model = symcheck.load(MODELS / "contention.nm", strategy=True)
-    assert model.engine.states == 745
+    assert model.engine.states == 663
     result = model.check('P<=0.2 [ F<=750 "elected" ]')
     assert result.value is False
     assert "now=73" in str(result.counterexample())

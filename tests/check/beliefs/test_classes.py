@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,44 @@ class TestTimed:
         hidden = TIMED.replace("observables x, phase", "observables phase")
         with pytest.raises(InputError, match="different actions"):
             symcheck.loads(hidden).check('Pmax=? [ F "won" ]')
+
+    def test_what_is_seen_of_a_clock_counts(self):
+        # The coin is hidden, and x tells it: when y is 5, x is 5 or 6.
+        text = """popta
+          observables l, y, won, near endobservables
+          formula near = x<6;
+          module m
+            l : [0..2]; c : [0..1]; won : bool; x : clock; y : clock;
+            invariant (l=0 => y<=1 & x<=9) & (l=1 => y<=5) endinvariant
+            [] l=0 & y=1 -> 1/2 : (l'=1) & (x'=0) & (y'=0) + 1/2 : (l'=1) & (c'=1) & (y'=0);
+            [a] l=1 & y=5 -> (l'=2) & (won'=(c=0));
+            [b] l=1 & y=5 -> (l'=2) & (won'=(c=1));
+          endmodule"""
+        value = {6: 1, 5: 1, 7: Fraction(1, 2)}
+        for (bound, expected), invariant in product(value.items(), ("", " & x<=9")):
+            seen = text.replace("x<6", f"x<{bound}").replace(" & x<=9", invariant)
+            model = symcheck.loads(seen, exact=True)
+            assert model.check("Pmax=? [ F won ]").value == expected
+        diagonal = symcheck.loads(text.replace("x<6", "x-y<1"))
+        with pytest.raises(UnsupportedError, match="compares two clocks"):
+            diagonal.check("Pmax=? [ F won ]")
+
+    def test_a_clock_that_is_seen_counts_where_nothing_compares_it(self):
+        # Before it is compared with 9, it is reset. If it is not reset with the coin, it is 1.
+        text = """popta
+          observables l, y, won, x endobservables
+          module m
+            l : [0..3]; c : [0..1]; won : bool; x : clock; y : clock;
+            invariant (l=0 => y<=1) & (l=1 => y<=5) & (l=3 => x<=9) endinvariant
+            [] l=0 & y=1 -> 1/2 : (l'=1) & (x'=0) & (y'=0) + 1/2 : (l'=1) & (c'=1) & (y'=0);
+            [a] l=1 & y=5 -> (l'=2) & (won'=(c=0));
+            [b] l=1 & y=5 -> (l'=2) & (won'=(c=1));
+            [] l=2 -> (l'=3) & (x'=0);
+            [] l=3 -> (l'=2) & (x'=0);
+          endmodule"""
+        assert symcheck.loads(text, exact=True).check("Pmax=? [ F won ]").value == 1
+        unseen = text.replace("won, x", "won").replace("[] l=2", "[] l=3")
+        assert symcheck.loads(unseen, exact=True).check("Pmax=? [ F won ]").value == Fraction(1, 2)
 
 
 def test_random_paths(capsys):

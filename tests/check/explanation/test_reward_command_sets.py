@@ -91,7 +91,7 @@ def test_sums_at_the_threshold_are_exact(bound, count):
 
 
 def test_rounding_proves_no_set_at_the_threshold():
-    found = symcheck.loads(FORK).check("R<7/2 [ F s=3 ]").counterexample()
+    found = symcheck.loads(FORK).check("R<7/2 [ F s=3 ]").counterexample(0)
     assert found.commands is None or len(found.commands.commands) == 3
 
 

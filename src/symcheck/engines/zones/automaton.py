@@ -96,7 +96,7 @@ class TimedGraph:
             if v.clock:
                 self.clock_of[v.name] = len(self.clock_of) + 1
         self.clocks = len(self.clock_of) + 1 + self.further
-        self._known: dict[tuple[int, int], Int64s] = {}
+        self._reading: dict[int, tuple[Expression, bool]] = {}  # by identity: hashes take longer
 
     def holds(self, condition: Expression, location: int) -> Int64s:
         """The values of the clocks with which a condition holds in a location."""
@@ -109,8 +109,16 @@ class TimedGraph:
         }
         return self._holds(condition, values)
 
+    def _reads_clocks(self, condition: Expression) -> bool:
+        """Whether a condition reads clocks."""
+        known = self._reading.get(id(condition))
+        if known is None or known[0] is not condition:
+            known = condition, not names(condition).isdisjoint(self.clock_of)
+            self._reading[id(condition)] = known
+        return known[1]
+
     def _holds(self, condition: Expression, values: Mapping[str, Value]) -> Int64s:
-        if not names(condition) & self.clock_of.keys():
+        if not self._reads_clocks(condition):
             is_true = evaluate(condition, values, exact=True)
             return everything(self.clocks) if is_true else empty(self.clocks)
         match condition:

@@ -129,10 +129,14 @@ cdef class ComponentSolver(Equations):
         cdef double lo, hi, loop, margin, best_lo = 0.0, best_hi = 0.0, a
         cdef int32_t c
         cdef Sum total
-        cdef bint infinite = False, constants = self.constant_low is not None, tiny
+        cdef bint infinite = False, constants = self.constant_low is not None, tiny, copied
         for r in range(first, last):
             lo = self.constant_low[r] if constants else 0.0
             hi = self.constant_high[r] if constants else 0.0
+            # A step with probability 1, as time passes, rounds nothing.
+            k = indptr[r]
+            copied = (lo == hi == 0.0 and self.error == 0.0 and not self.normalise
+                      and indptr[r + 1] == k + 1 and indices[k] != s and data[k] == 1.0)
             loop = 0.0
             for k in range(indptr[r], indptr[r + 1]):
                 c = indices[k]
@@ -156,14 +160,15 @@ cdef class ComponentSolver(Equations):
                     continue
                 lo = divide_by(lo, total)
                 hi = divide_by(hi, total)
-            if tiny:
+            if tiny and not copied:
                 self.bounds_near_underflow(s, r, base, total, &lo, &hi)
             # Products, sums, and the rounding itself; where it is divided, the sum of the row too.
             margin = (indptr[r + 1] - indptr[r] + 3.0) * UNIT_ROUNDOFF + self.error
             if loop > 0.0 or self.normalise:
                 margin = margin + 4.0 * UNIT_ROUNDOFF + self.error
-            lo = round_down(lo, margin)
-            hi = round_up(hi, margin)
+            if not copied:
+                lo = round_down(lo, margin)
+                hi = round_up(hi, margin)
             if best < 0:
                 best = r
                 best_lo = lo

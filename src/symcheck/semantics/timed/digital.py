@@ -3,22 +3,25 @@
 If all constraints are closed (they admit their limits) and none compares two clocks, then
 probabilities of reaching locations, and expected rewards until then, are those of the automaton.
 Time passes by an action in which all modules take part. All constants are divided by their greatest
-common divisor, and a clock stops one unit beyond the largest constant that it is compared with.
+common divisor, and a clock stops one unit beyond the largest constant that it can still be compared
+with (see `ceilings`).
 Source: Kwiatkowska, Norman, Parker & Sproston, Performance analysis of probabilistic timed automata
 using digital clocks, FMSD 29 (2006).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from fractions import Fraction
 from functools import partial, reduce
+from itertools import chain
 from math import gcd
 from typing import ClassVar
 
 from symcheck.errors import Diagnostic, InputError, UnsupportedError
 from symcheck.lazy_dataclass import dataclass
+from symcheck.semantics.expressions.evaluate import evaluate
 from symcheck.semantics.expressions.literals import as_expression
 from symcheck.semantics.expressions.simplify import simplify
 from symcheck.semantics.model import (
@@ -32,6 +35,7 @@ from symcheck.semantics.model import (
     Variable,
 )
 from symcheck.semantics.state_faults import describe_state
+from symcheck.semantics.timed.ceilings import local_ceilings
 from symcheck.semantics.timed.constraints import (
     ClockConstraint,
     clock_constraints,
@@ -91,6 +95,7 @@ class DigitalClocks:
         now: the variable that counts the units since the beginning; None if nothing asks for it.
         tick: the variable that tells whether the last step let time pass; None if nothing asks.
         can_wait: the states in which time may pass.
+        ceilings: for some clocks, where they stop, in units; each depends on one variable.
         asked: what the property needs for which the model was made; None: it was made for none.
     """
 
@@ -100,6 +105,7 @@ class DigitalClocks:
     now: str | None
     tick: str | None
     can_wait: Expression = field(repr=False)
+    ceilings: Mapping[str, tuple[Expression, ...]] = field(repr=False)
     asked: Asked | None = field(default=None, repr=False)
     lists_states: ClassVar[bool] = True
 
@@ -117,10 +123,19 @@ class DigitalClocks:
         return _in_units(expression, clocks_of(self.automaton), self.unit)
 
     def describe(self, state: Sequence[Value]) -> str:
-        """A state of the automaton, for messages: without what is added, with times of clocks."""
+        """A state of the automaton, for messages: without what is added, with times of clocks.
+
+        A clock at its ceiling is left out: it may have any larger value.
+        """
         variables = self.automaton.variables
-        own = zip(variables, state[: len(variables)], strict=True)
-        return describe_state(variables, [x * self.unit if v.clock else x for v, x in own])
+        values = {v.name: x for v, x in zip(variables, state, strict=False)}
+        own = [
+            v
+            for v in variables
+            if all(values[v.name] < evaluate(c, values) for c in self.ceilings.get(v.name, ()))
+        ]
+        shown = [values[v.name] * self.unit if v.clock else values[v.name] for v in own]
+        return describe_state(own, shown)
 
     def time_is(self, operator: Operator, time: Fraction) -> Expression:
         """The comparison of the time since the beginning with a number."""
@@ -148,14 +163,19 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
     for_property, asked = asked, asked or Asked()
     clocks = clocks_of(automaton)
     variables = {v.name: v for v in automaton.variables}
-    for found, holds in _constraints(automaton, asked, clocks):
+    seen = {o.name for o in automaton.observables if isinstance(o, Name)}
+    observed = [o for o in automaton.observables if not isinstance(o, Name)]
+    observations = ((c, None) for o in observed for c in _comparisons(o, clocks))
+    for found, holds in chain(_constraints(automaton, asked, clocks), observations):
         if found.other is not None:
             raise _refused(f"{found.clock}-{found.other}", "compares two clocks", found)
-        if not found.is_closed(holds):
+        if holds is not None and not found.is_closed(holds):
             raise _refused(found.clock, "does not admit its limit", found)
-    limits, _ = limits_of(automaton, [c for c, _ in asked.conditions])
-    for label in automaton.labels.values() if for_property is None else ():
-        for found in _comparisons(label, clocks):
+    conditions = [c for c, _ in asked.conditions]
+    limits, _ = limits_of(automaton, conditions)
+    labels = automaton.labels.values()
+    for condition in (*observed, *(labels if for_property is None else ())):
+        for found in _comparisons(condition, clocks):
             if found.other is None:
                 limits[found.clock].update(possible_values(found.bound, variables))
     unit = common_unit([*(c for values in limits.values() for c in values), *asked.horizon])
@@ -173,7 +193,11 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
         counters.append(Variable(tick, Type.BOOL, 0, 1, False, None))
     growing = {i for i, v in enumerate(automaton.variables) if v.clock}
     growing |= {place} if asked.horizon else set()
-    grown: dict[str, Expression] = {counters[i].name: _after(counters[i]) for i in growing}
+    # Labels count, so that the states of a property that does not read them are those shown.
+    read = [*conditions, *observed, *labels]
+    unseen = {name: n for name, n in top.items() if name not in seen}
+    ceilings = local_ceilings(automaton, read, unit, unseen)
+    grown: dict[str, Expression] = {counters[i].name: _after(counters[i], {}) for i in growing}
     in_units = partial(_in_units, clocks=clocks, unit=unit)
     waits: list[BoundCommand] = []
     for k, module in enumerate(automaton.modules):
@@ -183,7 +207,7 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
         later = substitute(guard, grown)
         if guard != later:
             guard = Binary(Operator.AND, guard, later)
-        updates = [(i, grown[counters[i].name]) for i in sorted(own)]
+        updates = [(i, _after(counters[i], ceilings)) for i in sorted(own)]
         if k == 0 and asked.ticks:
             updates.append((len(counters) - 1, _TRUE))
         span = automaton.program.span if module.invariant is None else module.invariant.span
@@ -238,7 +262,7 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
     )
     # A strategy remembers when it let time pass, and so it knows these counters.
     remembered = [Name(v.name) for v in counters[place:] if own_kind.partially_observed]
-    labels = {
+    readable = {
         name: in_units(label)
         for name, label in automaton.labels.items()
         if all(c.other is None for c in _comparisons(label, clocks))
@@ -249,7 +273,7 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
         variables=tuple(counters),
         modules=modules,
         events=tuple(events),
-        labels=labels,
+        labels=readable,
         observables=(*map(in_units, automaton.observables), *remembered),
         rewards=tuple(rewards),
         derivation=partial(digital_clocks, asked=for_property),
@@ -260,6 +284,7 @@ def digital_clocks(automaton: BoundModel, asked: Asked | None = None) -> BoundMo
             now if asked.horizon else None,
             tick if asked.ticks else None,
             can_wait,
+            ceilings,
             for_property,
         ),
     )
@@ -394,10 +419,11 @@ def _in_time(value: Expression, unit: Fraction) -> Expression:
     return Call(Function.FLOOR, (Binary(Operator.DIVIDE, value, _number(unit)),), span=value.span)
 
 
-def _after(counter: Variable) -> Expression:
+def _after(counter: Variable, ceilings: Mapping[str, tuple[Expression, ...]]) -> Expression:
     assert counter.high is not None
     following = Binary(Operator.PLUS, Name(counter.name), Literal(1, Type.INT))
-    return Call(Function.MIN, (following, Literal(counter.high, Type.INT)))
+    highest = ceilings.get(counter.name, (Literal(counter.high, Type.INT),))
+    return Call(Function.MIN, (following, *highest))
 
 
 def _rates(items: Iterable[BoundReward], time: str, unit: Expression) -> Iterator[BoundReward]:

@@ -242,7 +242,8 @@ def has_states_of(model: BoundModel, shown: BoundModel) -> bool:
     ours, theirs = model.clocks, shown.clocks
     if not isinstance(ours, DigitalClocks) or not isinstance(theirs, DigitalClocks):
         return ours is theirs
-    return (model.variables, ours.unit) == (shown.variables, theirs.unit)
+    same_variables = (model.variables, ours.unit) == (shown.variables, theirs.unit)
+    return same_variables and ours.ceilings == theirs.ceilings
 
 
 def translated(model: BoundModel, formula: Expression, labels: Labels) -> tuple[Expression, Labels]:
