@@ -67,8 +67,18 @@ class PageInBrowser:
 
     def select(self, name: str, group: str = "") -> None:
         """Choose a picture or player by the start of its name, in a group of the list."""
+        from selenium.common.exceptions import StaleElementReferenceException
+        from selenium.webdriver.support.wait import WebDriverWait
+
         css = f"#show optgroup[label='{group}'] option" if group else "#show option"
-        option = next(o for o in self.all(css) if o.get_property("text").startswith(name))
+        # A browser that is short of time may still show the page before.
+        wait = WebDriverWait(self.browser, 30, 0.05, [StaleElementReferenceException])
+        option = wait.until(
+            lambda _: next(
+                (o for o in self.all(css) if o.get_property("text").startswith(name)), None
+            ),
+            f"no '{name}' among {self.shows()}",
+        )
         self.run(
             "const s = document.getElementById('show'); s.value = arguments[0].value;"
             "s.dispatchEvent(new Event('change'))",
