@@ -372,6 +372,12 @@ MEAN_PAYOFF_SECANTS = 60
 TIMED_JUMPS = 16.0
 """Mean number of jumps of an interval, at least; more make intervals fewer, but each longer."""
 
+TIMED_SHORT = 1.0
+"""With fewer jumps on average, what other choices gain is bounded for each instant instead."""
+
+TIMED_POWERS = 40
+"""For so many jumps, a number for each and each state would take too much memory."""
+
 TIMED_FIRST_JUMPS = 16.0
 """Mean number of jumps in the first interval of time-bounded values of Markov automata."""
 

@@ -3,13 +3,17 @@
 
 from libc.stdint cimport int32_t, int64_t
 
+import numpy as np
+
 from symcheck.kernels.arrays import Floats, Int64s
 
 
 cdef enum:
     MOST_SWEEPS = 100000    # through a cycle of choices that take no time
+    BLOCK = 64              # states whose coefficients are computed at once
 
 cdef double SETTLED = 1e-15  # the relative change of a sweep at which a cycle is left
+cdef double ROUNDING = 1.78e-15  # 16 u, relative to a value: gains of less count as an error
 
 
 cdef class TimedChoices:
@@ -124,10 +128,10 @@ cdef class TimedChoices:
             maximise: whether the best row is the greatest.
             policy: int64[n], the row of each state if `fixed`, or else an array for the best ones.
             start: as in `resolve`.
-            total: float64[n], zeros, receives the sum of mass times values.
-            average: float64[n], zeros, receives the sum of tail times values.
+            total: float64[n], receives the sum of mass times values, for states that take time.
+            average: float64[n], receives the sum of tail times values likewise.
         """
-        cdef int64_t k, i, n = x.shape[0], m = self.timed.shape[0], jumps = masses.shape[0]
+        cdef int64_t k, i, m = self.timed.shape[0], jumps = masses.shape[0]
         cdef int64_t s
         cdef double w, t
         cdef double[::1] z = total.copy()
@@ -136,11 +140,11 @@ cdef class TimedChoices:
                 self._resolve(&x[0], maximise, &policy[0], fixed, start)
                 w, t = masses[k], tails[k]
                 if w > 0.0:
-                    for i in range(n):
-                        total[i] += w * x[i]
+                    for i in range(m):
+                        total[self.timed[i]] += w * x[self.timed[i]]
                 if not fixed and t > 0.0:
-                    for i in range(n):
-                        average[i] += t * x[i]
+                    for i in range(m):
+                        average[self.timed[i]] += t * x[self.timed[i]]
                 if k + 1 < jumps:
                     for i in range(m):
                         s = self.timed[i]
@@ -148,6 +152,118 @@ cdef class TimedChoices:
                                 + (self.stay[s] + self.move[s] * (1.0 - share)) * x[s])
                     for i in range(m):
                         x[self.timed[i]] = z[i]
+
+    def follow(self, double[::1] x, const double[::1] masses, const double[:, ::1] basis,
+               bint maximise, int64_t[::1] policy, double[::1] total, double[::1] gain):
+        """The values of a policy after a random number of jumps, and what other rows would gain.
+
+        The values after k jumps are coefficients of powers of time; the best rows are found for
+        each coefficient of a Bernstein polynomial instead, and so are at least as good at all times
+        of the interval.
+
+        Args:
+            x: float64[n], the values before; overwritten by those after m jumps.
+            masses: float64[m], the probability of k jumps.
+            basis: float64[m, m], the Bernstein coefficients of each power, lower triangular.
+            maximise: whether the best row is the greatest.
+            policy: int64[n], the row of each state.
+            total: float64[n], receives the sum of mass times values, as above.
+            gain: float64[n], zeros, receives the sum of the coefficients of what is gained; those
+                that are less than 16 u times the value are left out.
+        """
+        cdef int64_t n = x.shape[0], m = self.timed.shape[0], count = masses.shape[0]
+        cdef int64_t i, j, k, r, s
+        cdef double[:, ::1] powers = np.empty((count + 1, m)), later = np.empty((BLOCK, count))
+        cdef double[:, ::1] values = np.empty((n, count))
+        cdef double[::1] rows = np.empty(count), one = np.sum(basis, axis=1)
+        cdef double* row = &rows[0]
+        cdef double* v
+        cdef double change, more
+        with nogil:
+            for k in range(count):
+                for i in range(m):
+                    powers[k, i] = x[self.timed[i]]
+                    total[self.timed[i]] += masses[k] * powers[k, i]
+                self._resolve(&x[0], maximise, &policy[0], True, 0.0)
+                for i in range(m):
+                    s = self.timed[i]
+                    powers[count, i] = (self.move[s] * self._sum(&x[0], self.groups[s])
+                                        + self.stay[s] * x[s])
+                for i in range(m):
+                    x[self.timed[i]] = powers[count, i]
+            for i in range((m + BLOCK - 1) // BLOCK):
+                self._transform(powers, 0, i * BLOCK, basis, later)
+                for j in range(min(BLOCK, m - i * BLOCK)):
+                    v = &values[self.timed[i * BLOCK + j], 0]
+                    for k in range(count):
+                        v[k] = later[j, k]
+            for i in range(self.order.shape[0]):
+                s = self.order[i]
+                v = &values[s, 0]
+                self._coefficients(values, one, self.groups[s], s, v)
+                for r in range(self.groups[s] + 1, self.groups[s + 1]):
+                    self._coefficients(values, one, r, s, row)
+                    if maximise:
+                        for k in range(count):
+                            v[k] = row[k] if row[k] > v[k] else v[k]
+                    else:
+                        for k in range(count):
+                            v[k] = row[k] if row[k] < v[k] else v[k]
+            for i in range((m + BLOCK - 1) // BLOCK):
+                self._transform(powers, 1, i * BLOCK, basis, later)
+                for j in range(min(BLOCK, m - i * BLOCK)):
+                    s = self.timed[i * BLOCK + j]
+                    v = &values[s, 0]
+                    self._coefficients(values, one, self.groups[s], -1, row)
+                    more = 0.0
+                    for k in range(count):
+                        change = self.move[s] * row[k] + self.stay[s] * v[k] - later[j, k]
+                        change = change if maximise else -change
+                        more = more + (change if change > ROUNDING * later[j, k] else 0.0)
+                    gain[s] = more
+
+    cdef void _transform(self, const double[:, ::1] powers, int64_t shift, int64_t begin,
+                         const double[:, ::1] basis, double[:, ::1] out) noexcept nogil:
+        """The Bernstein coefficients of a block of states from `begin` on."""
+        cdef int64_t i, j, k, size = min(BLOCK, powers.shape[1] - begin)
+        cdef double weight
+        cdef const double* power
+        cdef double[BLOCK] sums
+        for i in range(basis.shape[0]):
+            for j in range(size):
+                sums[j] = 0.0
+            for k in range(i + 1):
+                weight = basis[i, k]
+                power = &powers[k + shift, begin]
+                for j in range(size):
+                    sums[j] = sums[j] + weight * power[j]
+            for j in range(size):
+                out[j, i] = sums[j]
+
+    cdef inline void _coefficients(self, const double[:, ::1] values, const double[::1] one,
+                                   int64_t r, int64_t s, double* out) noexcept nogil:
+        """The coefficients of a row; if `s` is not negative, it is entered again until left."""
+        cdef int64_t i, k, t, count = one.shape[0]
+        cdef double weight = self.constant[r], loop = 0.0, rest
+        cdef const double* v
+        for i in range(count):
+            out[i] = weight * one[i]
+        for k in range(self.indptr[r], self.indptr[r + 1]):
+            t = self.indices[k]
+            weight = self.data[k]
+            if t == s:
+                loop = loop + weight
+            else:
+                v = &values[t, 0]
+                for i in range(count):
+                    out[i] = out[i] + weight * v[i]
+        if loop > 0.0:
+            rest = self.leave[r]
+            for k in range(self.indptr[r], self.indptr[r + 1]):
+                if self.indices[k] != s:
+                    rest = rest + self.data[k]
+            for i in range(count):
+                out[i] = out[i] / rest
 
     cdef inline double _sum(self, const double* x, int64_t r) noexcept nogil:
         cdef double total = self.constant[r]

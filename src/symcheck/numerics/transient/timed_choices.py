@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import comb, exp, factorial
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from symcheck.numerics import graph, tuning
 from symcheck.numerics.linear.problem import Observer, Progress, largest_width
 from symcheck.numerics.settings import Settings
 from symcheck.numerics.transient.horizon import Transient
-from symcheck.numerics.transient.poisson import poisson
+from symcheck.numerics.transient.poisson import PoissonWeights, poisson
 from symcheck.numerics.tuning import UNIT_ROUNDOFF
 
 __all__ = ["TimedProblem", "TimedSteps", "timed_values"]
@@ -126,25 +127,31 @@ class TimedSteps:
         p, instants = self.problem, self.problem.instants
         parts = graph.sccs(p.matrix, instants)
         rates = p.exit_rates[p.groups[:-1]]
-        self.depth = self._depth(parts)
+        levels, self.depth = self._levels(parts)
         self.has_cycles = bool((parts.sizes > 1).any())
+        order = parts.order
+        if not self.has_cycles:  # as they are in memory, which is read faster
+            order = order[np.lexsort((order, levels[parts.of[order]]))]
         self.most = (self.depth + 1) * float(p.constant.max(initial=0.0))
         self.policy = np.zeros(p.matrix.states, np.int64)
-        self.steps = TimedChoices(
-            *p.matrix.arrays,
-            p.groups,
-            p.constant,
-            p.leave,
-            rates / self.rate,
-            (self.rate - rates) / self.rate,
-            np.flatnonzero(~instants).astype(np.int32),
-            parts.order,
-            parts.start[1:],
+        self.steps, self.gains = (
+            TimedChoices(
+                *p.matrix.arrays,
+                p.groups,
+                constant,
+                p.leave,
+                rates / self.rate,
+                (self.rate - rates) / self.rate,
+                np.flatnonzero(~instants).astype(np.int32),
+                order,
+                parts.start[1:],
+            )
+            for constant in (p.constant, np.zeros(p.matrix.rows))
         )
 
-    def _depth(self, parts: graph.Components) -> int:
-        """The most choices that follow each other in no time, or their number where that is not
-        plain.
+    def _levels(self, parts: graph.Components) -> tuple[Int64s, int]:
+        """The level of each component, above its successors', and the number of levels: the most
+        choices that follow each other in no time, or more where that is not plain.
         """
         depth = np.zeros(parts.count + 1, np.int64)
         m, of = self.problem.matrix, parts.of
@@ -155,9 +162,9 @@ class TimedSteps:
             deeper = depth.copy()
             np.maximum.at(deeper, source, depth[target] + 1)
             if np.array_equal(deeper, depth):
-                return level
+                return depth, level
             depth = deeper
-        return parts.count + 1
+        return np.arange(parts.count), parts.count + 1
 
     def work(self, jumps: int) -> float:
         """About the products that so many jumps take; each takes some time for itself."""
@@ -166,10 +173,14 @@ class TimedSteps:
     @property
     def error(self) -> float:
         """A bound on the relative error of all steps and weights so far."""
+        return self._error_of(self.jumps, self.weight_error)
+
+    def _error_of(self, jumps: int, weights: float) -> float:
+        """A bound on the relative error of so many steps, with that of their weights."""
         step = (2 * self.problem.matrix.longest + 10) * UNIT_ROUNDOFF + self.problem.error
         # Other rates change the density of a run with k jumps up to t by (1 + error)^(k + rate t).
         # There are twice as many jumps here.
-        return 1.01 * (self.jumps * (self.depth + 1) * step + self.weight_error)
+        return 1.01 * (jumps * (self.depth + 1) * step + weights)
 
     def resolved(self, x: Floats, start: float) -> Floats:
         """The values with those of the states that take no time; the policy is kept."""
@@ -201,40 +212,97 @@ class TimedSteps:
     ) -> tuple[Floats, Floats]:
         """The bounds before an interval with so many jumps on average, from those after it.
 
-        If they are few, the number of jumps tells little about the time of each if there are more
-        that change nothing.
-
         least: the probability that is left out.
         """
-        rate = max(jumps, tuning.TIMED_JUMPS)
-        weights = poisson(rate, least)
+        maximise = self.problem.direction is Direction.MAX
+        better, worse = (upper, lower) if maximise else (lower, upper)
+        rate, weights = jumps, poisson(jumps, least)
+        if (
+            jumps < tuning.TIMED_SHORT
+            and weights.right < tuning.TIMED_POWERS
+            and not self.has_cycles
+        ):
+            best = self._followed(better, jumps, weights)
+        else:
+            # If they are few, their number tells little about the time of each if there are more
+            # that change nothing.
+            rate = max(jumps, tuning.TIMED_JUMPS)
+            weights = poisson(rate, min(least, 1e-16))
+            best = self._foreseen(better, jumps / rate, weights)
+        start = 0.0 if maximise else self.problem.greatest
+        kept, other = np.zeros(len(lower)), worse.copy()
+        mass, none = weights.masses().between(0, weights.right + 1), np.empty(0)
+        share, tail = jumps / rate, np.zeros(len(mass))
+        self.steps.advance(other, mass, tail, share, maximise, self.policy, True, start, kept, none)
+        self._account(weights, other)
+        return (kept, best) if maximise else (best, kept)
+
+    def _account(self, weights: PoissonWeights, last: Floats) -> None:
+        """Count the jumps of a window, and bound what is left out beyond them, by the last values.
+
+        Of later jumps, each earns `most` at most, and is less likely than the one before.
+        """
+        self.jumps += weights.right + 1
+        self.weight_error += weights.error
+        later = (weights.right + 2.0) / (weights.right + 2.0 - weights.rate)
+        greatest = float(last.max(initial=0.0)) + self.most * later
+        self.beyond += 2.0 * weights.missing * min(greatest, self.problem.greatest)
+
+    def _foreseen(self, better: Floats, share: float, weights: PoissonWeights) -> Floats:
+        """The bound by strategies that know the number of jumps; the policy is set."""
         masses, tails = weights.masses(), weights.tails()
         mass, tail = (sequence.between(0, masses.end) for sequence in (masses, tails))
         maximise = self.problem.direction is Direction.MAX
-        low, high = 0.0, self.problem.greatest
-        better, worse = ((upper, high), (lower, low)) if maximise else ((lower, low), (upper, high))
-        average, none = np.zeros(len(lower)), np.empty(0)
-        best = np.zeros(len(lower))
-        bound, start = better
-        last = bound.copy()
-        share = jumps / rate
+        start = self.problem.greatest if maximise else 0.0
+        best, average, last = np.zeros(len(better)), np.zeros(len(better)), better.copy()
         self.steps.advance(
             last, mass, tail, share, maximise, self.policy, False, start, best, average
         )
-        self.resolved(average / max(float(tail.sum()), 1e-300), low)
-        kept = np.zeros(len(lower))
-        bound, start = worse
-        other = bound.copy()
-        self.steps.advance(other, mass, tail, share, maximise, self.policy, True, start, kept, none)
-        self.jumps += 2 * len(mass)
-        lower, upper = (kept, best) if maximise else (best, kept)
-        self.weight_error += weights.error
-        # Of later jumps, each earns `most` at most, and is less likely than the one before.
-        later = (weights.right + 2.0) / (weights.right + 2.0 - rate)
-        greatest = max(float(last.max(initial=0.0)), float(other.max(initial=0.0)))
-        greatest = min(greatest + self.most * later, self.problem.greatest)
-        self.beyond += 2.0 * weights.missing * greatest
-        return lower, upper
+        self.resolved(average / max(float(tail.sum()), 1e-300), 0.0)
+        self._account(weights, last)
+        return best
+
+    def _followed(self, better: Floats, jumps: float, weights: PoissonWeights) -> Floats:
+        """The bound by a policy, and by what others gain at most at each instant of an interval.
+
+        The values of a policy with the matrix P are w(t) = exp(-t) p(t), where p(t) is the sum of
+        t^k / k! times those after k jumps. The best ones are w + d at most, with d' <= max_b P_b d
+        - d + r: r = exp(-t) (max_b P_b p - P p) is what other rows gain. Bernstein polynomials are
+        not negative, so the best rows for each coefficient of p bound the best ones at each t. And
+        d after t is at most exp(-t) times the sum of t^j / j! (max_b P_b)^j of the integral of
+        exp(t) r. With the least values for the best ones, w - d.
+        """
+        maximise = self.problem.direction is Direction.MAX
+        n, none = len(better), np.empty(0)
+        middle, share = np.zeros(n), np.array([1.0 - 0.5 * jumps, 0.5 * jumps])
+        self.steps.advance(
+            better.copy(), share, np.zeros(2), 1.0, maximise, self.policy, False, 0.0, middle, none
+        )
+        self.resolved(middle, 0.0)
+        mass, k = weights.masses().between(0, weights.right + 1), weights.right
+        powers = [jumps**j / factorial(j) for j in range(k + 1)]
+        basis = np.array(
+            [[comb(i, j) / comb(k, j) * p for j, p in enumerate(powers)] for i in range(k + 1)]
+        )
+        values, gain, last = np.zeros(n), np.zeros(n), better.copy()
+        self.steps.follow(last, mass, basis, maximise, self.policy, values, gain)
+        self._account(weights, last)
+        self.jumps += 2 * (k + 2)  # for their coefficients, and gains of less than 16 u
+        gain *= jumps / (k + 1)  # the integral of each Bernstein polynomial
+        count = next((j for j, p in enumerate(powers) if p < 1e-5), k)
+        more: Floats = np.full(n, float(gain.max()) * jumps**count / factorial(count))
+        share, scratch = np.array(powers[:count]) * exp(-jumps), np.zeros(n, np.int64)
+        self.gains.advance(gain, share, np.zeros(count), 1.0, True, scratch, False, 0.0, more, none)
+        if maximise:
+            return values + more
+        # Each has a relative error. That of the difference is three times as large at most, unless
+        # it is small itself.
+        made = 3 * (k + 2)
+        self.jumps += 2 * made
+        self.weight_error += 2.0 * weights.error
+        error = self._error_of(made, weights.error)
+        small = np.maximum(values * (1.0 - error) - more * (1.0 + error), 0.0)
+        return np.asarray(np.where(2.0 * more <= values, values - more, small))
 
 
 def timed_values(
@@ -264,7 +332,7 @@ def timed_values(
     rate = float(problem.exit_rates.max(initial=0.0)) or 1.0
     total = rate * time
     tolerance = 0.5 * settings.epsilon
-    allowed, jumps, before = 0.2 * tolerance, 0, np.inf
+    allowed, jumps, before = 0.7 * tolerance, 0, np.inf
     if not np.isfinite(problem.greatest) and TimedSteps(problem, rate).has_cycles:
         raise UnsupportedError(
             "rewards up to a time are not supported where choices that take no time form a cycle"
@@ -308,10 +376,12 @@ def _swept(
     lower = run.resolved(problem.lower.copy(), 0.0)
     upper = run.resolved(problem.upper.copy(), min(problem.greatest, 1e300))
     left, length, gap, intervals = total, min(total, tuning.TIMED_FIRST_JUMPS), 0.0, 0
+    growth = 2.0
     gap = float((upper - lower).max(initial=0.0))
     while left > 0.0:
         length = min(length, left)
-        least = min(max(1e-4 * tolerance * length / total, 1e-290), 1e-16)
+        size = max(1.0, float(upper.max()) + run.most * (length + 10.0))
+        least = min(max(0.01 * tolerance * length / total / size, 1e-290), 1e-12)
         low, high = run.interval(lower, upper, length, least)
         low, high = run.resolved(low, 0.0), run.resolved(high, min(problem.greatest, 1e300))
         apart = float((high - low).max(initial=0.0))
@@ -319,13 +389,15 @@ def _swept(
             apart - gap > max(allowed, 1e-15 * float(high.max()))
             and length > tuning.TIMED_LEAST_JUMPS
         ):
-            length *= min(0.7, max(0.1, 0.8 * (allowed / (apart - gap)) ** 0.5))
+            length *= min(0.7, max(0.1, 0.8 * (allowed / (apart - gap)) ** (1.0 / 3.0)))
+            growth = 1.2
             continue
         lower, upper = low, high
         left -= length
         intervals += 1
-        if apart - gap < 0.3 * allowed:
-            length = min(2.0 * length, tuning.TIMED_MOST_JUMPS)
+        if apart - gap < 0.5 * allowed:
+            length = min(growth * length, tuning.TIMED_MOST_JUMPS)
+            growth = min(2.0, 1.3 * growth)
         gap = max(gap, apart)
         if observer is not None:
             observer(Progress("intervals", intervals, apart, problem.matrix.states))
