@@ -352,10 +352,6 @@ EQUAL_GAINS = 1e-8
 """Difference of the gains of a certificate, relative to the greatest one, that is none."""
 MORE_BITS = 80
 """Bits by which a refined bias is finer than one in doubles."""
-STEPS_AFTER_BICGSTAB = 4
-"""Extrapolation steps that make values close which are much smaller than the others."""
-SHIFTED_ACCURACY = 1e-4
-"""A policy is evaluated by BiCGStab until this part of the last improvement remains."""
 REFINEMENTS = 4
 """Corrections of a bias by its exact residual."""
 BIAS_POLICIES = 100

@@ -170,18 +170,10 @@ class _ShiftedChains:
                 return z if error <= max(goal, self.accuracy) * abs(mean) else None
             before = error
             wanted = 0.3 * goal * (abs(mean) or 1e-3 * error)
-            found, least, last = None, np.inf, shift.steps
-            for x, residual in shift.solve(rest):
-                found = x
-                if residual <= wanted or not np.isfinite(residual):
-                    break
-                if residual < 0.1 * least:
-                    least, last = residual, shift.steps
-                if shift.steps - last > tuning.SHIFTED_PATIENCE:
-                    return None
-            if found is None:
+            change = shift.solution(rest, wanted, tuning.SHIFTED_PATIENCE)
+            if change is None:
                 return None
-            z = z + shift.solve_upper(found)
+            z = z + change
 
 
 def _make_proper(evaluator: PolicyEvaluator, local: LocalSystem) -> bool:

@@ -128,6 +128,24 @@ class SplitMatrix:
             self._product(x, t, w, q, x)
             np.subtract(first, q, out=r)
 
+    def solution(self, right: Floats, goal: float, patience: int) -> Floats | None:
+        """The solution of (I - A) x = right, or None if the method does not converge.
+
+        Args:
+            right: float64[n].
+            goal: the residual to reach, as `solve` measures it.
+            patience: the steps within which the residual must fall by a factor of ten.
+        """
+        least, last = math.inf, self.steps
+        for x, residual in self.solve(right):
+            if residual <= goal:
+                return self.solve_upper(x)
+            if residual < 0.1 * least:
+                least, last = residual, self.steps
+            if not math.isfinite(residual) or self.steps - last > patience:
+                break
+        return None
+
     def _combine_and_solve_upper(
         self, r: Floats, p: Floats, v: Floats, beta: float, gamma: float, t: Floats
     ) -> float:

@@ -266,16 +266,10 @@ class _BiCGStab:
         scale: float64[n], positive; values count relative to it. None: 1 everywhere.
         """
         split = self.split if scale is None else self.split.relative_to(scale)
-        least, last = np.inf, 0
-        for x, residual in split.solve(right):
-            self.steps += 1
-            if residual <= 0.5 * goal:
-                return split.solve_upper(x)
-            if residual < 0.1 * least:
-                least, last = residual, split.steps
-            if not np.isfinite(residual) or split.steps - last > tuning.BICGSTAB_PATIENCE:
-                break
-        return None
+        before = split.steps
+        x = split.solution(right, 0.5 * goal, tuning.BICGSTAB_PATIENCE)
+        self.steps += split.steps - before
+        return x
 
 
 Evaluate = Callable[[LinearProblem, Settings], Solution]
