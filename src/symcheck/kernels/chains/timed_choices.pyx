@@ -162,9 +162,10 @@ cdef class TimedChoices:
         of the interval.
 
         Args:
-            x: float64[n], the values before; overwritten by those after m jumps.
-            masses: float64[m], the probability of k jumps.
-            basis: float64[m, m], the Bernstein coefficients of each power, lower triangular.
+            x: float64[n], the values before; overwritten by those after all jumps.
+            masses: float64[count], the probability of k jumps.
+            basis: float64[count, count], the Bernstein coefficients of each t^k / k!, lower
+                triangular.
             maximise: whether the best row is the greatest.
             policy: int64[n], the row of each state.
             total: float64[n], receives the sum of mass times values, as above.

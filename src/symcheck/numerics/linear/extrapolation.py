@@ -115,9 +115,10 @@ class _ShiftedChains:
 
     Let e = 1 - A 1 be the probability of leaving, let u be a distribution, and let
     M = I - A + 1 u^T, whose eigenvalue near 0 has moved to about 1. With M y = b and M h = e, the
-    solution of (I - A) x = b is y + (u·y / u·h) (1 - h): nothing cancels, as e is known by itself.
+    solution of (I - A) x = b is y + (u·y / u·h) (1 - h). Large values lose no digits, as e is known
+    by itself; small ones, where leaving is likely, may, and sweeps repair them.
 
-    accuracy: the residuals that suffice, relative to the average of the solution. works: whether
+    accuracy: the residuals that suffice, relative to the average of y or of h. works: whether
     BiCGStab has converged. constants, leaving: y and h, where the next policy begins.
     """
 
@@ -159,7 +160,10 @@ class _ShiftedChains:
     def _solution(
         self, shift: SplitMatrix, matrix: SparseMatrix, right: Floats, start: Floats, goal: float
     ) -> Floats | None:
-        """M^-1 right, as far as rounding lets it be, or None if BiCGStab does not converge."""
+        """M^-1 right with a residual of `goal`, or of what rounding lets it be if that suffices.
+
+        None if BiCGStab does not converge.
+        """
         z = start if len(start) else np.zeros_like(right)
         before = np.inf
         while True:

@@ -6,6 +6,8 @@ intervals, and what is known at the end of one bounds the values at its begin:
 - from one side by a strategy that keeps to its choices within the interval;
 - from the other side by strategies that know at the begin how many jumps there will be, and so
   are at least as good as any that does not: for each number, choices are optimal for what remains.
+  In intervals with less than one jump on average, a policy is followed instead, and what other
+  choices gain is bounded at each instant.
 
 Both are the same where choices do not change with time, for intervals of any length; elsewhere the
 distance shrinks with the square of the length, which is chosen accordingly.
@@ -212,7 +214,7 @@ class TimedSteps:
     ) -> tuple[Floats, Floats]:
         """The bounds before an interval with so many jumps on average, from those after it.
 
-        least: the probability that is left out.
+        least: jumps whose probability is less than this part of the greatest one are left out.
         """
         maximise = self.problem.direction is Direction.MAX
         better, worse = (upper, lower) if maximise else (lower, upper)
@@ -240,7 +242,8 @@ class TimedSteps:
     def _account(self, weights: PoissonWeights, last: Floats) -> None:
         """Count the jumps of a window, and bound what is left out beyond them, by the last values.
 
-        Of later jumps, each earns `most` at most, and is less likely than the one before.
+        Of later jumps, each earns `most` at most, and is less likely than the one before. Twice as
+        much also covers what others would gain after them. Lower bounds may leave it out.
         """
         self.jumps += weights.right + 1
         self.weight_error += weights.error
@@ -266,11 +269,13 @@ class TimedSteps:
         """The bound by a policy, and by what others gain at most at each instant of an interval.
 
         The values of a policy with the matrix P are w(t) = exp(-t) p(t), where p(t) is the sum of
-        t^k / k! times those after k jumps. The best ones are w + d at most, with d' <= max_b P_b d
-        - d + r: r = exp(-t) (max_b P_b p - P p) is what other rows gain. Bernstein polynomials are
-        not negative, so the best rows for each coefficient of p bound the best ones at each t. And
-        d after t is at most exp(-t) times the sum of t^j / j! (max_b P_b)^j of the integral of
-        exp(t) r. With the least values for the best ones, w - d.
+        t^k / k! times those after k jumps. Let b range over all choices. The greatest values are
+        w + d at most, with d' <= max_b P_b d - d + r, where r = exp(-t) (max_b P_b p - P p) is what
+        other rows gain; the least are w - d at least, with r = exp(-t) (P p - min_b P_b p). On d,
+        P_b earns nothing. Bernstein polynomials are not negative, so the best rows for each
+        coefficient of p bound the best ones at each t. Let G be the integral of exp(t) r over the
+        interval. Then D = exp(t) d has D(t) <= G + the integral of max_b P_b D, and so D is at most
+        the sum of t^j / j! (max_b P_b)^j G.
         """
         maximise = self.problem.direction is Direction.MAX
         n, none = len(better), np.empty(0)
@@ -287,8 +292,11 @@ class TimedSteps:
         values, gain, last = np.zeros(n), np.zeros(n), better.copy()
         self.steps.follow(last, mass, basis, maximise, self.policy, values, gain)
         self._account(weights, last)
-        self.jumps += 2 * (k + 2)  # for their coefficients, and gains of less than 16 u
+        # For their coefficients. A gain that was dropped is a relative error of 16 u of its jump,
+        # and each jump counts for 24 u at least.
+        self.jumps += 2 * (k + 2)
         gain *= jumps / (k + 1)  # the integral of each Bernstein polynomial
+        # No P_b raises the maximum, and the terms from j on are T^j / j! at most, times exp(T).
         count = next((j for j, p in enumerate(powers) if p < 1e-5), k)
         more: Floats = np.full(n, float(gain.max()) * jumps**count / factorial(count))
         share, scratch = np.array(powers[:count]) * exp(-jumps), np.zeros(n, np.int64)
@@ -297,7 +305,7 @@ class TimedSteps:
             return values + more
         # Each has a relative error. That of the difference is three times as large at most, unless
         # it is small itself.
-        made = 3 * (k + 2)
+        made = 3 * (k + 2)  # k + 1 jumps, and 2 (k + 2) for coefficients
         self.jumps += 2 * made
         self.weight_error += 2.0 * weights.error
         error = self._error_of(made, weights.error)

@@ -4,7 +4,8 @@ At a location, a clock is compared with constants up to a limit until it is rese
 commands lead without a reset; states in which it is beyond this limit are bisimilar. Where it is
 not compared before its reset, it is inactive: all its values are alike. A location is a value of
 one variable. Each variable gives limits, which do not grow along commands without a reset, so that
-the least of them does not grow either.
+the least of them, which the caller takes, does not grow either. Time keeps locations. A clock that
+enters a location above its ceiling keeps its value until time passes.
 Sources: Daws & Yovine, Reducing the number of clock variables of timed automata, RTSS 1996;
 Behrmann, Bouyer, Fleury & Larsen, Static guard analysis in timed automata verification, TACAS 2003.
 """
@@ -42,7 +43,7 @@ def local_ceilings(
     Args:
         model: a timed automaton.
         read: conditions that are read in all states, besides guards and invariants.
-        unit: the time that a clock counts; it divides all constants.
+        unit: the time that a clock counts; constants of labels may lie between its multiples.
         tops: the clocks, each with a ceiling in units for all locations.
 
     Raises:
@@ -65,7 +66,7 @@ def local_ceilings(
     deciding = set[str]()
     for clock in tops:
         largest = max((at.get(clock, _NONE) for _, at in compared), default=_NONE)
-        # What does not depend on a variable is compared at all its values.
+        # A condition without a variable has its constant at all values of that: it gains nothing.
         needed = [used for used, at in compared if at.get(clock) == largest]
         deciding |= set.intersection(*needed) - clocks if needed else set()
     result: dict[str, tuple[Expression, ...]] = {}
