@@ -13,7 +13,13 @@ from symcheck.check import truncation
 from symcheck.check import tuning as tuning_of_checks
 from symcheck.check.context import Context
 from symcheck.check.result import Certified, Exact
-from symcheck.errors import Interrupted, MemoryLimitError, ModelFault, NumericalError
+from symcheck.errors import (
+    Interrupted,
+    MemoryLimitError,
+    ModelFault,
+    NumericalError,
+    UnsupportedError,
+)
 from symcheck.explicit import tuning
 from symcheck.explicit.region import Region
 from symcheck.explicit.states import Rows
@@ -366,3 +372,106 @@ def test_other_properties_need_every_state(formula: str) -> None:
     with pytest.raises(MemoryLimitError, match="memory limit") as raised:
         model.check(formula)
     assert "has no bounds" in str(raised.value.note)
+
+
+REWARDED = {
+    "arrivals": ARRIVALS.replace("[]", "[arrive]")
+    + " rewards true : n; endrewards rewards [arrive] true : 1; endrewards "
+    "rewards true : n*n - 7*n; endrewards",
+    "servers": SERVERS + "rewards true : n; endrewards",
+    "births": "ctmc module m n : int init 1; [] n>0 -> 0.5*n : (n'=n+1); endmodule "
+    "rewards true : n; endrewards",
+    "walk": WALK + "rewards true : x; endrewards rewards true : x*x; endrewards",
+    "powers": WALK + "rewards true : pow(2.0, x); endrewards",
+    "explosion": "ctmc module m n : int init 1; [] true -> n*n : (n'=n+1); endmodule "
+    "rewards true : n>0 ? -2 : 5; endrewards",
+    "gene": "ctmc module m a : int init 0; b : int init 0; [] true -> 2 : (a'=a+1); "
+    "[make] a>0 -> 5*a : (b'=b+1); endmodule rewards true : b; endrewards "
+    "rewards true : a*b; endrewards rewards [make] true : 1; endrewards",
+}
+
+
+@pytest.mark.parametrize(
+    ("model", "query", "value"),
+    [
+        ("arrivals", "R=? [ I=5 ]", 10.0),
+        ("arrivals", "R=? [ I=0 ]", 0.0),
+        ("arrivals", "R=? [ C<=5 ]", 25.0),
+        ("arrivals", "R{2}=? [ C<=5 ]", 10.0),
+        ("arrivals", "R{3}=? [ I=5 ]", 40.0),
+        ("arrivals", "R{3}=? [ I=1 ]", -8.0),
+        ("servers", "R=? [ I=2 ]", 3 * (1 - exp(-2))),
+        ("servers", "R=? [ C<=30 ]", 3 * (29 + exp(-30))),
+        ("births", "R=? [ I=4 ]", exp(2)),
+        ("births", "R=? [ C<=2 ]", 2 * (exp(1) - 1)),
+        ("walk", "R=? [ I=10 ]", -5.0),
+        ("walk", "R=? [ C<=10 ]", -22.5),
+        ("walk", "R{2}=? [ I=60 ]", 945.0),
+        ("powers", "R=? [ I=9 ]", 0.875**9),
+        ("powers", "R=? [ C<=3 ]", 1 + 0.875 + 0.875**2),
+        ("gene", "R=? [ I=2 ]", 5 * 2**2),
+        ("gene", "R{3}=? [ C<=2 ]", 5 * 2**2),
+    ],
+)
+def test_rewards_within_a_bound_have_closed_forms(model: str, query: str, value: float) -> None:
+    low, high = truncated(REWARDED[model], query).bounds
+    slack = 1e-13 * abs(value)
+    assert low - slack <= value <= high + slack
+    assert high - low <= 1e-6 * abs(value)
+
+
+@pytest.mark.parametrize(("direction", "best"), [("max", max), ("min", min)])
+@pytest.mark.parametrize("cumulative", [True, False])
+def test_rewards_of_strategies_within_steps(
+    direction: str, best: Callable[[list[Fraction]], Fraction], cumulative: bool
+) -> None:
+    """`safe` is a fair game that pays its stake, and `bold` a lossy one that pays more."""
+
+    @cache
+    def value(money: int, left: int) -> Fraction:
+        here = Fraction(money * money - 9 * money)
+        if left == 0:
+            return Fraction(0) if cumulative else here
+        if money <= 0:
+            later = [value(money, left - 1)]
+        else:
+            half = Fraction(1, 2)
+            later = [cumulative + half * (value(money + 1, left - 1) + value(money - 1, left - 1))]
+            if money > 1:
+                up, down = value(money + 2, left - 1), value(money - 2, left - 1)
+                later.append(3 * cumulative + Fraction(3, 8) * up + Fraction(5, 8) * down)
+        return best(later) + (here if cumulative else 0)
+
+    rewards = "rewards true : money*money - 9*money; [safe] true : 1; [bold] true : 3; endrewards"
+    query = "C<=9" if cumulative else "I=9"
+    low, high = truncated(GAMBLER + rewards, f"R{direction}=? [ {query} ]").bounds
+    expected = value(3, 9)
+    assert low <= expected <= high
+    assert high - low <= 1e-6 * abs(expected)
+
+
+def test_rewards_are_refused_where_nothing_bounds_them() -> None:
+    fast = "ctmc module m n : int init 1; [] true -> n*n : (n'=n+1); endmodule "
+    with pytest.raises(UnsupportedError, match="no bound is found on what is earned outside"):
+        truncated(fast + "rewards true : n; endrewards", "R=? [ I=1 ]")
+    with pytest.raises(UnsupportedError, match="no bound is found"):
+        truncated(ARRIVALS + " rewards true : pow(2, n); endrewards", "R=? [ C<=1 ]")
+
+
+@pytest.mark.parametrize(
+    ("model", "query", "value"),
+    [
+        ("arrivals", "R=? [ I=5 ]", 10.0),
+        ("arrivals", "R{2}=? [ C<=5 ]", 10.0),
+        ("births", "R=? [ I=2 ]", exp(1)),
+        ("gene", "R=? [ I=2 ]", 20.0),
+        ("explosion", "R=? [ C<=0.1 ]", -0.2),
+    ],
+)
+def test_what_is_earned_outside_of_a_small_region_counts(
+    monkeypatch: pytest.MonkeyPatch, model: str, query: str, value: float
+) -> None:
+    monkeypatch.setattr(tuning, "FIRST_REGION_STATES", 3)
+    low, high = truncated(REWARDED[model], query, epsilon=0.05).bounds
+    assert low < value < high
+    assert high - low > 1e-9

@@ -1,4 +1,4 @@
-"""Probabilities of models with too many states, or infinitely many, on a region of their states.
+"""Values of models with too many states, or infinitely many, on a region of their states.
 
 Where a path leaves the region, nothing more is known of it. Until formulas grow with their
 operands: if the states on the boundary satisfy neither operand, the probability is a lower bound,
@@ -6,6 +6,10 @@ and if they satisfy both, it is an upper one. The region grows where paths leave
 until the bounds are as close as requested; without a bound on time, they may stay apart, because
 paths that leave need not come back. What chooses the region is an estimate, and what is printed is
 proved.
+
+Rewards within a bound are those of the region, up to what paths earn that leave it. A bound on the
+rewards of all states (`reward_growth.py`), as the reward of the states on the boundary, makes that
+a reward of the finite model. Within a bound on steps, states earn nothing that are too far away.
 
 Sources: E. Hahn, H. Hermanns, B. Wachter, L. Zhang: INFAMY: an infinite-state Markov model checker
 (CAV 2009), for bounds from what leaves the explored states; T. Neupane, C. Myers, C. Madsen,
@@ -15,17 +19,22 @@ H. Zheng, Z. Zhang: STAMINA: stochastic approximate model-checker for infinite-s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
+from fractions import Fraction
 from time import perf_counter
 
 import numpy as np
 
 from symcheck.check import tuning
 from symcheck.check.context import CheckLog, Context
+from symcheck.check.measures.signed_steps import REWARD_ERROR
 from symcheck.check.queries.path_probabilities import probability
+from symcheck.check.queries.values import values
 from symcheck.check.result import Answer, Certified, Exact, Result, SolverRun
 from symcheck.check.state_formulas import states_of
+from symcheck.direction import Direction
 from symcheck.engines.base import StateSet, erased
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.errors import (
@@ -41,25 +50,36 @@ from symcheck.numerics.linear.problem import Observer, largest_width
 from symcheck.numerics.transient.state_space_truncation import expected_times
 from symcheck.options import Options
 from symcheck.semantics.features import Feature, offers
-from symcheck.semantics.model import BoundModel
+from symcheck.semantics.model import BoundModel, BoundRewards
 from symcheck.semantics.path_formulas import NextPath, UntilPath, over_leaves
-from symcheck.semantics.query import PathProbability, Query, query_of
+from symcheck.semantics.query import (
+    CumulativeReward,
+    InstantaneousReward,
+    PathProbability,
+    Query,
+    query_of,
+)
 from symcheck.semantics.reduction.stop_at_targets import deciding_states, stop_at
+from symcheck.semantics.reward_growth import reward_growth
+from symcheck.semantics.rewards import Structure, reward_items
 from symcheck.syntax.ast import AnyMeasure, Expression, StateOperator
 from symcheck.syntax.traversal import nodes
 from symcheck.tables import counted
 
 __all__ = ["check_by_truncation", "has_bounds_on_a_part", "truncates"]
 
+_LARGEST = float(np.finfo(np.float64).max)
+
 
 def truncates(formula: Expression, model: BoundModel) -> bool:
     """Whether a bound formula needs a part of the states only: P of X, or of F, G, U, W or R with
-    an upper bound on steps or time, over conditions without operators, from one initial state.
+    an upper bound on steps or time, over conditions without operators, and rewards up to a bound or
+    at a time, from one initial state.
     """
-    match _path(formula, model):
-        case UntilPath(window=window):
+    match _measured(formula, model):
+        case UntilPath(window=window) | CumulativeReward(window=window):
             return window.upper is not None
-        case NextPath():
+        case NextPath() | InstantaneousReward():
             return True
         case _:
             return False
@@ -69,11 +89,13 @@ def has_bounds_on_a_part(formula: Expression, model: BoundModel) -> bool:
     """Whether a part of the states bounds a formula: as above, with or without an upper bound. If
     there is none, the bounds need not meet.
     """
-    return isinstance(_path(formula, model), UntilPath | NextPath)
+    return truncates(formula, model) or isinstance(_measured(formula, model), UntilPath)
 
 
-def _path(formula: Expression, model: BoundModel) -> object:
-    """The path formula of P over conditions without operators, from one initial state, or None."""
+def _measured(formula: Expression, model: BoundModel) -> object:
+    """What is asked for of one initial state: the path formula of P over conditions without
+    operators, or another quantity; None: neither.
+    """
     if not offers(model, Feature.TRUNCATION) or model.initial is not None:
         return None
     if not isinstance(formula, AnyMeasure) or any(
@@ -81,7 +103,7 @@ def _path(formula: Expression, model: BoundModel) -> object:
     ):
         return None
     quantity = query_of(formula, model).quantity
-    return quantity.path if isinstance(quantity, PathProbability) else None
+    return quantity.path if isinstance(quantity, PathProbability) else quantity
 
 
 def check_by_truncation(
@@ -114,7 +136,8 @@ def check_by_truncation(
     assert isinstance(formula, AnyMeasure)
     started = perf_counter()
     stop = deciding_states(model, [(formula, labels)])
-    part = _Truncated(
+    is_path = isinstance(query_of(formula, model).quantity, PathProbability)
+    part = (_Truncated if is_path else _TruncatedReward)(
         model if stop is None else stop_at(model, stop), formula, options, labels, observer
     )
     lower, upper = part.bounds()
@@ -142,7 +165,13 @@ def check_by_truncation(
 
 
 class _Truncated:
-    """A formula on a region of the states of a model."""
+    """A formula on a region of the states of a model.
+
+    widest: bounds on any value, before something is known. shifts: those of the estimates.
+    """
+
+    widest: tuple[float, float] = 0.0, 1.0
+    shifts: tuple[float, ...] = tuning.TRUNCATION_SHIFTS
 
     def __init__(
         self,
@@ -213,7 +242,7 @@ class _Truncated:
     def _within_time(self) -> tuple[float, float]:
         """Bounds with a bound on time: the region grows until hardly any path leaves it."""
         epsilon = self._options.epsilon
-        goal, known = tuning.TRUNCATION_SHARE * epsilon, (0.0, 1.0)
+        goal, known = tuning.TRUNCATION_SHARE * epsilon, self.widest
         while True:
             flows, is_large = self._flows(), len(self._region) > tuning.TRUNCATION_STATES
             if flows.sum() <= goal or (is_large and flows.sum() < tuning.TRUNCATION_USELESS):
@@ -222,7 +251,9 @@ class _Truncated:
                     return known
                 if is_large or not len(flows) or goal < tuning.TRUNCATION_LEAST:
                     return known
-                least = lower if self._options.relative and lower > 0.0 else 1.0
+                least = max(lower, -upper)
+                if not self._options.relative or least <= 0.0:
+                    least = 1.0
                 goal = min(goal / 10, tuning.TRUNCATION_SHARE * epsilon * least)
             elif is_large:
                 raise NumericalError(
@@ -233,7 +264,7 @@ class _Truncated:
             try:
                 self._grow(flows, goal)
             except (MemoryLimitError, MemoryError):
-                if known == (0.0, 1.0):
+                if known == self.widest:
                     raise
                 return known
 
@@ -241,7 +272,8 @@ class _Truncated:
         """Whether bounds are as close as requested, or decide a threshold, or more states do not
         help.
         """
-        wide = self._options.epsilon * (upper if self._options.relative else 1.0)
+        largest = max(abs(lower), abs(upper)) if self._options.relative else 1.0
+        wide = self._options.epsilon * largest
         return upper - lower <= wide or self._is_decided(lower, upper) or self._unsure > wide
 
     def _solved(self, known: tuple[float, float]) -> tuple[float, float]:
@@ -297,7 +329,7 @@ class _Truncated:
             return np.zeros(len(boundary))
         flows = [
             expected_times(chain, exits, horizon, start, shift)[boundary] * shift / horizon
-            for shift in tuning.TRUNCATION_SHIFTS
+            for shift in self.shifts
         ]
         return np.asarray(np.minimum.reduce(flows))
 
@@ -305,7 +337,8 @@ class _Truncated:
     def _ends(self) -> bool:
         """Whether there is a bound on time or steps."""
         quantity = self._query.quantity
-        assert isinstance(quantity, PathProbability)
+        if not isinstance(quantity, PathProbability):
+            return True
         assert isinstance(quantity.path, UntilPath | NextPath)
         return isinstance(quantity.path, NextPath) or quantity.path.window.upper is not None
 
@@ -347,6 +380,146 @@ class _Truncated:
                 f"lies between {lower!r} and {upper!r}"
             )
         return threshold.admits(lower), Exact()
+
+
+class _TruncatedReward(_Truncated):
+    """A reward up to a bound or at a time. What is earned outside of the region is bounded."""
+
+    widest = -math.inf, math.inf
+    shifts = tuning.TRUNCATION_REWARD_SHIFTS
+
+    def __init__(
+        self,
+        model: BoundModel,
+        formula: AnyMeasure,
+        options: Options,
+        labels: Mapping[str, Expression],
+        observer: Observer | None,
+    ) -> None:
+        quantity = query_of(formula, model).quantity
+        assert isinstance(quantity, CumulativeReward | InstantaneousReward)
+        self._quantity, items = quantity, reward_items(quantity.reward, model)
+        if isinstance(quantity, CumulativeReward):
+            assert quantity.window.upper is not None
+            self._time = Fraction(quantity.window.upper)
+        else:
+            self._time = quantity.time
+            items = tuple(item for item in items if item.on_states)
+        self._growth = reward_growth(model, items, self._time)
+        self._is_timed = model.type.continuous_time
+        if self._growth is None and self._is_timed:
+            raise UnsupportedError(
+                "no bound is found on what is earned outside of the states that are explored",
+                hint="rewards have to be bounded, or polynomials in variables that grow in steps "
+                "at rates that are at most linear in them; otherwise bound the variables; "
+                "-notruncate (truncate=False) explores every state",
+            )
+        super().__init__(model, formula, options, labels, observer)
+
+    def _horizon(self, rate: float) -> float:  # noqa: ARG002 (paths need it)
+        return float(self._time)
+
+    @property
+    def _outside(self) -> Floats:
+        """What is earned at most, at a time or in a step, by paths that leave the region, by the
+        state where they do: float64[boundary].
+        """
+        explored, boundary = self.explored, self.explored.boundary
+        if boundary is None or not self._time:
+            return np.zeros(0 if boundary is None else len(boundary))
+        bound = np.full(len(boundary), np.inf)
+        if self._growth is not None:
+            columns = {i: explored.states.column(i)[boundary] for i in self._growth.weights}
+            bound = self._growth.bound(columns, len(boundary), float(self._time))
+        return bound if self._is_timed else np.where(self._in_time[boundary], bound, 0.0)
+
+    @property
+    def _in_time(self) -> Bools:
+        """The states that are reached within the steps that count: bool[states]."""
+        matrix = self.explored.matrix
+        owner = matrix.row_of_entry
+        if matrix.groups is not None:
+            owner = np.repeat(np.arange(len(self.explored.states)), np.diff(matrix.groups))[owner]
+        reached = np.zeros(len(self.explored.states), np.bool_)
+        reached[self.explored.initial] = True
+        count = 0
+        for _ in range(int(self._time)):
+            reached[matrix.indices[reached[owner]]] = True
+            earlier, count = count, int(np.count_nonzero(reached))
+            if count == earlier:
+                break
+        return reached
+
+    def _flows(self) -> Floats:
+        """About what is earned by paths that leave the region, by the state where they do."""
+        outside = self._outside
+        if not outside.any():
+            return np.empty(0)
+        entered = super()._flows()
+        if not len(entered):
+            entered = np.ones(len(outside))
+        per_time = float(self._time) if isinstance(self._quantity, CumulativeReward) else 1.0
+        lost = np.minimum(outside, _LARGEST / len(outside) / max(per_time, 1.0))
+        found = np.minimum(entered, 1.0) * lost * per_time
+        # Where nothing is known of what is earned, all states have to be expanded.
+        return np.where(np.isinf(outside), _LARGEST / len(outside), found)
+
+    def _solved(self, known: tuple[float, float]) -> tuple[float, float]:
+        """Bounds by the rewards of the region, and by what may be missing to them."""
+        earned, missing = self._rewards()
+        low, high = self._value(earned, self._query.direction)
+        self._unsure = high - low
+        if missing.any():
+            most = None if self._query.direction is None else Direction.MAX
+            lost = self._value(missing, most)[1] * (1.0 + 1e-12)
+            if lost:
+                low = math.nextafter(low - lost, -math.inf)
+                high = math.nextafter(high + lost, math.inf)
+        return max(known[0], low), min(known[1], high)
+
+    def _rewards(self) -> tuple[Floats, Floats]:
+        """What is earned within the region, and a bound on its error, or on what is earned from
+        there outside of it: per row, or per state if it is a reward at a time.
+        """
+        engine, reward = self.context.engine, self._quantity.reward
+        system, boundary = engine.system(engine.all), self.explored.boundary
+        if isinstance(self._quantity, CumulativeReward):
+            earned = np.array(system.earned(reward), np.float64)
+            missing = np.array(system.step_reward_errors(reward), np.float64)
+            if system.exit_rates is not None:
+                missing *= system.exit_rates * (1.0 + 1e-12)
+            groups = self.explored.matrix.groups
+        else:
+            earned = np.array(system.state_rewards(reward), np.float64)
+            missing = max(system.state_reward_error(reward), REWARD_ERROR) * np.abs(earned)
+            groups = None
+        if boundary is not None and len(boundary):
+            rows = boundary if groups is None else groups[boundary]  # each has one loop
+            earned[rows], missing[rows] = 0.0, self._outside
+        return earned, missing
+
+    def _value(self, rewards: Floats, direction: Direction | None) -> tuple[float, float]:
+        """Bounds on the value of the query in the initial state, with other rewards."""
+        explored, is_sum = self.explored, isinstance(self._quantity, CumulativeReward)
+        none = np.zeros(len(explored.states) if is_sum else explored.matrix.rows)
+        number = len(explored.model.rewards)
+        # Without items, a structure is one that was read.
+        given = replace(
+            explored,
+            model=replace(
+                explored.model, rewards=(*explored.model.rewards, BoundRewards(None, ()))
+            ),
+            state_rewards=[*explored.state_rewards, none if is_sum else rewards],
+            choice_rewards=[*explored.choice_rewards, rewards if is_sum else none],
+        )
+        context = replace(self.context, engine=erased(ExplicitEngine(given)))
+        context = context.relevant_at(context.engine.initial)
+        context = context.with_epsilon(tuning.TRUNCATION_SHARE * self._options.epsilon)
+        quantity = replace(self._quantity, reward=Structure(number))
+        query: Query[StateSet] = Query(quantity, direction, None)
+        found = values(context, query)
+        initial = context.engine.initial
+        return float(found.minimum(initial)[0]), float(found.maximum(initial)[1])
 
 
 def _as_chain(matrix: SparseMatrix) -> SparseMatrix:

@@ -114,6 +114,8 @@ TRUNCATION_SHARE = 0.25
 """The share of epsilon for what leaves the explored states, and for the accuracy on them."""
 TRUNCATION_SHIFTS = (6.0,)
 """Laplace shifts of the estimates of what leaves them; the least one counts."""
+TRUNCATION_REWARD_SHIFTS = (6.0, 40.0)
+"""Those for rewards, which weight what leaves by bounds that may be large."""
 TRUNCATION_STATES = 8_000_000
 """States from which on the region does not grow any more: about a GB."""
 TRUNCATION_USELESS = 0.5
