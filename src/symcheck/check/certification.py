@@ -695,8 +695,8 @@ class _Writer:
         dual = direction and direction.dual
         certain = graph.prob1(self._matrix, everywhere, target, dual)
         guess = self._values()
-        if not np.isfinite(doubles(guess[certain])).all():
-            raise _unsupported()
+        if not np.isfinite(doubles(guess[certain])).all():  # finite values: iteration gave up
+            raise NumericalError("the solver found no upper bound of the values for a certificate")
         earned = self._system.step_rewards(reward)
         counted = earned[per_row(self.model.matrix.groups, certain & ~target)]
         if any(v < 0 for v in distinct(counted)):
