@@ -5,8 +5,9 @@ They raise UnsupportedError if matplotlib is not installed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symcheck.tables import optional_package
@@ -15,21 +16,37 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-__all__ = ["BLUE", "axes_of", "plot_bars", "plot_front", "pyplot"]
+__all__ = ["BLUE", "axes_of", "plot_bars", "plot_front", "pyplot", "save_chart"]
 
 BLUE = "#1f4e8c"
 """The colour of what stands alone."""
 _LIGHT = "#8fb0d8"
+_SIZE = (6.4, 4.0)  # inches
 _BAR = 0.28
 """Inches that a bar takes."""
 
 
-def axes_of(axes: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Axes:
+def axes_of(axes: Axes | None, size: tuple[float, float] = _SIZE) -> Axes:
     """The given axes, or new ones of a size in inches."""
     if axes is not None:
         return axes
     new: Axes = pyplot().subplots(figsize=size, layout="constrained")[1]
     return new
+
+
+def save_chart(draw: Callable[[Axes], object], path: Path, kind: str) -> None:
+    """Write what is drawn into new axes, as png, svg or pdf.
+
+    The figure is made without pyplot, whose window system may be missing.
+    """
+    optional_package("matplotlib", "plot")
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    FigureCanvasAgg(figure)
+    draw(figure.subplots())
+    figure.savefig(path, format=kind, dpi=150)
 
 
 def pyplot() -> Any:

@@ -382,9 +382,14 @@ def test_plots() -> None:
         .with_options(regions=0.8)
         .check("Pmax>=0.5 [ F s=1 ]")
     )
-    assert len(plot_regions(result.regions).patches) == sum(
-        len(c.boxes) for c in result.regions.cases
-    )
+    drawn = {p.get_bbox().bounds for p in plot_regions(result.regions).patches}
+    regions = result.regions
+    boxes = [*regions.empty, *regions.undecided, *(b for c in regions.cases for b in c.boxes)]
+    assert regions.undecided
+    assert drawn == {
+        (float(x), float(y), float(right - x), float(top - y))
+        for (x, right), (y, top) in (box.values() for box in boxes)
+    }
     error = function(ZEROCONF, "p,q", "P=? [ F s=N+1 ]")
     box = {"p": (Fraction(0), Fraction(1)), "q": (Fraction(0), Fraction(1))}
     assert plot_function(error, box).get_ylabel() == "q"

@@ -292,6 +292,73 @@ def test_files_of_fronts_have_a_known_extension(capsys):
     assert "none of .csv, .json" in capsys.readouterr().err
 
 
+COIN = """dtmc const double p; const double q; const double r = 1/2;
+module m x : [0..2]; [] x=0 -> 4*p*q : (x'=1) + 1-4*p*q : (x'=2); endmodule"""
+BOXES = ["coin.pm", "-pf", "P<=0.3 [ F x=1 ]", "-regions", "0.9", "-exportregions"]
+
+
+def boxes_of(path: Path) -> list[tuple[str, list[Fraction]]]:
+    """The outcomes and boxes of a file of regions."""
+    if path.suffix == ".csv":
+        head, *rows = csv.reader(path.read_text().splitlines())
+        assert head == ["outcome", "p_low", "p_high", "q_low", "q_high"]
+        return [(outcome, [*map(Fraction, ends)]) for outcome, *ends in rows]
+    whole = json.loads(path.read_text())
+    assert whole["ranges"] == {"p": ["1/10", "1"], "q": ["0", "1"]}
+    assert whole["well_defined"] == ["p*q - 1/4 < 0"]
+    return [
+        (entry["outcome"], [Fraction(e) for side in box.values() for e in side])
+        for entry in whole["outcomes"]
+        for box in entry["boxes"]
+    ]
+
+
+@pytest.mark.parametrize("name", ["r.csv", "r.json"])
+def test_boxes_of_regions_are_written_as_fractions(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    Path("coin.pm").write_text(COIN)
+    assert main([*BOXES, name, "-param", "p=0.1:1,q"]) == 0
+    boxes = boxes_of(Path(name))
+    assert {outcome for outcome, _ in boxes} == {"true", "false", "no model", "undecided"}
+    volume = Fraction(0)
+    for outcome, (left, right, low, high) in boxes:
+        volume += (right - left) * (high - low)
+        least, most = 4 * left * low, 4 * right * high
+        assert {"true": most <= 0.3, "false": least >= 0.3, "no model": least >= 1}.get(
+            outcome, True
+        )
+    assert volume == Fraction(9, 10)
+
+
+@pytest.mark.parametrize(
+    ("name", "begins"), [("r.png", b"\x89PNG"), ("r.svg", b"<?xml"), ("r.pdf", b"%PDF")]
+)
+@pytest.mark.parametrize("ranges", ["p=0.1:0.5,q", "p=0.1:0.5 -const q=0.5"])
+def test_regions_are_drawn(tmp_path, monkeypatch, name, begins, ranges):
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    Path("coin.pm").write_text(COIN)
+    assert main([*BOXES, name, "-param", *ranges.split()]) == 0
+    assert Path(name).read_bytes().startswith(begins)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("r.png -param p,q,s", "'r.png': a picture has one or two parameters, and there are 3: p,"),
+        ("r.txt -param p", "'r.txt': the extension says how regions are written, and it is none"),
+        ("no/r.csv -param p", "there is no folder 'no'"),
+        ("r.csv", "-exportregions has no effect without -param"),
+    ],
+)
+def test_faulty_files_of_regions_are_found_first(tmp_path, monkeypatch, capsys, words, message):
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    Path("coin.pm").write_text(COIN)
+    assert main([*BOXES, *words.split()]) == 2
+    assert message in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

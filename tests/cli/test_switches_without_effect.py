@@ -53,6 +53,7 @@ VALUE_OF = {
     "-exportpage": "p.html",
     "-exportcounterexample": "c.txt",
     "-exportpareto": "p.csv",
+    "-exportregions": "r.csv",
     "-exportcertificate": "p.json",
     "-exportiterations": "i.csv",
     "-exportstrat": "s.txt",

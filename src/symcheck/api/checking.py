@@ -384,7 +384,9 @@ class CheckedModel(Stages):
         if self.parameters:
             from symcheck.check.parametric import check_parametric
 
-            return check_parametric(self.engine, bound.formula, options, labels=labels)
+            return check_parametric(
+                self.engine, bound.formula, options, model=self.bound, labels=labels
+            )
         return check(
             self.engine,
             bound.formula,

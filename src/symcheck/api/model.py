@@ -152,7 +152,7 @@ class Model(CheckedModel):
             raise UsageError("the model has no parameters", hint='model.parametric("p=0.1:0.9")')
         file = single_property(formula)
         bound, labels = PropertyInstance(file, 0, constant_values(constants)).bind(self.bound)
-        return Search(self.engine, bound.formula, self.options, labels)
+        return Search(self.engine, bound.formula, self.options, labels, self.bound)
 
     # ------------------------------------------------------------------ the built model
 

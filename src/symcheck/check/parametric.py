@@ -27,10 +27,13 @@ from symcheck.direction import Direction
 from symcheck.engines.base import Engine
 from symcheck.engines.explicit.engine import ExplicitEngine
 from symcheck.engines.parametric.build import ParametricModel, random_point
+from symcheck.engines.parametric.corners import corners
+from symcheck.engines.registry import build
 from symcheck.errors import NumericalError, UnsupportedError
-from symcheck.matrices.rational_functions import RationalFunction
+from symcheck.matrices.rational_functions import FunctionField, RationalFunction
 from symcheck.numerics.bernstein import Box, function_bounds, sign_on
 from symcheck.options import Options
+from symcheck.semantics.model import BoundModel
 from symcheck.semantics.path_formulas import UntilPath
 from symcheck.semantics.query import PathProbability, ReachReward, Threshold, query_of
 from symcheck.syntax.ast import Expression, Measure
@@ -64,7 +67,10 @@ def parts_of(box: Box, whole: Box) -> tuple[Box, Box, Box]:
 
 
 class Search:
-    """Divides the ranges of a model's parameters by the outcomes of a formula."""
+    """Divides the ranges of a model's parameters by the outcomes of a formula.
+
+    On decision diagrams there are no functions: boxes are decided by the MDPs of their corners.
+    """
 
     def __init__(
         self,
@@ -72,29 +78,35 @@ class Search:
         formula: Expression,
         options: Options,
         labels: Mapping[str, Expression] | None,
+        model: BoundModel,
     ) -> None:
-        explicit = engine.capability(ExplicitEngine)
-        assert explicit is not None
-        assert isinstance(explicit.explored, ParametricModel)
+        """Search on an engine of functions, or of the corners of `model`, which has parameters."""
         self.engine, self.formula, self.options, self.labels = engine, formula, options, labels
-        self.model = explicit.explored
-        self.field = self.model.field
-        self.box: Box = dict(self.model.model.parameters)
+        self.bound = model
+        self.box: Box = dict(model.parameters)
         self.random = Random(0)
-        self.field.sample(random_point(self.box, self.random))
         self.positive: tuple[Condition, ...] = ()
-        for weight in self.model.weights:
+        self.cases: list[Case] = []
+        self.boxes: list[list[Box]] = []
+        self.result: Result | None = None
+        self.lifting, self.has_functions = options.lifting, True
+        self.any_strategy_violates = False
+        explicit = engine.capability(ExplicitEngine)
+        if explicit is None or not isinstance(explicit.explored, ParametricModel):
+            self.field = FunctionField(list(self.box))
+            self.lifting, self.has_functions = True, False
+            self._check_lifted()
+            return
+        found = explicit.explored
+        self.field = found.field
+        self.field.sample(random_point(self.box, self.random))
+        for weight in found.weights:
             self.field.note(weight.sign_parts, 1)
-        rewards = (*self.model.state_rewards, *self.model.choice_rewards)
+        rewards = (*found.state_rewards, *found.choice_rewards)
         for bottom in {f.bottom for array in rewards for f in array.tolist() if f.bottom}:
             poles = [self.field.factors[i] for i, _ in bottom]
             self.field.note([*poles, *poles], 1)  # a square: the denominator is not 0
         self.positive = self._conditions()
-        self.cases: list[Case] = []
-        self.boxes: list[list[Box]] = []
-        self.result: Result | None = None
-        self.lifting = options.lifting
-        self.any_strategy_violates = False
 
     def _conditions(self) -> tuple[Condition, ...]:
         """The conditions that were noted, without those that are known."""
@@ -160,7 +172,7 @@ class Search:
                 "parameter lifting has no nested operators: bounds of one do not bound the other",
                 hint="without -lifting, regions are decided by functions",
             )
-        query = query_of(measure, self.model.model)
+        query = query_of(measure, self.bound)
         match query.quantity:
             case PathProbability(UntilPath()) | ReachReward():
                 pass
@@ -171,6 +183,13 @@ class Search:
         direction = query.direction and query.direction.value
         asked = replace(measure, bound=None, direction=direction)
         found: list[Any] = []
+        if not self.has_functions:
+            engine = build(corners(self.bound, box), self.options)
+            for i, side in enumerate(("min", "max")):
+                end = replace(asked, direction=side)
+                self.result = check(engine, end, self.options, labels=self.labels)
+                found.append(self.result.bounds[i])
+            return found[0], found[1]
         if not all(c.proved(box) for c in self.positive):
             raise NumericalError("probabilities are not known to be positive")
         try:
@@ -185,12 +204,29 @@ class Search:
             raise UnsupportedError("parameter lifting has no bounds on steps")
         return min(found), max(found)  # a complement exchanges them
 
+    def _check_lifted(self) -> None:
+        """Raises UnsupportedError if bounds stay apart, or what is asked for is a function."""
+        if self.threshold is None:
+            raise UnsupportedError(
+                "decision diagrams have no functions of parameters: they decide P and R with a "
+                "threshold",
+                hint="without -m, -h and -s, there are functions",
+            )
+        point = random_point(self.box, self.random)
+        chain = build(corners(self.bound, {n: (v, v) for n, v in point.items()}), self.options)
+        if chain.choices > chain.states:
+            raise UnsupportedError(
+                "several commands are enabled in a state, and parameter lifting on decision "
+                "diagrams would choose among them",
+                hint="without -m, -h and -s, a fair coin decides",
+            )
+
     @property
     def threshold(self) -> Threshold | None:
         """That of a formula P, R or S with a bound; None of another formula."""
         if not isinstance(self.formula, Measure):
             return None
-        return query_of(self.formula, self.model.model).threshold
+        return query_of(self.formula, self.bound).threshold
 
     def decided(self, box: Box, point: Point, threshold: Threshold) -> bool | None:
         """The verdict that lifting proves for all of a box with a point; None if it proves none."""
@@ -240,6 +276,11 @@ class Search:
             NumericalError: the bounds do not come close.
             UnsupportedError: the formula has no number as its value everywhere.
         """
+        if not self.has_functions:
+            raise UnsupportedError(
+                "decision diagrams have no extremal values of parameters",
+                hint="engine='auto' has them",
+            )
         sign = 1 if direction is Direction.MIN else -1
         number = count()
         queue: list[tuple[Fraction | float, int, Box]] = [(-inf, next(number), self.box)]
@@ -278,7 +319,8 @@ class Search:
             UnsupportedError: the formula is neither true nor false.
         """
         searches = [
-            Search(self.engine, part, self.options, self.labels) for part in conjuncts(self.formula)
+            Search(self.engine, part, self.options, self.labels, self.bound)
+            for part in conjuncts(self.formula)
         ]
         thresholds = [search.to_number() for search in searches]
         rest = deque([self.box])
@@ -303,7 +345,7 @@ class Search:
         """Search for the number before the threshold of the formula, which is given, if any."""
         if (threshold := self.threshold) is not None:
             assert isinstance(self.formula, Measure)
-            query = query_of(self.formula, self.model.model)
+            query = query_of(self.formula, self.bound)
             direction = query.direction and query.direction.value
             self.formula = replace(self.formula, bound=None, direction=direction)
             adverse = Direction.MIN if threshold.operator.is_lower_bound else Direction.MAX
@@ -433,9 +475,17 @@ def check_parametric(
     formula: Expression | Property,
     options: Options | None = None,
     *,
+    model: BoundModel,
     labels: Mapping[str, Expression] | None = None,
 ) -> Result:
     """Check a bound formula on a model with parameters.
+
+    Args:
+        engine: that of functions, or of the corners of all ranges.
+        formula: bound to the model.
+        options: those that the engine was built with.
+        model: the bound model.
+        labels: those of the properties.
 
     Returns:
         A result whose `regions` have the outcomes; its value is that of all of them, None if they
@@ -449,7 +499,7 @@ def check_parametric(
     if isinstance(formula, Property):
         formula = formula.formula
     options = options or Options()
-    search = Search(engine, formula, options, labels)
+    search = Search(engine, formula, options, labels, model)
     regions = search.regions(options.regions)
     assert search.result is not None
     first, *others = regions.cases

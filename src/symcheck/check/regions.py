@@ -115,7 +115,7 @@ class Regions:
     @property
     def share(self) -> float:
         """The share of the volume that is decided."""
-        return float(1 - self._share_of(self.undecided))
+        return float(1 - self.share_of(self.undecided))
 
     @property
     def firsts(self) -> tuple[Case, ...]:
@@ -129,6 +129,13 @@ class Regions:
         """The boxes in which the formula has a value."""
         return tuple(b for c in self.cases if c.value == value for b in c.boxes)
 
+    @property
+    def outcomes(self) -> tuple[tuple[str, tuple[Box, ...]], ...]:
+        """The text of each outcome with its boxes; `no model` and `undecided` if there are any."""
+        rest = ("no model", self.empty), ("undecided", self.undecided)
+        cases = ((str(case), self.where(case.value)) for case in self.firsts)
+        return (*cases, *(entry for entry in rest if entry[1]))
+
     def at(self, **point: Fraction | float | str) -> Case:
         """The case whose conditions hold at a point. Raises UsageError if there is none."""
         exact = point_of(self.box, point)
@@ -141,18 +148,19 @@ class Regions:
                     return case
         raise UsageError(f"no case is known at {_shown(exact)}")
 
-    def _share_of(self, boxes: Iterable[Box]) -> Fraction:
+    def share_of(self, boxes: Iterable[Box]) -> Fraction:
+        """The share of the volume that some boxes have."""
         return sum(map(volume, boxes), Fraction(0)) / volume(self.box)
 
     def _lines(self) -> Iterator[tuple[Fraction, str, str]]:
         """The share, the outcome and a remark of each value, and of what has none."""
         for case in self.firsts:
             where = f", first found at {_shown(case.sample)}"
-            yield self._share_of(self.where(case.value)), str(case), where
+            yield self.share_of(self.where(case.value)), str(case), where
         if self.empty:
-            yield self._share_of(self.empty), "no model", ": a probability is negative or 0"
+            yield self.share_of(self.empty), "no model", ": a probability is negative or 0"
         if self.undecided:
-            yield self._share_of(self.undecided), "undecided", ""
+            yield self.share_of(self.undecided), "undecided", ""
 
     @property
     def summary(self) -> str:

@@ -221,6 +221,8 @@ def _write_files(
         _write_vector(path, output, result, a.exportprecision, shown)
     if a.exportpareto is not None:
         _write_front(instance_path(a.exportpareto, varying), output, result)
+    if a.exportregions is not None:
+        _write_regions(instance_path(a.exportregions, varying), output, result)
     if a.exportcertificate is not None:
         _write_certificate(instance_path(a.exportcertificate, varying), output, result)
 
@@ -245,6 +247,13 @@ def _write_front(path: str, output: Output, result: Result) -> None:
         output.warn("-exportpareto: this property has no Pareto front")
         return
     write_text(path, [front_text(result.front, front_extension(path))], output.out)
+    output.exported(path)
+
+
+def _write_regions(path: str, output: Output, result: Result) -> None:
+    from symcheck.exchange.region_files import save_regions
+
+    save_regions(result.regions, path, output.out)
     output.exported(path)
 
 

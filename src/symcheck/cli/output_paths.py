@@ -75,6 +75,13 @@ def check_files(a: Arguments) -> None:
 
         with of_switch("-exportpareto"):
             _check(a.exportpareto, front_extension)
+    if a.exportregions is not None:
+        from symcheck.constant_values import parameter_ranges
+        from symcheck.exchange.region_files import regions_extension
+
+        ranges = parameter_ranges(",".join(a.param), "-param")
+        with of_switch("-exportregions"):
+            _check(a.exportregions, lambda path: regions_extension(path, ranges))
     if a.exportiterations is not None:
         from symcheck.exchange.iterations import iterations_extension
 

@@ -134,6 +134,10 @@ def build(model: BoundModel, options: Options, observer: Observer | None = None)
     name: EngineName = "exact" if options.exact else options.engine
     if model.parameters and name in ("auto", "explicit"):
         name = "exact"
+    if model.parameters and name in ("sparse", "hybrid", "mtbdd"):
+        from symcheck.engines.parametric.corners import corners
+
+        return build(corners(model, model.parameters), options, observer)
     name = _offered(model, name)
     if name == "auto" and options.workdir is not None:
         from symcheck.engines.selection import EngineChoice

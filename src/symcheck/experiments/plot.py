@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from symcheck.charts import axes_of
+from symcheck.charts import axes_of, save_chart
 from symcheck.errors import UsageError
 from symcheck.experiments.rows import Row, constant_names, constant_text
 from symcheck.numerics.tuning import ROUNDING_WIDTH
@@ -16,23 +16,13 @@ if TYPE_CHECKING:
 
 __all__ = ["plot", "save_plot"]
 
-_SIZE = (6.4, 4.0)  # inches
 _FEW = 30
 """Up to so many points, bounds are bars; bars of more points cover each other."""
 
 
 def save_plot(rows: Sequence[Row], varying: Sequence[str], path: Path, kind: str) -> None:
-    """Write the plot of rows over the first constant with several values, as png, svg or pdf.
-
-    The figure is made without pyplot, whose window system may be missing.
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=_SIZE, layout="constrained")
-    FigureCanvasAgg(figure)
-    plot(rows, varying, None, None, figure.subplots())
-    figure.savefig(path, format=kind, dpi=150)
+    """Write the plot of rows over the first constant with several values, as png, svg or pdf."""
+    save_chart(lambda axes: plot(rows, varying, None, None, axes), path, kind)
 
 
 def plot(
@@ -61,7 +51,7 @@ def plot(
             hint=f"name it in by=, or choose one value with select({unnamed[0]}=...)",
         )
     new_axes = axes is None
-    axes = axes_of(axes, _SIZE)
+    axes = axes_of(axes)
     lines: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
         if row.number is not None and (x is None or x in row.constants):

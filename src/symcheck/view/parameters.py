@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = ["plot_function", "plot_regions"]
 
-_COLOURS = {"True": "#7fb58a", "False": "#d98880"}
+_COLOURS = {"true": "#7fb58a", "false": "#d98880", "no model": "#9a9a9a", "undecided": "white"}
 _OTHERS = ("#8aa8cf", "#e0b070", "#b09cc8", "#9cc8c0")
 
 
@@ -38,20 +38,27 @@ def _labelled(box: Box, axes: Axes | None) -> Axes:
 
 
 def plot_regions(regions: Regions, axes: Axes | None = None) -> Axes:
-    """The boxes of each value in a colour; undecided ones stay white."""
+    """The boxes of each outcome in a colour; undecided ones are white.
+
+    Raises:
+        UsageError: there are more than two parameters.
+        UnsupportedError: matplotlib is not installed.
+    """
+    axes = _labelled(regions.box, axes)
     from matplotlib.patches import Patch, Rectangle
 
-    axes = _labelled(regions.box, axes)
-    colours: dict[str, str] = {}
-    for case in regions.cases:
-        text = str(case.value)
-        other = _OTHERS[len(colours) % len(_OTHERS)]
-        colour = colours.setdefault(text, _COLOURS.get(text, other))
-        for box in case.boxes:
+    if len(regions.box) == 1:
+        axes.set_yticks([])
+    shown = []
+    for i, (text, boxes) in enumerate(regions.outcomes):
+        colour = _COLOURS.get(text, _OTHERS[i % len(_OTHERS)])
+        label = f"{shorten(text, 30)} ({float(regions.share_of(boxes)):.2%})"
+        shown.append(Patch(facecolor=colour, edgecolor="#606060", label=label))
+        for box in boxes:
             (x, right), (y, top) = [*box.values(), (Fraction(0), Fraction(1))][:2]
             size = float(right - x), float(top - y)
-            axes.add_patch(Rectangle((float(x), float(y)), *size, color=colour))
-    axes.legend(handles=[Patch(color=c, label=shorten(t, 30)) for t, c in colours.items()])
+            axes.add_patch(Rectangle((float(x), float(y)), *size, color=colour, linewidth=0.5))
+    axes.legend(handles=shown, loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False)
     return axes
 
 

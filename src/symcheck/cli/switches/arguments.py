@@ -116,6 +116,7 @@ class Arguments(argparse.Namespace):
     exportprodtrans: str | None
     exportprodstates: str | None
     exportpareto: str | None
+    exportregions: str | None
     exportcertificate: str | None
     exportiterations: str | None
     nobuild: bool

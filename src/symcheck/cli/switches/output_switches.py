@@ -234,6 +234,13 @@ def add_output(parser: SwitchParser) -> None:
         _RESULT,
     )
     parser.add(
+        "exportregions",
+        "FILE",
+        "write the regions of -param in which a property has each value: .csv or .json (boxes), "
+        ".png .svg .pdf (drawn, of one or two parameters); 'stdout' prints",
+        _RESULT._replace(all_of=("-param", PROPERTY)),
+    )
+    parser.add(
         "exportcertificate",
         "FILE.json",
         "write a certificate of the value, for symcheck-verify, and the model that it is about",
