@@ -8,6 +8,7 @@ from pathlib import Path
 from random import Random
 
 import intervals as drawn_intervals
+import numpy as np
 import pytest
 
 import symcheck
@@ -16,6 +17,8 @@ from oracles import intervals
 from symcheck.check.result import Certified
 from symcheck.check.testing.expected_results import VerdictKind
 from symcheck.errors import InputError, ModelFault, UnsupportedError
+from symcheck.matrices.rows import SparseMatrix
+from symcheck.numerics.linear import intervals as interval_problems
 
 MODELS = Path(__file__).parents[2] / "models" / "intervals"
 ENGINES = ("explicit", "sparse", "hybrid", "mtbdd")
@@ -161,7 +164,10 @@ def test_intervals_that_are_points_are_numbers():
     assert model.check("Smax=? [ s=1 ]").value == pytest.approx(1 / 3, rel=1e-6)
 
 
-def test_slow_chains_end_with_the_right_value():
+@pytest.mark.parametrize("direct", [True, False], ids=["by elimination", "by BiCGStab"])
+def test_slow_chains_end_with_the_right_value(direct, monkeypatch):
+    if not direct:
+        monkeypatch.setattr(interval_problems, "_SOLVED_STATES", 0)
     # A fair walk on 0..200 with a little play: about 1e4 steps, so that each iteration gains little.
     text = """mdp module m s : [0..200] init 100;
     [] s>0&s<200 -> [0.499,0.501]:(s'=s+1) + [0.499,0.501]:(s'=s-1); [] s=0|s=200 -> true;
@@ -174,6 +180,16 @@ def test_slow_chains_end_with_the_right_value():
     slow = model.check("Rmaxmax=? [ F s=0|s=200 ]")
     assert slow.value > 10_000
     assert slow.accuracy.upper - slow.accuracy.lower < 1e-5 * slow.value
+
+
+def test_a_state_that_a_policy_never_leaves_has_no_approximate_value():
+    stays = SparseMatrix(np.arange(3), np.arange(2, dtype=np.int32), np.array([1.0, 0.5]), 2)
+    ones = np.ones(2)
+    for states in (0, 2):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(interval_problems, "_SOLVED_STATES", states)
+            found = interval_problems._evaluated(stays, ones, ones)
+            assert found is None or not np.isfinite(found).all()
 
 
 def test_random_models_agree_with_vertices_and_strategies():

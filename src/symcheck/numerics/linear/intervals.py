@@ -39,6 +39,12 @@ _QUICK = 500
 _POLICIES = 50
 _SOLVED_STATES = 50_000
 """The most states whose policies are evaluated by a direct method, which takes much memory."""
+_PATIENCE = 2000
+"""Steps of BiCGStab within which the residual must fall by a factor of ten."""
+_CORRECTION = 1e-6
+"""What a correction by BiCGStab has to leave of the residual."""
+_ACCURATE = 1e-12
+"""The residual of a solution, relative to its greatest value, that suffices as a candidate."""
 _GAIN = 1e-14
 """The relative gain of a policy that is more than rounding."""
 
@@ -201,25 +207,18 @@ def _candidate(problem: IntervalProblem, values: Numbers, policy: Int64s) -> Num
 
     Empty where that does not end: the two may go round in circles (Condon 1990).
     """
-    from scipy.sparse import csc_array, identity
-    from scipy.sparse.linalg import splu
-
     rows, compiled, n = problem.rows, problem.rows.compiled, problem.n
     groups, owner = rows.lower.groups, rows.lower.state_of_row
     assert groups is not None
     sign = 1 if problem.direction is Direction.MAX else -1
-    for _ in range(_POLICIES if n <= _SOLVED_STATES else 0):
+    for _ in range(_POLICIES):
         chosen = replace(rows.lower, data=compiled.chosen(values))
         taken = problem.against(chosen)
         chain, constant = taken.rows.choose(policy), taken.constant[policy]
-        matrix = csc_array((chain.data, chain.indices, chain.indptr), shape=(n, n)).T
-        try:
-            solved = splu(csc_array(identity(n) - matrix), diag_pivot_thresh=0.0).solve(constant)
-        except RuntimeError:  # some states are never left
+        solved = _evaluated(chain, constant, values[:n])
+        if solved is None or not np.isfinite(solved).all() or solved.min() < 0.0:
             break
         values = np.concatenate([solved, problem.known])
-        if not np.isfinite(values).all() or values.min() < 0.0:
-            break
         gains = sign * (compiled.multiply(values, False) + problem.constant - values[owner])
         best = first_best(gains, groups)
         better = gains[best] > gains[policy] + _GAIN * values[:n]
@@ -229,6 +228,38 @@ def _candidate(problem: IntervalProblem, values: Numbers, policy: Int64s) -> Num
             return values
         policy = np.where(better, best, policy)
     return np.empty(0)
+
+
+def _evaluated(chain: SparseMatrix, constant: Numbers, guess: Numbers) -> Numbers | None:
+    """About the solution of x = chain x + constant; None if there is none, or it is not found."""
+    n = chain.states
+    if n <= _SOLVED_STATES:
+        from scipy.sparse import csc_array, identity
+        from scipy.sparse.linalg import splu
+
+        matrix = csc_array((chain.data, chain.indices, chain.indptr), shape=(n, n)).T
+        try:
+            solver = splu(csc_array(identity(n) - matrix), diag_pivot_thresh=0.0)
+        except RuntimeError:  # some states are never left
+            return None
+        return np.asarray(solver.solve(constant))
+    from symcheck.numerics.linear.preconditioned_bicgstab import SplitMatrix
+
+    loops = chain.row_of_entry == chain.indices
+    stays = np.bincount(chain.row_of_entry[loops], chain.data[loops], n)
+    if stays.max() >= 1.0:
+        return None
+    scale = np.asarray(1.0 / (1.0 - stays), np.float64)
+    split, x, before = SplitMatrix.of(chain, scale), guess, np.inf
+    while True:
+        rest = (constant - (x - chain.multiply(x))) * scale
+        error = float(np.abs(rest).max())
+        if error == 0.0 or not error < 0.5 * before:  # as good as rounding lets it be
+            return x
+        change = split.solution(rest, _CORRECTION * error, _PATIENCE)
+        if change is None:
+            return x if error <= _ACCURATE * float(x.max()) else None
+        x, before = x + change, error
 
 
 def _strategy_iteration(
