@@ -61,6 +61,7 @@ from symcheck.numerics.inductive_bounds import (
     exactly_inductive,
     inductive,
 )
+from symcheck.numerics.tuning import UNIT_ROUNDOFF
 from symcheck.semantics import query as asked
 from symcheck.semantics.features import Feature, require
 from symcheck.semantics.path_formulas import (
@@ -396,7 +397,13 @@ class _Writer:
             state_rewards=[doubles(r) for r in explored.state_rewards],
             choice_rewards=[doubles(r) for r in explored.choice_rewards],
         )
-        engine = erased(ExplicitEngine(rounded, "explicit", represented=self.model.represented))
+        # Each entry is the double that is closest to a fraction, not what an expression gives.
+        error = (rounded.matrix.longest + 3) * UNIT_ROUNDOFF
+        engine = erased(
+            ExplicitEngine(
+                rounded, "explicit", represented=self.model.represented, number_error=error
+            )
+        )
         inner = replace(self.exact, engine=engine)
         return inner.with_epsilon(inner.options.epsilon * _PART_OF_EPSILON)
 

@@ -17,7 +17,7 @@ from symcheck.engines.transition_actions import contributions, state_columns, st
 from symcheck.exchange.explicit_data import ExplicitRewards
 from symcheck.explicit.explored import RACE
 from symcheck.matrices.contributions import Contributions, TransitionParts
-from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.numbers import Numbers, nonzero
 from symcheck.matrices.rows import Bools, Floats, Int32s, Int64s, SparseMatrix, spans, starts_of
 from symcheck.semantics.features import Feature, require
 from symcheck.semantics.model import Variable
@@ -156,7 +156,7 @@ class ExplicitExport:
         structure = self.rewards[number]
         if structure.entries is not None:
             return structure.entries
-        if self.apart is not None and bool(np.any(structure.rows != 0)):
+        if self.apart is not None and bool(nonzero(structure.rows).any()):
             return self._rewards_of_commands[number]
         return self.transition_rewards(structure)[self.row_of_entry]
 

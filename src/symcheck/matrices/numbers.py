@@ -27,6 +27,7 @@ __all__ = [
     "full",
     "is_infinite",
     "is_rational",
+    "nonzero",
     "numbers",
     "of_pairs",
     "rationals",
@@ -95,6 +96,14 @@ def is_infinite(values: Numbers) -> Bools:
         objects, codes = shared(values)
         return np.array([isinstance(v, float) and isinf(v) for v in objects], np.bool_)[codes]
     return np.asarray(np.abs(values) == np.inf, dtype=np.bool_)
+
+
+def nonzero(values: Numbers) -> Bools:
+    """Which of the numbers are not 0; each object is compared once."""
+    if is_rational(values):
+        objects, codes = shared(values)
+        return np.array([v != 0 for v in objects], np.bool_)[codes]
+    return np.asarray(values != 0)
 
 
 def shared(values: Numbers) -> tuple[list[Any], Int32s]:

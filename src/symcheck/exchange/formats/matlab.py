@@ -9,7 +9,7 @@ import numpy as np
 from symcheck.errors import UnsupportedError
 from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.text import FULL_PRECISION, lines
-from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.numbers import Numbers, nonzero
 from symcheck.matrices.rows import Int64s
 
 __all__ = ["labels", "state_rewards", "states", "transition_rewards", "transitions"]
@@ -29,7 +29,9 @@ def transition_rewards(
     Raises UnsupportedError for an MDP.
     """
     rewards = model.entry_rewards(number)
-    yield from _matrix(model, f"C{number + 1}", np.flatnonzero(rewards != 0), rewards, precision)
+    yield from _matrix(
+        model, f"C{number + 1}", np.flatnonzero(nonzero(rewards)), rewards, precision
+    )
 
 
 def state_rewards(
@@ -37,7 +39,7 @@ def state_rewards(
 ) -> Iterator[str]:
     """The state rewards as the column vector `c1` (`c2`, … for further structures)."""
     name, values = f"c{number + 1}", model.rewards[number].states
-    some = np.flatnonzero(values != 0)
+    some = np.flatnonzero(nonzero(values))
     yield f"{name} = sparse({model.n},1);\n"
     yield from lines(f"{name}(%d)=%s;", len(some), some + 1, values[some], precision=precision)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from symcheck.exchange.explicit_data import ExplicitRewards
 from symcheck.exchange.explicit_export import ExplicitExport
 from symcheck.exchange.text import CHUNK, FULL_PRECISION, lines, number_texts
-from symcheck.matrices.numbers import Numbers
+from symcheck.matrices.numbers import Numbers, nonzero
 from symcheck.matrices.rows import Int32s, Int64s
 from symcheck.semantics.state_faults import SUM_TOLERANCE
 
@@ -98,7 +98,7 @@ def state_rewards_file(
     headers: bool = True,
 ) -> Iterator[str]:
     """`.srew`: the numbers of states and of nonzero rewards, then one line per nonzero reward."""
-    some = np.flatnonzero(structure.states != 0)
+    some = np.flatnonzero(nonzero(structure.states))
     yield _heading(structure, "State rewards") if headers else ""
     yield f"{model.n} {len(some)}\n"
     yield from lines("%d %s", len(some), some, structure.states[some], precision=precision)
@@ -114,11 +114,12 @@ def transition_rewards_file(
 ) -> Iterator[str]:
     """`.trew`: like `.tra`, for the transitions with a nonzero reward in structure `number`."""
     rewards = model.entry_rewards(number)
-    some = np.flatnonzero(rewards != 0)
+    has_reward = nonzero(rewards)
+    some = np.flatnonzero(has_reward)
     yield _heading(model.rewards[number], "Transition rewards") if headers else ""
     yield f"{_size(model)} {len(some)}\n"
     if rows:
-        yield from _row_lines(model, rewards, rewards != 0, precision, actions=False)
+        yield from _row_lines(model, rewards, has_reward, precision, actions=False)
         return
     digits = _places(model, some)
     template = "%d " * len(digits) + "%s"
