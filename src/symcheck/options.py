@@ -455,11 +455,11 @@ class Options:
         None,
         _FLAG_OR_NONE,
         "model",
-        "Whether probabilities with a bound on time or steps are computed on a part of the states, "
-        "which grows until what leaves it is small enough: of models with very many states, or "
-        "infinitely many. Without such a bound, the search ends at targets, or gives bounds on "
-        "the value that may stay far apart. None: where a variable without bounds still grows "
-        "after 250,000 states.",
+        "Whether probabilities and rewards with a bound on time or steps are computed on a part of "
+        "the states, which grows until what leaves it is small enough: of models with very many "
+        "states, or infinitely many. Without such a bound, the search ends at targets, or gives "
+        "bounds on the value that may stay far apart. None: where a variable without bounds still "
+        "grows after 250,000 states.",
         _switch("truncate", "explore the states that matter within the bounds on time", True),
         _switch("notruncate", "explore every state", False),
     )

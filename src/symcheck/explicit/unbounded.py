@@ -47,7 +47,7 @@ def growth(model: BoundModel, reached: Mapping[int, tuple[int, int]]) -> Growth 
     hint = (
         f"give {name} a range, as in {name} : [0..100], or a guard that stops it; -nostates "
         "(stop_at_targets) leaves out what follows the states that decide all properties; "
-        "probabilities with a bound on time need a part of the states only (-truncate); "
+        "probabilities and rewards within a time need a part of the states only (-truncate); "
         "-cuddmaxmem (max_memory) gives more memory"
     )
     return Growth("; ".join(parts), hint)
