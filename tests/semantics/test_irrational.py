@@ -48,3 +48,10 @@ def test_a_constant_that_no_double_is_near_is_a_fault(text: str) -> None:
     """It would be a threshold of 0, or none."""
     with pytest.raises(ModelFault):
         evaluate_constant(parse_expression(text))
+
+
+@pytest.mark.parametrize("negative", [False, True])
+def test_an_exponential_of_a_number_of_millions_of_digits_ends(negative: bool) -> None:
+    large = exponential(Fraction(10**7), WHY)
+    with pytest.raises(ModelFault, match="digits do not decide"):
+        float(exponential(-large if negative else large, WHY))

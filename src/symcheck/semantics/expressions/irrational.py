@@ -270,6 +270,8 @@ def exponential(x: Real, why: Diagnostic) -> Irrational:
 @lru_cache(_REMEMBERED)
 def _exponential(x: Decimal, digits: int) -> Interval:
     """An interval of the exponential of x, 10**k exp(x - k ln 10), as `exp` of much takes long."""
+    if x.adjusted() > _MOST_PLACES:  # k has no room in an exponent, and may have billions of digits
+        raise InvalidOperation
     down, up = _down(digits + _MOST_PLACES), _up(digits + _MOST_PLACES)
     ln = down.ln(Decimal(10))
     k = int(down.divide(x, ln))
