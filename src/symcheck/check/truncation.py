@@ -184,10 +184,14 @@ class _Truncated:
         self._options = replace(options, strategy=False, everywhere=False, bisim=False)
         self._formula, self._labels, self._observer = formula, labels, observer
         self._query: Query[Expression] = query_of(formula, model)
+        self._prepare(model)
         self._region = Region(model, options)
         self.rounds = 0
         self._unsure = 0.0  # the greater width of the bounds of the two finite models
         self._explore()
+
+    def _prepare(self, model: BoundModel) -> None:
+        """Find what is proved of all states, before any is explored."""
 
     def _explore(self) -> None:
         self.rounds += 1
@@ -388,15 +392,8 @@ class _TruncatedReward(_Truncated):
     widest = -math.inf, math.inf
     shifts = tuning.TRUNCATION_REWARD_SHIFTS
 
-    def __init__(
-        self,
-        model: BoundModel,
-        formula: AnyMeasure,
-        options: Options,
-        labels: Mapping[str, Expression],
-        observer: Observer | None,
-    ) -> None:
-        quantity = query_of(formula, model).quantity
+    def _prepare(self, model: BoundModel) -> None:
+        quantity = self._query.quantity
         assert isinstance(quantity, CumulativeReward | InstantaneousReward)
         self._quantity, items = quantity, reward_items(quantity.reward, model)
         if isinstance(quantity, CumulativeReward):
@@ -414,7 +411,6 @@ class _TruncatedReward(_Truncated):
                 "at rates that are at most linear in them; otherwise bound the variables; "
                 "-notruncate (truncate=False) explores every state",
             )
-        super().__init__(model, formula, options, labels, observer)
 
     def _horizon(self, rate: float) -> float:  # noqa: ARG002 (paths need it)
         return float(self._time)
@@ -437,9 +433,7 @@ class _TruncatedReward(_Truncated):
     def _in_time(self) -> Bools:
         """The states that are reached within the steps that count: bool[states]."""
         matrix = self.explored.matrix
-        owner = matrix.row_of_entry
-        if matrix.groups is not None:
-            owner = np.repeat(np.arange(len(self.explored.states)), np.diff(matrix.groups))[owner]
+        owner = matrix.state_of_row[matrix.row_of_entry]
         reached = np.zeros(len(self.explored.states), np.bool_)
         reached[self.explored.initial] = True
         count = 0

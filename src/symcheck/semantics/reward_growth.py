@@ -17,11 +17,12 @@ continuous-time processes (1993), for bounds on expectations by drift.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import reduce
 from itertools import product
 from math import exp, inf, isfinite, nextafter, prod
+from operator import add
 from typing import NamedTuple
 
 import numpy as np
@@ -440,22 +441,23 @@ def _degree(p: _Polynomial) -> int:
 
 
 def _total(parts: Iterable[_Polynomial | None]) -> _Polynomial | None:
-    result: dict[_Monomial, Fraction] = {}
-    for part in parts:
-        if part is None:
-            return None
-        for m, a in part.items():
-            result[m] = result.get(m, Fraction(0)) + a
-    return result
+    return _merged(parts, add)
 
 
 def _largest(parts: Iterable[_Polynomial | None]) -> _Polynomial | None:
+    return _merged(parts, max)
+
+
+def _merged(
+    parts: Iterable[_Polynomial | None], merge: Callable[[Fraction, Fraction], Fraction]
+) -> _Polynomial | None:
+    """The coefficients of several polynomials merged; None if one is unknown."""
     result: dict[_Monomial, Fraction] = {}
     for part in parts:
         if part is None:
             return None
         for m, a in part.items():
-            result[m] = max(result.get(m, Fraction(0)), a)
+            result[m] = merge(result.get(m, Fraction(0)), a)
     return result
 
 
