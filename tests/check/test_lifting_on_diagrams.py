@@ -123,6 +123,7 @@ def test_a_feasible_point() -> None:
         ),
         (WALK.replace("p/2", "p*p"), "P>=0.5 [ F x=4 ]", "linear in each parameter"),
         (WALK.replace("p/2", "1/(2+p)"), "P>=0.5 [ F x=4 ]", "linear in each parameter"),
+        (WALK.replace("p/2", "pow(p,2)"), "P>=0.5 [ F x=4 ]", "linear in each parameter"),
         (WALK.replace(": 1;", ": p;"), "P>=0.5 [ F x=4 ]", "no parameters in rewards"),
         (
             WALK.replace("[] x=0", "[] x<2"),

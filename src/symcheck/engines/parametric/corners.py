@@ -1,4 +1,4 @@
-"""Parameter lifting of a DTMC as an MDP with numbers, which every engine builds.
+"""Parameter lifting of a DTMC as an MDP without parameters, which every engine builds.
 
 Each command is replaced by its copies at the corners of a box of its parameters. Its probabilities
 are linear in each parameter, so that those at a point of the box are a mixture of those at corners:
@@ -17,8 +17,18 @@ from itertools import product
 from symcheck.errors import UnsupportedError
 from symcheck.semantics.binding.parameters import Ranges
 from symcheck.semantics.model import BoundCommand, BoundModel, Event
-from symcheck.syntax.ast import Binary, Conditional, Expression, Literal, ModelType, Type, Weights
-from symcheck.syntax.operators import Operator
+from symcheck.syntax.ast import (
+    Binary,
+    Conditional,
+    Expression,
+    Literal,
+    ModelType,
+    Name,
+    Type,
+    Unary,
+    Weights,
+)
+from symcheck.syntax.operators import Operator, UnaryOperator
 from symcheck.syntax.traversal import names, operands, substitute
 
 __all__ = ["corners"]
@@ -40,14 +50,14 @@ def corners(model: BoundModel, box: Ranges) -> BoundModel:
     if model.type is not ModelType.DTMC:
         raise UnsupportedError(
             f"{model.type.called} with parameters are not available on decision diagrams",
-            hint="without -m, -h and -s, they are checked on rows",
+            hint=_ROWS,
         )
     for item in (i for r in model.rewards for i in r.items):
         if not box.keys().isdisjoint(names(item.value)):
             raise UnsupportedError(
                 "parameter lifting on decision diagrams has no parameters in rewards", hint=_ROWS
             )
-    done: dict[int, tuple[BoundCommand, ...]] = {}
+    done: dict[int, tuple[BoundCommand, ...]] = {}  # events share commands, by identity
 
     def copies(command: BoundCommand) -> tuple[BoundCommand, ...]:
         if id(command) not in done:
@@ -107,15 +117,17 @@ def _degree(weight: Expression, name: str) -> int:
     if name not in names(weight):
         return 0
     match weight:
+        case Name():
+            return 1
+        case Unary(UnaryOperator.MINUS, operand):
+            return _degree(operand, name)
         case Binary(Operator.TIMES, left, right):
             return _degree(left, name) + _degree(right, name)
         case Binary(Operator.DIVIDE, left, right) if name not in names(right):
             return _degree(left, name)
         case Binary(Operator.PLUS | Operator.MINUS):
             return max(_degree(part, name) for part in operands(weight))
-        case Conditional(_, then, otherwise):
+        case Conditional(condition, then, otherwise) if name not in names(condition):
             return max(_degree(then, name), _degree(otherwise, name))
-        case Binary():
+        case _:  # powers, min and max, and what chooses by the parameter
             return 2
-        case _:
-            return max((_degree(part, name) for part in operands(weight)), default=1)
