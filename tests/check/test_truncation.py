@@ -385,6 +385,10 @@ REWARDED = {
     "powers": WALK + "rewards true : pow(2.0, x); endrewards",
     "explosion": "ctmc module m n : int init 1; [] true -> n*n : (n'=n+1); endmodule "
     "rewards true : n>0 ? -2 : 5; endrewards",
+    "slow": "ctmc module m n : int init 0; [] true -> 1e-6 : (n'=n+1); endmodule "
+    "rewards true : 1e-290*n; endrewards",
+    "unused": "ctmc module m x : int init 0; y : int init 0; [] true -> 1 : (x'=x+1); "
+    "[] true -> 0 : (x'=x+y); [] true -> 1 : (y'=y+1); endmodule rewards true : x*x; endrewards",
     "gene": "ctmc module m a : int init 0; b : int init 0; [] true -> 2 : (a'=a+1); "
     "[make] a>0 -> 5*a : (b'=b+1); endmodule rewards true : b; endrewards "
     "rewards true : a*b; endrewards rewards [make] true : 1; endrewards",
@@ -409,6 +413,8 @@ REWARDED = {
         ("walk", "R{2}=? [ I=60 ]", 945.0),
         ("powers", "R=? [ I=9 ]", 0.875**9),
         ("powers", "R=? [ C<=3 ]", 1 + 0.875 + 0.875**2),
+        ("slow", "R=? [ I=1e7 ]", 1e-289),
+        ("unused", "R=? [ I=2 ]", 2.0 + 2.0**2),
         ("gene", "R=? [ I=2 ]", 5 * 2**2),
         ("gene", "R{3}=? [ C<=2 ]", 5 * 2**2),
     ],
@@ -454,8 +460,9 @@ def test_rewards_are_refused_where_nothing_bounds_them() -> None:
     fast = "ctmc module m n : int init 1; [] true -> n*n : (n'=n+1); endmodule "
     with pytest.raises(UnsupportedError, match="no bound is found on what is earned outside"):
         truncated(fast + "rewards true : n; endrewards", "R=? [ I=1 ]")
-    with pytest.raises(UnsupportedError, match="no bound is found"):
-        truncated(ARRIVALS + " rewards true : pow(2, n); endrewards", "R=? [ C<=1 ]")
+    for reward in ("pow(2, n)", "n>10000 ? 1e308*1e308*n : n"):
+        with pytest.raises(UnsupportedError, match="no bound is found"):
+            truncated(ARRIVALS + f" rewards true : {reward}; endrewards", "R=? [ C<=1 ]")
 
 
 @pytest.mark.parametrize(

@@ -497,9 +497,16 @@ class _TruncatedReward(_Truncated):
         explored, is_sum = self.explored, isinstance(self._quantity, CumulativeReward)
         none = np.zeros(len(explored.states) if is_sum else explored.matrix.rows)
         number = len(explored.model.rewards)
+        matrix, boundary = explored.matrix, explored.boundary
+        if self._is_timed and boundary is not None and len(boundary) < matrix.rows:
+            # Loops have the rate 1, and change nothing; faster ones than others take time.
+            data, loops = matrix.data.copy(), matrix.indptr[boundary]
+            data[loops] = np.delete(matrix.row_sums(), boundary).max()
+            matrix = replace(matrix, data=data)
         # Without items, a structure is one that was read.
         given = replace(
             explored,
+            matrix=matrix,
             model=replace(
                 explored.model, rewards=(*explored.model.rewards, BoundRewards(None, ()))
             ),

@@ -3,7 +3,8 @@
 Let |s| be a weighted sum of absolute values of variables without bounds. A reward is at most
 V(s) = C (K + |s|)^k, and V grows along paths at most by the rate c: the generator Q satisfies
 Q V <= c V (in discrete time, an expectation grows by a factor of at most 1 + c <= e^c in a step,
-whatever is chosen). Then the expectation of V after the time t is at most e^ct times its value.
+under every strategy). Then the expectation of V after the time t is at most e^ct times its value.
+In `RewardGrowth`, C is `factor`, K is `base`, k is `degree` and c is `rate`.
 
 Bounds on expressions are polynomials in the |x_i| with non-negative coefficients, and intervals.
 An invariant gives the signs of variables. If |s| grows at a rate of at most a + c0 |s| by jumps of
@@ -21,7 +22,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import reduce
 from itertools import product
-from math import exp, inf, isfinite, nextafter, prod
+from math import exp, inf, isfinite, prod
 from operator import add
 from typing import NamedTuple
 
@@ -46,6 +47,8 @@ _EXACT_ROUNDS = 3
 """Rounds of the search for an invariant before bounds that change are given up."""
 _LARGEST_POWER = 8
 _MARGIN = 1 + 1e-9
+_LEAST = 1e-300
+"""Smaller positive numbers count as this one, so that none is rounded to 0 or to a subnormal."""
 _INVERSE = {
     Operator.LT: Operator.GE,
     Operator.GE: Operator.LT,
@@ -76,16 +79,24 @@ class RewardGrowth:
         Args:
             columns: the values of each weighted variable, int64[states].
             states: the number of states.
-            time: the horizon; infinite bounds are those beyond doubles.
+            time: the horizon; a bound beyond doubles is infinite.
         """
-        size = np.full(states, float(self.base))
+        size = np.full(states, _above(self.base))
         for i, weight in self.weights.items():
-            size += float(weight) * np.abs(columns[i].astype(np.float64))
-        exponent = float(self.rate) * time * _MARGIN
+            size += _above(weight) * np.abs(columns[i].astype(np.float64))
+        exponent = _above(self.rate) * time * _MARGIN
         grown = exp(exponent) if exponent < 700.0 else inf
         with np.errstate(over="ignore", invalid="ignore"):
-            bound = float(self.factor) * size**self.degree * grown * _MARGIN
-        return np.where(np.isnan(bound), inf, bound) + nextafter(0.0, 1.0) * bool(self.factor)
+            bound = _above(self.factor) * size**self.degree * grown * _MARGIN
+        return np.where(np.isnan(bound), inf, bound)
+
+
+def _above(x: Fraction) -> float:
+    """A double that is at least x >= 0, up to a rounding that the margin covers."""
+    try:
+        return max(float(x), _LEAST) if x else 0.0
+    except OverflowError:
+        return inf
 
 
 def reward_growth(
@@ -98,7 +109,10 @@ def reward_growth(
         items: rewards of states, and of transitions in a cumulative reward.
         time: the horizon, for which the weights are chosen; the bound holds for any.
     """
-    return _Search(model).found(tuple(items), time)
+    try:
+        return _Search(model).found(tuple(items), time)
+    except OverflowError:  # a number is beyond doubles
+        return None
 
 
 class _Bound(NamedTuple):
@@ -118,7 +132,7 @@ class _Search:
     def __init__(self, model: BoundModel) -> None:
         self._model = model
         self._index = {v.name: i for i, v in enumerate(model.variables)}
-        self._races = model.type.continuous_time
+        self._is_continuous = model.type.continuous_time
         self._box = self._invariant()
 
     def found(self, items: Sequence[BoundReward], time: Fraction) -> RewardGrowth | None:
@@ -130,23 +144,22 @@ class _Search:
             return RewardGrowth(reward.get((), Fraction(0)), Fraction(1), {}, 0, Fraction(0))
         variables = sorted({i for monomial in reward for i in monomial})
         grows: dict[int, _Polynomial] = {}
-        for i in variables:  # which becomes longer
-            of_variable = self._growth(i)
-            if of_variable is None or _degree(of_variable) > 1:
+        jumps: dict[int, _Polynomial] = {}
+        for i in variables:  # the loop appends those that they depend on
+            growth, jump = self._growth(i), self._jump(i) if degree > 1 else {}
+            if growth is None or jump is None or max(_degree(growth), _degree(jump)) > 1:
                 return None
-            grows[i] = of_variable
-            variables += sorted({j for m in of_variable for j in m} - {*variables})
-        jumps = {i: self._jump(i) if degree > 1 else {} for i in variables}
+            grows[i], jumps[i] = growth, jump
+            variables += sorted({j for m in (*growth, *jump) for j in m} - {*variables})
         horizon = time * degree if time else Fraction(1)
         weights = _weights(variables, grows, 1 / horizon)
-        size = _weighted(weights, grows)
-        jump = _weighted(weights, jumps)
-        if weights is None or size is None or jump is None or _degree(jump) > 1:
+        if weights is None:
             return None
+        size, longest = _weighted(weights, grows), _weighted(weights, jumps)
         rate = max(_slope(size, weights), 1 / horizon)
-        at_once = jump.get((), Fraction(0))
+        at_once = longest.get((), Fraction(0))
         base = max(Fraction(1), size.get((), Fraction(0)) / rate, degree * at_once)
-        relative = at_once / base + _slope(jump, weights)
+        relative = at_once / base + _slope(longest, weights)
         factor = sum(
             (
                 a * base ** (len(m) - degree) / prod((weights[i] for i in m), start=Fraction(1))
@@ -164,15 +177,15 @@ class _Search:
         if box is None:
             return {}
         value = self._bound(item.value, box).most
-        if item.on_states or not self._races:
+        if item.on_states or not self._is_continuous:
             return value
         return _total(
             _times(value, self._weight(e)) for e in self._model.events if e.action == item.action
         )
 
     def _weight(self, event: Event, without: int | None = None) -> _Polynomial | None:
-        """The rate of an event, but for one of its participants."""
-        if not self._races:
+        """The rate of an event without that of one participant; 1 in discrete time."""
+        if not self._is_continuous:
             return _ONE
         weights = (
             _total(
@@ -202,10 +215,10 @@ class _Search:
                     )
                     for command, box in self._enabled(commands)
                 ]
-                both = _total(of_commands) if self._races else _largest(of_commands)
+                both = _total(of_commands) if self._is_continuous else _largest(of_commands)
                 parts.append(both if both == {} else _times(both, self._weight(event, p)))
             of_events.append(_total(parts))
-        return _total(of_events) if self._races else _largest(of_events)
+        return _total(of_events) if self._is_continuous else _largest(of_events)
 
     def _jump(self, variable: int) -> _Polynomial | None:
         """By how much the absolute value of a variable grows at a time."""
@@ -223,7 +236,7 @@ class _Search:
 
     def _probability(self, weight: Expression, box: _Box) -> _Polynomial | None:
         found = self._bound(weight, box)
-        if self._races or (found.high <= 1 and found.low >= 0):
+        if self._is_continuous or (found.high <= 1 and found.low >= 0):
             return found.most
         return _ONE
 
@@ -385,8 +398,17 @@ class _Search:
 
 
 def _product(x: _Bound, y: _Bound) -> _Bound:
-    ends = [a * b if a and b else Fraction(0) for a, b in product(x[:2], y[:2])]
+    ends = [_end(a, b) for a, b in product(x[:2], y[:2])]
     return _Bound(min(ends), max(ends), _times(x.most, y.most))
+
+
+def _end(a: _End, b: _End) -> _End:
+    """The product of two ends, where 0 times infinity is 0."""
+    if not a or not b:
+        return Fraction(0)
+    if isfinite(a) and isfinite(b):
+        return a * b
+    return inf if (a > 0) == (b > 0) else -inf
 
 
 def _inverse(end: _End) -> Fraction:
@@ -423,12 +445,10 @@ def _weights(
     return dict(zip(variables, map(Fraction, found.tolist()), strict=True))
 
 
-def _weighted(
-    weights: Mapping[int, Fraction] | None, parts: Mapping[int, _Polynomial | None]
-) -> _Polynomial | None:
-    if weights is None:
-        return None
-    return _total(_times(part, {(): weights[i]}) for i, part in parts.items())
+def _weighted(weights: Mapping[int, Fraction], parts: Mapping[int, _Polynomial]) -> _Polynomial:
+    total = _total(_times(part, {(): weights[i]}) for i, part in parts.items())
+    assert total is not None
+    return total
 
 
 def _slope(growth: _Polynomial, weights: Mapping[int, Fraction]) -> Fraction:
